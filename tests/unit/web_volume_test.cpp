@@ -284,7 +284,6 @@ TEST(GroupedVolume, ALargeSparseVolume) {
   GroupedVolume volume(true);
   const auto info = volume.Apply(update, Time());
   ASSERT_TRUE(info);
-  EXPECT_EQ(info->overview_factor, 16);
   EXPECT_EQ(volume.shelf().size(), 4u);  // two groups, overview, manifest
   const json manifest = json::parse(*volume.Find(info->name)->Encoded(Encoding::kIdentity));
   const std::string groups = Decode64(manifest["groups"].get<std::string>());

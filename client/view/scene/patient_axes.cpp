@@ -61,11 +61,4 @@ Mat3 UprightPatient(const Mat3& D_from_I, const Mat3& W_from_I) {
   return R_DU;
 }
 
-bool IsOfPatient(const VolumeLattice& lattice) {
-  const Mat3 cosines = lattice.X_WI.linear.colwise().normalized();
-  const bool is_turned = !cosines.isIdentity(1e-6);
-  const bool is_placed = !lattice.X_WI.translation.isZero(0.0) && !lattice.source.ends_with(".vdb");
-  return lattice.unit == "HU" || is_turned || is_placed;
-}
-
 }  // namespace palpate::view

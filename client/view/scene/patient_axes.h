@@ -11,6 +11,7 @@
 #include <array>
 #include <string_view>
 
+#include "client/sdk/of_patient.h"
 #include "common/bricks/volume_event.h"
 #include "common/geometry/geometry.h"
 
@@ -72,9 +73,6 @@ inline constexpr std::array<PatientView, 6> kPatientViews = {{{"anterior", 0.0, 
 // of the same volume, whose placement is a similarity.
 Mat3 UprightPatient(const Mat3& D_from_I, const Mat3& W_from_I);
 
-// True if the file turns the voxels in its world, or moves the first one away from the origin; or
-// if the values are Hounsfield units. Files of other things state a spacing at most, but .vdb files
-// have a place, too. A patient's file without a turn and a place is not recognised.
-bool IsOfPatient(const VolumeLattice& lattice);
+using client::IsOfPatient;
 
 }  // namespace palpate::view

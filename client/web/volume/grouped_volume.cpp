@@ -45,7 +45,7 @@ std::optional<ManifestInfo> GroupedVolume::Apply(const client::VolumeUpdate& upd
   Replace(manifest_name_, hash, kJsonType, std::move(text), now);
   revision_ = update.complete;
   shelf_.Expire(now);
-  return ManifestInfo{NameOf(hash), *revision_, overview_.factor()};
+  return ManifestInfo{NameOf(hash), *revision_};
 }
 
 void GroupedVolume::Begin(const VolumeLattice& lattice, Time now) {

@@ -36,7 +36,6 @@ namespace palpate::web {
 struct ManifestInfo {
   std::string name;
   VolumeRevision revision;
-  int overview_factor = 1;
 };
 
 class GroupedVolume {

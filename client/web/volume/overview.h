@@ -25,6 +25,7 @@ class Overview {
   Overview(const Vec3i& size, float background);
 
   // The smallest power of two with at most kMostBlocks blocks along every axis.
+  static int FactorFor(const Vec3i& size);
   int factor() const { return factor_; }
   const Vec3i& size() const { return size_; }  // blocks
 

@@ -1,0 +1,215 @@
+#include "client/web/source/source.h"
+
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <utility>
+
+#include "client/web/source/pose_bytes.h"
+#include "common/error/one_line.h"
+#include "common/wire/address.h"
+
+namespace palpate::web {
+namespace {
+
+constexpr std::size_t kMostSteered = 20;
+
+std::int64_t NowMs() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
+}
+
+std::int64_t MonotonicNs() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return std::chrono::nanoseconds(now).count();
+}
+
+// An address of this machine may lead to another one (a tunnel), whose clock is another one: then
+// the age makes no sense.
+bool SharesClock(const client::Client& palpated, std::int64_t age_ns) {
+  constexpr std::int64_t kOldest_ns = 10'000'000'000;
+  if (palpated.shares_clock()) return true;
+  const HostPort address = ParseHostPort(palpated.name());
+  return (address.host == "localhost" || IsLoopback(address)) && age_ns >= 0 &&
+         age_ns < kOldest_ns;
+}
+
+// Of a socket, this machine's name: guests need not know its path.
+std::string PlainName(const client::Client& palpated) {
+  if (!palpated.shares_clock()) return palpated.name();
+  std::array<char, 256> host{};
+  gethostname(host.data(), host.size() - 1);
+  return host.data();
+}
+
+}  // namespace
+
+Source::Source(SourceOptions options, Hub& hub, Post post)
+    : options_(std::move(options)), hub_(hub), post_(std::move(post)) {
+  connection_since_ms_ = NowMs();
+  hub_.Put(Topic::kVolume, NoVolumeText(""));
+  hub_.Put(Topic::kSteering, SteeringText(steered_));
+  client_ = std::make_unique<client::Client>(Options());
+  client_->SetOnLoading([](const std::string&) { return false; });
+  hub_.Put(Topic::kConnection,
+           ConnectionText(connection_, PlainName(*client_), connection_since_ms_));
+  volume_ = std::make_unique<VolumeThread>(
+      *client_, signal_, options_.with_groups,
+      [this](const VolumeNews& news) { post_([this, news] { PutVolume(news); }); });
+  calls_ = std::make_unique<CallsThread>(
+      *client_, CallsThread::Results{.series =
+                                         [this](const auto& series) {
+                                           post_([this, text = SeriesText(series)] {
+                                             hub_.Put(Topic::kSeries, text);
+                                           });
+                                         },
+                                     .recording =
+                                         [this](const auto& recording) {
+                                           post_([this, text = RecordingText(recording)] {
+                                             hub_.Put(Topic::kRecording, text);
+                                           });
+                                         },
+                                     .volume =
+                                         [this](const client::VolumeInfo& info) {
+                                           post_([this, info] { PutVolumeInfo(info); });
+                                         }});
+}
+
+Source::~Source() { client_->EndCalls(); }
+
+client::ClientOptions Source::Options() {
+  client::ClientOptions options{.profile = options_.server.profile,
+                                .address = options_.server.address,
+                                .credentials = options_.server.credentials,
+                                .poses = {.rate_hz = 60.0, .batch = 1},
+                                .follow_volume = true};
+  options.callbacks.on_connection = [this](const client::Connection& connection) {
+    post_([this, connection] { PutConnection(connection); });
+  };
+  options.callbacks.on_poses = [this](const client::PoseBatch& batch) { TakePoses(batch); };
+  options.callbacks.on_settings = [this](const client::Settings& settings) {
+    post_([this, text = SettingsText(settings)] { hub_.Put(Topic::kSettings, text); });
+  };
+  options.callbacks.on_volume = [this] { signal_.Raise(); };
+  return options;
+}
+
+// The pose thread. A network thread that is late gets the newest pose once.
+void Source::TakePoses(const client::PoseBatch& batch) {
+  {
+    const std::lock_guard lock(pose_mutex_);
+    pose_ = batch.poses.back();
+    if (std::exchange(is_pose_posted_, true)) return;
+  }
+  post_([this] { PutPose(true); });
+}
+
+void Source::PutPose(bool is_fresh) {
+  client::Pose pose;
+  {
+    const std::lock_guard lock(pose_mutex_);
+    pose = pose_;
+    is_pose_posted_ = false;
+  }
+  const std::int64_t now_ns = MonotonicNs();
+  const bool shares_clock = SharesClock(*client_, now_ns - pose.time_ns);
+  if (is_fresh) pose_time_ns_ = shares_clock ? pose.time_ns : now_ns;
+  hub_.PutPose(EncodePose(pose, {now_ns, shares_clock, is_fresh}));
+}
+
+std::optional<double> Source::pose_age_s() const {
+  const std::int64_t time_ns = pose_time_ns_;
+  if (time_ns == 0) return std::nullopt;
+  return 1e-9 * static_cast<double>(MonotonicNs() - time_ns);
+}
+
+void Source::PutConnection(const client::Connection& connection) {
+  const bool is_other = connection.state != connection_.state;
+  if (is_other) connection_since_ms_ = NowMs();
+  connection_ = connection;
+  hub_.Put(Topic::kConnection,
+           ConnectionText(connection_, PlainName(*client_), connection_since_ms_));
+  const bool is_connected = connection.state == client::ConnectionState::kConnected;
+  // The last pose again, as an old one.
+  if (is_other && !is_connected && hub_.pose()) PutPose(false);
+  if (is_connected) {
+    options_.log("connected to palpated at " + client_->name());
+  } else if (connection.state == client::ConnectionState::kLost) {
+    options_.log("no palpated: " + OneLine(connection.why));
+  }
+}
+
+void Source::PutVolume(const VolumeNews& news) {
+  if (news.lattice) {
+    lattice_ = news.lattice;
+    calls_->WantVolume(lattice_->loaded_revision);
+  }
+  if (!lattice_) {
+    hub_.Put(Topic::kVolume, NoVolumeText(news.status.is_loading ? news.status.problem : ""));
+  }
+  if (news.placement) hub_.Put(Topic::kPlacement, PlacementText(*news.placement));
+  if (news.manifest) hub_.Put(Topic::kManifest, ManifestText(*news.manifest));
+  hub_.Put(Topic::kCopy, CopyText(news.bricks_left, news.status.problem));
+  if (news.status.problem != problem_ && !news.status.problem.empty()) {
+    options_.log("no voxels: " + OneLine(news.status.problem));
+  }
+  problem_ = news.status.problem;
+}
+
+void Source::PutVolumeInfo(const client::VolumeInfo& info) {
+  if (!lattice_ || lattice_->loaded_revision != info.loaded_revision) return;
+  hub_.Put(Topic::kVolume, VolumeText(info, *lattice_));
+}
+
+void Source::Steer(const SteerRequest& request, std::function<void(std::string error)> done) {
+  const auto update = UpdateOf(request.key, request.value);
+  if (!update) {
+    options_.steered(false);
+    done(request.key + " does not take this value");
+    return;
+  }
+  calls_->Set(request.key, *update,
+              [this, request, done = std::move(done)](const std::string& error) {
+                post_([this, request, done, error] {
+                  PutSteered(request, error);
+                  done(error);
+                });
+              });
+}
+
+void Source::PutSteered(const SteerRequest& request, const std::string& error) {
+  options_.steered(error.empty());
+  std::string line = request.user + " sets " + request.key + " to " + std::to_string(request.value);
+  if (!error.empty()) {
+    options_.log(line + ": refused: " + OneLine(error));
+    return;
+  }
+  options_.log(line);
+  steered_.push_back({request.user, request.key, request.value, NowMs()});
+  if (steered_.size() > kMostSteered) steered_.pop_front();
+  hub_.Put(Topic::kSteering, SteeringText(steered_));
+}
+
+std::string Source::Health() const {
+  switch (connection_.state) {
+    case client::ConnectionState::kConnected:
+      return "";
+    case client::ConnectionState::kConnecting:
+      return "connecting to palpated";
+    case client::ConnectionState::kLost:
+      break;
+  }
+  return "palpated is not reached";
+}
+
+std::string Source::Hello(const std::string& user,
+                          const std::vector<std::string>& may_steer) const {
+  return HelloText({.version = options_.version,
+                    .user = user,
+                    .may_steer = may_steer,
+                    .with_groups = options_.with_groups,
+                    .server_time_ms = NowMs()});
+}
+
+}  // namespace palpate::web

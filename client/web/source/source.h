@@ -1,0 +1,89 @@
+// palpated as the source of what guests see: follows it by the client library, and puts everything
+// new into the hub.
+//
+// After a loss everything comes back by itself; the hub keeps the last state meanwhile.
+//
+// Threads: methods on the network thread, unless stated. `post` runs a function on the network
+// thread; none runs before the constructor has returned. The source must live until no posted
+// function runs any more. Ownership: borrows the hub.
+// Errors: those of client::Client's constructor.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/sdk/client.h"
+#include "client/web/hub/hub.h"
+#include "client/web/source/calls_thread.h"
+#include "client/web/source/topic_text.h"
+#include "client/web/source/volume_thread.h"
+
+namespace palpate::web {
+
+struct SourceOptions {
+  client::ServerChoice server{};
+  bool with_groups = true;  // false: guests see the overview alone
+  std::string version{};
+  // On the network thread. Lines for people, without names of files.
+  std::function<void(const std::string& line)> log{};
+  std::function<void(bool is_accepted)> steered{};
+};
+
+class Source {
+ public:
+  using Post = std::function<void(std::function<void()>)>;
+
+  Source(SourceOptions options, Hub& hub, Post post);
+  ~Source();
+  Source(const Source&) = delete;
+  Source& operator=(const Source&) = delete;
+
+  // What the hub needs; see its members of the same names.
+  BlobPtr FindBlob(std::string_view name) const { return volume_->Find(name); }
+  void Steer(const SteerRequest& request, std::function<void(std::string error)> done);
+  std::string Health() const;
+  std::string Hello(const std::string& user, const std::vector<std::string>& may_steer) const;
+
+  // For metrics. Any thread.
+  // Age of the newest pose [s]; none before the first. Of another machine: since it came.
+  std::optional<double> pose_age_s() const;
+  bool is_copy_complete() const { return client_->volume_status().complete; }
+
+ private:
+  client::ClientOptions Options();
+  void TakePoses(const client::PoseBatch& batch);
+  void PutPose(bool is_fresh);
+  void PutConnection(const client::Connection& connection);
+  void PutVolume(const VolumeNews& news);
+  void PutVolumeInfo(const client::VolumeInfo& info);
+  void PutSteered(const SteerRequest& request, const std::string& error);
+
+  const SourceOptions options_;
+  Hub& hub_;
+  const Post post_;
+  client::Connection connection_;
+  std::int64_t connection_since_ms_ = 0;
+  std::optional<VolumeLattice> lattice_;
+  std::deque<SteeredChange> steered_;
+  std::string problem_;
+
+  std::mutex pose_mutex_;
+  client::Pose pose_;            // the newest
+  bool is_pose_posted_ = false;  // PutPose will run
+  std::atomic<std::int64_t> pose_time_ns_{0};
+
+  VolumeSignal signal_;
+  std::unique_ptr<client::Client> client_;
+  std::unique_ptr<VolumeThread> volume_;
+  std::unique_ptr<CallsThread> calls_;
+};
+
+}  // namespace palpate::web

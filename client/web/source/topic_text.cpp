@@ -1,0 +1,213 @@
+#include "client/web/source/topic_text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <variant>
+
+#include "client/sdk/of_patient.h"
+#include "common/error/one_line.h"
+
+namespace palpate::web {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using client::Setting;
+
+std::string Dump(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Json Rows(const AffineMap& map) {
+  Json rows = Json::array();
+  for (Eigen::Index row = 0; row < 3; ++row) {
+    for (Eigen::Index column = 0; column < 3; ++column) rows.push_back(map.linear(row, column));
+    rows.push_back(map.translation[row]);
+  }
+  return rows;
+}
+
+Json ToJson(const Setting& setting) {
+  Json json{{"key", setting.key},   {"label", setting.label}, {"unit", setting.unit},
+            {"help", setting.help}, {"kind", "flag"},         {"minimum", nullptr},
+            {"maximum", nullptr},   {"words", Json::array()}};
+  if (const auto* number = std::get_if<client::NumberSetting>(&setting.kind)) {
+    json["kind"] = "number";
+    if (std::isfinite(number->minimum)) json["minimum"] = number->minimum;
+    if (std::isfinite(number->maximum)) json["maximum"] = number->maximum;
+  } else if (const auto* choice = std::get_if<client::ChoiceSetting>(&setting.kind)) {
+    json["kind"] = "choice";
+    for (const std::string_view word : choice->words) json["words"].push_back(word);
+  }
+  return json;
+}
+
+struct ValueToJson {
+  const client::Settings& settings;
+  Json operator()(const client::NumberSetting& number) const { return settings.*number.member; }
+  Json operator()(const client::FlagSetting& flag) const { return settings.*flag.member; }
+  Json operator()(const client::ChoiceSetting& choice) const {
+    return choice.words[choice.get(settings)];
+  }
+};
+
+// Stores a value in an update. Returns false if it is none of the setting's.
+struct Store {
+  double value;
+  client::SettingsUpdate& update;
+
+  bool operator()(const client::NumberSetting& number) const {
+    update.*number.update = value;
+    return std::isfinite(value);
+  }
+  bool operator()(const client::FlagSetting& flag) const {
+    update.*flag.update = value == 1.0;
+    return value == 0.0 || value == 1.0;
+  }
+  bool operator()(const client::ChoiceSetting& choice) const {
+    for (std::size_t place = 0; place < choice.words.size(); ++place) {
+      if (value != static_cast<double>(place)) continue;
+      choice.update(update, place);
+      return true;
+    }
+    return false;
+  }
+};
+
+std::string_view NameOf(client::ConnectionState state) {
+  switch (state) {
+    case client::ConnectionState::kConnecting:
+      return "connecting";
+    case client::ConnectionState::kConnected:
+      return "connected";
+    case client::ConnectionState::kLost:
+      break;
+  }
+  return "lost";
+}
+
+}  // namespace
+
+std::string HelloText(const HelloInfo& info) {
+  Json settings = Json::array();
+  for (const Setting& setting : client::kSettings) {
+    const bool may = std::find(info.may_steer.begin(), info.may_steer.end(), setting.key) !=
+                     info.may_steer.end();
+    if (may || setting.key == client::kIsovalue.key) settings.push_back(ToJson(setting));
+  }
+  return Dump({{"type", "hello"},
+               {"protocol", 1},
+               {"version", info.version},
+               {"user", info.user},
+               {"may_steer", info.may_steer},
+               {"settings", settings},
+               {"volume", info.with_groups},
+               {"server_time_ms", info.server_time_ms}});
+}
+
+std::string ConnectionText(const client::Connection& connection, const std::string& palpated,
+                           std::int64_t since_ms) {
+  return Dump({{"type", "connection"},
+               {"state", NameOf(connection.state)},
+               {"why", OneLine(connection.why)},
+               {"palpated", OneLine(palpated)},
+               {"since_ms", since_ms}});
+}
+
+std::string NoVolumeText(const std::string& loading) {
+  Json json{{"type", "volume"}};
+  if (!loading.empty()) json["loading"] = OneLine(loading);
+  return Dump(json);
+}
+
+std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& lattice) {
+  Json suggested = Json::array();
+  for (const client::SuggestedIsovalue& one : info.suggested_isovalues) {
+    suggested.push_back(
+        {{"name", OneLine(one.name)}, {"isovalue", one.isovalue}, {"reason", OneLine(one.reason)}});
+  }
+  const client::ValueHistogram& histogram = info.histogram;
+  const Vec3i& size = lattice.size;
+  return Dump({{"type", "volume"},
+               // Of a path no more than the file: guests need not know the daemon's folders.
+               {"name", OneLine(std::filesystem::path(info.source).filename().string())},
+               {"size", {size.x(), size.y(), size.z()}},
+               {"voxel_type", Name(lattice.type)},
+               {"value_min", info.value_min},
+               {"value_max", info.value_max},
+               {"background", lattice.Background()},
+               {"unit", OneLine(info.unit)},
+               {"patient", client::IsOfPatient(lattice)},
+               {"world_from_index", Rows(lattice.X_WI)},
+               {"histogram",
+                {{"low", histogram.low}, {"high", histogram.high}, {"counts", histogram.counts}}},
+               {"suggested", suggested},
+               {"overview_factor", Overview::FactorFor(size)}});
+}
+
+std::string PlacementText(const VolumePlacement& placement) {
+  return Dump({{"type", "placement"},
+               {"device_from_index", Rows(placement.X_DI)},
+               {"settings_revision", placement.settings_revision}});
+}
+
+std::string CopyText(std::uint64_t bricks_left, const std::string& problem) {
+  return Dump({{"type", "copy"}, {"bricks_left", bricks_left}, {"problem", OneLine(problem)}});
+}
+
+std::string ManifestText(const ManifestInfo& manifest) {
+  return Dump({{"type", "manifest"},
+               {"name", manifest.name},
+               {"revision", manifest.revision.volume_revision},
+               {"complete", true}});
+}
+
+std::string SettingsText(const client::Settings& settings) {
+  Json values = Json::object();
+  for (const Setting& setting : client::kSettings) {
+    const bool is_known = client::IsKnown(settings, setting);
+    values[std::string(setting.key)] =
+        is_known ? std::visit(ValueToJson{settings}, setting.kind) : Json();
+  }
+  return Dump({{"type", "settings"}, {"revision", settings.revision}, {"values", values}});
+}
+
+std::string SteeringText(const std::deque<SteeredChange>& changes) {
+  Json list = Json::array();
+  for (const SteeredChange& change : changes) {
+    list.push_back({{"user", change.user},
+                    {"key", change.key},
+                    {"value", change.value},
+                    {"time_ms", change.time_ms}});
+  }
+  return Dump({{"type", "steering"}, {"changes", list}});
+}
+
+std::string SeriesText(const std::optional<client::SeriesState>& series) {
+  const client::SeriesState state = series.value_or(client::SeriesState{});
+  return Dump({{"type", "series"},
+               {"frames", state.frames},
+               {"position_frames", state.position_frames},
+               {"playing", state.playing},
+               {"rate_hz", state.rate_hz}});
+}
+
+std::string RecordingText(const std::optional<client::RecordingState>& recording) {
+  constexpr double kTicksPerS = 1000.0;
+  const client::RecordingState state = recording.value_or(client::RecordingState{});
+  return Dump({{"type", "recording"},
+               {"running", state.running},
+               {"seconds", static_cast<double>(state.ticks) / kTicksPerS},
+               {"lost_ticks", state.lost_ticks}});
+}
+
+std::optional<client::SettingsUpdate> UpdateOf(const std::string& key, double value) {
+  client::SettingsUpdate update;
+  for (const Setting& setting : client::kSettings) {
+    if (setting.key == key && std::visit(Store{value, update}, setting.kind)) return update;
+  }
+  return std::nullopt;
+}
+
+}  // namespace palpate::web

@@ -1,0 +1,62 @@
+// The topics as browsers get them: JSON with the topic's name as "type". The page's
+// wire/messages.ts has their members.
+//
+// Text of other machines (names, reasons) is without control characters and valid UTF-8. Numbers
+// that are not finite are null. Times: ms of the Unix epoch. Threads: pure.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/sdk/connection.h"
+#include "client/sdk/recording.h"
+#include "client/sdk/series.h"
+#include "client/sdk/settings.h"
+#include "client/sdk/volume.h"
+#include "client/web/volume/grouped_volume.h"
+
+namespace palpate::web {
+
+struct HelloInfo {
+  std::string version;
+  std::string user;
+  std::vector<std::string> may_steer;
+  bool with_groups = true;
+  std::int64_t server_time_ms = 0;
+};
+std::string HelloText(const HelloInfo& info);
+
+// `palpated`: its name for people.
+std::string ConnectionText(const client::Connection& connection, const std::string& palpated,
+                           std::int64_t since_ms);
+
+// `loading`: how far palpated's first volume is; empty: none loads.
+std::string NoVolumeText(const std::string& loading);
+std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& lattice);
+std::string PlacementText(const VolumePlacement& placement);
+std::string CopyText(std::uint64_t bricks_left, const std::string& problem);
+std::string ManifestText(const ManifestInfo& manifest);
+
+std::string SettingsText(const client::Settings& settings);
+
+struct SteeredChange {
+  std::string user;
+  std::string key;
+  double value = 0.0;
+  std::int64_t time_ms = 0;
+};
+std::string SteeringText(const std::deque<SteeredChange>& changes);
+
+// None: no series.
+std::string SeriesText(const std::optional<client::SeriesState>& series);
+// None: unknown.
+std::string RecordingText(const std::optional<client::RecordingState>& recording);
+
+// None if there is no such setting, or if it does not take the value: flags are 0 or 1, choices the
+// number of a word. The daemon checks the ranges of numbers.
+std::optional<client::SettingsUpdate> UpdateOf(const std::string& key, double value);
+
+}  // namespace palpate::web
