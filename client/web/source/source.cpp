@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "client/web/source/pose_bytes.h"
+#include "common/error/error.h"
 #include "common/error/one_line.h"
 #include "common/wire/address.h"
 
@@ -31,8 +32,17 @@ bool SharesClock(const client::Client& palpated, std::int64_t age_ns) {
   constexpr std::int64_t kOldest_ns = 10'000'000'000;
   if (palpated.shares_clock()) return true;
   const HostPort address = ParseHostPort(palpated.name());
-  return (address.host == "localhost" || IsLoopback(address)) && age_ns >= 0 &&
-         age_ns < kOldest_ns;
+  return (address.host == "localhost" || IsLoopback(address)) && age_ns >= 0 && age_ns < kOldest_ns;
+}
+
+// None if palpated has no such thing or does not answer.
+template <class Ask>
+auto AnswerOf(const Ask& ask) -> std::optional<decltype(ask())> {
+  try {
+    return ask();
+  } catch (const Error&) {
+    return std::nullopt;
+  }
 }
 
 // Of a socket, this machine's name: guests need not know its path.
@@ -55,25 +65,9 @@ Source::Source(SourceOptions options, Hub& hub, Post post)
   hub_.Put(Topic::kConnection,
            ConnectionText(connection_, PlainName(*client_), connection_since_ms_));
   volume_ = std::make_unique<VolumeThread>(
-      *client_, signal_, options_.with_groups,
+      *client_, options_.with_groups,
       [this](const VolumeNews& news) { post_([this, news] { PutVolume(news); }); });
-  calls_ = std::make_unique<CallsThread>(
-      *client_, CallsThread::Results{.series =
-                                         [this](const auto& series) {
-                                           post_([this, text = SeriesText(series)] {
-                                             hub_.Put(Topic::kSeries, text);
-                                           });
-                                         },
-                                     .recording =
-                                         [this](const auto& recording) {
-                                           post_([this, text = RecordingText(recording)] {
-                                             hub_.Put(Topic::kRecording, text);
-                                           });
-                                         },
-                                     .volume =
-                                         [this](const client::VolumeInfo& info) {
-                                           post_([this, info] { PutVolumeInfo(info); });
-                                         }});
+  worker_ = std::make_unique<Worker>();
 }
 
 Source::~Source() { client_->EndCalls(); }
@@ -91,7 +85,6 @@ client::ClientOptions Source::Options() {
   options.callbacks.on_settings = [this](const client::Settings& settings) {
     post_([this, text = SettingsText(settings)] { hub_.Put(Topic::kSettings, text); });
   };
-  options.callbacks.on_volume = [this] { signal_.Raise(); };
   return options;
 }
 
@@ -143,22 +136,45 @@ void Source::PutConnection(const client::Connection& connection) {
 void Source::PutVolume(const VolumeNews& news) {
   if (news.lattice) {
     lattice_ = news.lattice;
-    calls_->WantVolume(lattice_->loaded_revision);
+    has_info_ = false;
+    AskVolume();
   }
   if (!lattice_) {
     hub_.Put(Topic::kVolume, NoVolumeText(news.status.is_loading ? news.status.problem : ""));
   }
   if (news.placement) hub_.Put(Topic::kPlacement, PlacementText(*news.placement));
   if (news.manifest) hub_.Put(Topic::kManifest, ManifestText(*news.manifest));
-  hub_.Put(Topic::kCopy, CopyText(news.bricks_left, news.status.problem));
+  hub_.Put(Topic::kCopy, CopyText(news.status.bricks_left, news.status.problem));
   if (news.status.problem != problem_ && !news.status.problem.empty()) {
     options_.log("no voxels: " + OneLine(news.status.problem));
   }
   problem_ = news.status.problem;
 }
 
+void Source::Poll() {
+  worker_->Put("poll", [this](bool is_replaced) {
+    if (is_replaced) return;
+    const auto series = AnswerOf([this] { return client_->GetSeries(); });
+    const auto recording = AnswerOf([this] { return client_->GetRecording(); });
+    post_([this, series = SeriesText(series), recording = RecordingText(recording)] {
+      hub_.Put(Topic::kSeries, series);
+      hub_.Put(Topic::kRecording, recording);
+    });
+  });
+  if (lattice_ && !has_info_) AskVolume();
+}
+
+void Source::AskVolume() {
+  worker_->Put("volume", [this](bool is_replaced) {
+    if (is_replaced) return;
+    const auto info = AnswerOf([this] { return client_->GetVolume(); });
+    if (info) post_([this, info] { PutVolumeInfo(*info); });
+  });
+}
+
 void Source::PutVolumeInfo(const client::VolumeInfo& info) {
   if (!lattice_ || lattice_->loaded_revision != info.loaded_revision) return;
+  has_info_ = true;
   hub_.Put(Topic::kVolume, VolumeText(info, *lattice_));
 }
 
@@ -169,13 +185,19 @@ void Source::Steer(const SteerRequest& request, std::function<void(std::string e
     done(request.key + " does not take this value");
     return;
   }
-  calls_->Set(request.key, *update,
-              [this, request, done = std::move(done)](const std::string& error) {
-                post_([this, request, done, error] {
-                  PutSteered(request, error);
-                  done(error);
-                });
-              });
+  worker_->Put(request.key, [this, request, update, done = std::move(done)](bool is_replaced) {
+    if (is_replaced) return done("");
+    std::string error;
+    try {
+      client_->Set(*update);
+    } catch (const Error& refusal) {
+      error = refusal.what();
+    }
+    post_([this, request, done, error] {
+      PutSteered(request, error);
+      done(error);
+    });
+  });
 }
 
 void Source::PutSteered(const SteerRequest& request, const std::string& error) {

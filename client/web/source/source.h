@@ -22,9 +22,9 @@
 
 #include "client/sdk/client.h"
 #include "client/web/hub/hub.h"
-#include "client/web/source/calls_thread.h"
 #include "client/web/source/topic_text.h"
 #include "client/web/source/volume_thread.h"
+#include "client/web/source/worker.h"
 
 namespace palpate::web {
 
@@ -46,8 +46,12 @@ class Source {
   Source(const Source&) = delete;
   Source& operator=(const Source&) = delete;
 
+  // Asks for what palpated does not stream. Call it once a second.
+  void Poll();
   // What the hub needs; see its members of the same names.
   BlobPtr FindBlob(std::string_view name) const { return volume_->Find(name); }
+  // While palpated takes a change, the newest change of a key replaces one that waits; that is done
+  // then.
   void Steer(const SteerRequest& request, std::function<void(std::string error)> done);
   std::string Health() const;
   std::string Hello(const std::string& user, const std::vector<std::string>& may_steer) const;
@@ -63,6 +67,7 @@ class Source {
   void PutPose(bool is_fresh);
   void PutConnection(const client::Connection& connection);
   void PutVolume(const VolumeNews& news);
+  void AskVolume();
   void PutVolumeInfo(const client::VolumeInfo& info);
   void PutSteered(const SteerRequest& request, const std::string& error);
 
@@ -72,6 +77,7 @@ class Source {
   client::Connection connection_;
   std::int64_t connection_since_ms_ = 0;
   std::optional<VolumeLattice> lattice_;
+  bool has_info_ = false;  // of this lattice's volume
   std::deque<SteeredChange> steered_;
   std::string problem_;
 
@@ -80,10 +86,9 @@ class Source {
   bool is_pose_posted_ = false;  // PutPose will run
   std::atomic<std::int64_t> pose_time_ns_{0};
 
-  VolumeSignal signal_;
   std::unique_ptr<client::Client> client_;
   std::unique_ptr<VolumeThread> volume_;
-  std::unique_ptr<CallsThread> calls_;
+  std::unique_ptr<Worker> worker_;
 };
 
 }  // namespace palpate::web

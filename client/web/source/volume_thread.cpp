@@ -9,55 +9,27 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kBetweenManifests = 50ms;
-constexpr auto kBetweenParts = 10ms;  // of a copy that is not complete
-// What was superseded is dropped, and problems are told, also while nothing changes.
-constexpr auto kLookEvery = 1000ms;
+constexpr auto kBetweenLooks = 10ms;
 
 }  // namespace
 
-void VolumeSignal::Raise() {
-  {
-    const std::lock_guard lock(mutex_);
-    is_raised_ = true;
-  }
-  wake_.notify_all();
-}
-
-void VolumeSignal::Stop() {
-  {
-    const std::lock_guard lock(mutex_);
-    is_stopping_ = true;
-  }
-  wake_.notify_all();
-}
-
-bool VolumeSignal::Wait(std::chrono::milliseconds time) {
-  std::unique_lock lock(mutex_);
-  wake_.wait_for(lock, time, [this] { return is_raised_ || is_stopping_; });
-  is_raised_ = false;
-  return !is_stopping_;
-}
-
-bool VolumeSignal::Pause(std::chrono::milliseconds time) {
-  std::unique_lock lock(mutex_);
-  return !wake_.wait_for(lock, time, [this] { return is_stopping_; });
-}
-
-VolumeThread::VolumeThread(client::Client& client, VolumeSignal& signal, bool with_groups,
+VolumeThread::VolumeThread(client::Client& client, bool with_groups,
                            std::function<void(const VolumeNews&)> on_news)
     : client_(client),
-      signal_(signal),
       on_news_(std::move(on_news)),
       volume_(with_groups),
       thread_([this] { Run(); }) {}
 
 VolumeThread::~VolumeThread() {
-  signal_.Stop();
+  stopping_ = true;
   thread_.join();
 }
 
+// Looks instead of being told: a look without news costs next to nothing, and superseded blobs are
+// dropped and problems told in any case.
 void VolumeThread::Run() {
-  while (signal_.Wait(kLookEvery)) {
+  std::string problem;
+  while (!stopping_) {
     const auto update = client_.TakeVolumeUpdate();
     VolumeNews news;
     if (update) {
@@ -66,9 +38,9 @@ void VolumeThread::Run() {
       volume_.Expire(std::chrono::steady_clock::now());
     }
     news.status = client_.volume_status();
-    news.bricks_left = news.status.bricks_left;
-    on_news_(news);
-    if (update && !signal_.Pause(news.manifest ? kBetweenManifests : kBetweenParts)) return;
+    if (std::exchange(problem, news.status.problem) != news.status.problem || update)
+      on_news_(news);
+    std::this_thread::sleep_for(news.manifest ? kBetweenManifests : kBetweenLooks);
   }
 }
 

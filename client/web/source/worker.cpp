@@ -1,0 +1,44 @@
+#include "client/web/source/worker.h"
+
+#include <algorithm>
+
+namespace palpate::web {
+
+Worker::~Worker() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  thread_.join();
+}
+
+void Worker::Put(const std::string& key, Work work) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto same = std::find_if(waiting_.begin(), waiting_.end(),
+                                   [&](const auto& one) { return one.first == key; });
+    if (same == waiting_.end()) {
+      waiting_.emplace_back(key, std::exchange(work, {}));
+    } else {
+      std::swap(same->second, work);
+    }
+  }
+  wake_.notify_all();
+  if (work) work(true);
+}
+
+void Worker::Run() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    wake_.wait(lock, [this] { return stopping_ || !waiting_.empty(); });
+    if (stopping_) return;
+    const Work work = std::move(waiting_.front().second);
+    waiting_.erase(waiting_.begin());
+    lock.unlock();
+    work(false);
+    lock.lock();
+  }
+}
+
+}  // namespace palpate::web

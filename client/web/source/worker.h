@@ -1,0 +1,40 @@
+// Work that waits for palpated's answers, on a thread of its own.
+//
+// Work of a key replaces work of the same key that still waits. Threads: Put on any; work runs on
+// the worker's thread, replaced work on that of Put.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace palpate::web {
+
+class Worker {
+ public:
+  // Called once: to do the work, or because newer work replaced it.
+  using Work = std::function<void(bool is_replaced)>;
+
+  Worker() : thread_([this] { Run(); }) {}
+  // Waits for the work that runs. Other work is dropped.
+  ~Worker();
+  Worker(const Worker&) = delete;
+  Worker& operator=(const Worker&) = delete;
+
+  void Put(const std::string& key, Work work);
+
+ private:
+  void Run();
+
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool stopping_ = false;
+  std::vector<std::pair<std::string, Work>> waiting_;  // oldest first
+  std::thread thread_;
+};
+
+}  // namespace palpate::web
