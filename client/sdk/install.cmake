@@ -23,7 +23,7 @@ target_compile_features(palpate_client PUBLIC cxx_std_20)
 
 set(names client)
 # What the client is linked with: palpate::client brings them along.
-list(APPEND names bricks error files geometry isosurface messages proto setting_list volume_copy volume_mirror wire)
+list(APPEND names address bricks error files geometry isosurface messages proto setting_list volume_copy volume_mirror wire)
 foreach(name IN LISTS names)
   set_target_properties(palpate_${name} PROPERTIES EXPORT_NAME ${name})
   list(APPEND targets palpate_${name})

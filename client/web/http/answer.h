@@ -1,0 +1,60 @@
+// An answer to a request, before it is written.
+//
+// Threads: plain values.
+#pragma once
+
+#include <boost/beast/http/field.hpp>
+#include <boost/beast/http/fields.hpp>
+#include <boost/beast/http/status.hpp>
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "client/web/access/sessions.h"
+#include "client/web/volume/blob.h"
+
+namespace palpate::web {
+
+using Body = std::shared_ptr<const std::string>;
+
+struct Answer {
+  using Field = boost::beast::http::field;
+
+  boost::beast::http::status status = boost::beast::http::status::ok;
+  std::string_view content_type = "text/plain; charset=utf-8";
+  Body body;  // null: none
+  std::vector<std::pair<Field, std::string>> fields{};
+  SessionPtr session{};  // of who asked; null: nobody who has logged in
+  bool joins = false;    // the request becomes a WebSocket
+};
+
+// One line of text.
+Answer TextAnswer(boost::beast::http::status status, std::string line);
+
+// What every answer has: no page of another site may frame, script or read anything of this one.
+void AddProtection(boost::beast::http::fields& fields);
+
+// The best encoding that an Accept-Encoding allows: zstd, else gzip, else none.
+Encoding ChooseEncoding(std::string_view accept);
+
+// The bytes of answers that are being written. Slow readers hold what was superseded long ago; this
+// bounds it.
+class HeldBodies {
+ public:
+  static constexpr std::size_t kMostBytes = std::size_t{256} << 20;
+
+  // False: too much is held already. A body that several hold counts once.
+  bool Hold(const Body& body);
+  void Release(const Body& body);
+  std::size_t bytes() const { return bytes_; }
+
+ private:
+  std::unordered_map<const std::string*, int> holders_;
+  std::size_t bytes_ = 0;
+};
+
+}  // namespace palpate::web

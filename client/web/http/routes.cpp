@@ -1,0 +1,256 @@
+#include "client/web/http/routes.h"
+
+#include <algorithm>
+#include <boost/asio/ip/address.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+#include <boost/system/error_code.hpp>
+#include <cctype>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "client/web/http/messages.h"
+
+namespace palpate::web {
+namespace {
+
+namespace http = boost::beast::http;
+
+constexpr std::string_view kCookie = "palpate_session";
+
+std::string_view View(boost::beast::string_view text) { return {text.data(), text.size()}; }
+
+// Calls `use(item)` with the items between separators until it returns true.
+template <class Use>
+void ForEach(std::string_view items, char separator, const Use& use) {
+  while (!items.empty()) {
+    const std::size_t end = std::min(items.find(separator), items.size());
+    std::string_view item = items.substr(0, end);
+    while (item.starts_with(' ')) item.remove_prefix(1);
+    while (item.ends_with(' ')) item.remove_suffix(1);
+    if (use(item)) return;
+    items.remove_prefix(std::min(end + 1, items.size()));
+  }
+}
+
+// One request, with what the checks need of it.
+class Router {
+ public:
+  Router(Site& site, const Request& request, const std::string& peer)
+      : site_(site),
+        request_(request),
+        address_(AddressOf(site, request, peer)),
+        path_(View(request.target()).substr(0, View(request.target()).find('?'))),
+        now_(std::chrono::steady_clock::now()) {
+    FindSession();
+  }
+
+  Answer Run() {
+    Answer answer = Find();
+    if (answer.session == nullptr) answer.session = session_;
+    return answer;
+  }
+
+ private:
+  Answer Find() {
+    // Without a look at the name: what asks is a supervisor, and it learns nothing.
+    if (path_ == "/health") return IsGet() ? Health() : WrongMethod("GET");
+    if (request_.count(http::field::host) != 1 || !site_.origins.AllowsHost(Field("Host"))) {
+      return Refuse(http::status::misdirected_request, "host",
+                    "this is not the name of this site: see public_url");
+    }
+    if (path_ == "/login") return IsPost() ? LogIn() : WrongMethod("POST");
+    if (path_ == "/logout") return IsPost() ? LogOut() : WrongMethod("POST");
+    if (!IsGet()) return WrongMethod("GET");
+    if (path_ == "/stream") return Join();
+    constexpr std::string_view kVolume = "/volume/";
+    if (path_.starts_with(kVolume)) return VolumeBlob(path_.substr(kVolume.size()));
+    return File();
+  }
+
+  bool IsGet() const { return request_.method() == http::verb::get; }
+  bool IsPost() const { return request_.method() == http::verb::post; }
+  std::string_view Field(const char* name) const { return View(request_[name]); }
+
+  Answer Refuse(http::status status, std::string_view kind, std::string why) {
+    site_.log.Refused(kind, address_ + ": " + why, now_);
+    return TextAnswer(status, std::move(why));
+  }
+  Answer WrongMethod(const char* right) {
+    Answer answer = Refuse(http::status::method_not_allowed, "method", "wrong method");
+    answer.fields.emplace_back(http::field::allow, right);
+    return answer;
+  }
+
+  // A browser may have several cookies of this name, for another site can add some. More than a few
+  // are an attack.
+  void FindSession() {
+    int left = 4;
+    ForEach(Field("Cookie"), ';', [&](std::string_view cookie) {
+      const std::size_t equals = cookie.find('=');
+      if (cookie.substr(0, equals) != kCookie || equals == std::string_view::npos) return false;
+      cookie_ = cookie.substr(equals + 1);
+      session_ = site_.access.Find(cookie_, now_);
+      return session_ != nullptr || --left == 0;
+    });
+  }
+
+  bool IsFromOwnPage() const {
+    return request_.count(http::field::origin) == 1 && site_.origins.AllowsOrigin(Field("Origin"));
+  }
+  Answer WrongOrigin() {
+    return Refuse(http::status::forbidden, "origin", "only this site's own page may do this");
+  }
+  Answer NoLogin() { return Refuse(http::status::unauthorized, "login", "log in first"); }
+
+  Answer Health() {
+    const std::string problem = site_.hub.health ? site_.hub.health() : std::string();
+    return problem.empty() ? TextAnswer(http::status::ok, "ok")
+                           : TextAnswer(http::status::service_unavailable, problem);
+  }
+
+  std::string SessionCookie(const std::string& value, bool is_over) const {
+    std::string cookie = std::string(kCookie) + "=" + value + "; HttpOnly; SameSite=Strict; Path=/";
+    if (site_.origins.is_https()) cookie += "; Secure";
+    return is_over ? cookie + "; Max-Age=0" : cookie;
+  }
+
+  Answer LogIn() {
+    if (!IsFromOwnPage()) return WrongOrigin();
+    const std::string_view type = Field("Content-Type");
+    if (type.substr(0, type.find(';')) != "application/json") {
+      return Refuse(http::status::unsupported_media_type, "malformed", "the body must be JSON");
+    }
+    const std::optional<LoginRequest> login = ParseLogin(request_.body());
+    if (!login) {
+      return Refuse(http::status::bad_request, "malformed", "the body must have room or token");
+    }
+    const Access::Login result =
+        login->room ? site_.access.LogIn(Access::Secret::kRoomKey, *login->room, address_, now_)
+                    : site_.access.LogIn(Access::Secret::kToken, *login->token, address_, now_);
+    switch (result.result) {
+      case Access::Result::kWrong:
+        return Refuse(http::status::forbidden, "key", "wrong key");
+      case Access::Result::kTooManyAttempts:
+        return Refuse(http::status::too_many_requests, "attempts",
+                      "too many wrong keys from this address: try again in a minute");
+      case Access::Result::kWelcome:
+        break;
+    }
+    site_.log.Note("login", address_ + ": " + result.session->user + " logged in", now_);
+    Answer answer;
+    answer.content_type = "application/json";
+    answer.body = std::make_shared<const std::string>(nlohmann::json{
+        {"user", result.session->user},
+        {"may_steer", result.session->may_steer}}.dump());
+    answer.fields = {{http::field::cache_control, "no-store"},
+                     {http::field::set_cookie, SessionCookie(result.cookie, false)}};
+    answer.session = result.session;
+    return answer;
+  }
+
+  Answer LogOut() {
+    if (!IsFromOwnPage()) return WrongOrigin();
+    site_.access.LogOut(cookie_);
+    Answer answer;
+    answer.status = http::status::no_content;
+    answer.fields = {{http::field::set_cookie, SessionCookie("", true)}};
+    return answer;
+  }
+
+  Answer Join() {
+    if (!IsFromOwnPage()) return WrongOrigin();
+    if (session_ == nullptr) return NoLogin();
+    if (!boost::beast::websocket::is_upgrade(request_)) {
+      return Refuse(http::status::upgrade_required, "malformed", "this is a WebSocket");
+    }
+    if (static_cast<int>(site_.guests.size()) >= site_.options.max_guests) {
+      return Refuse(http::status::service_unavailable, "full", "there are too many guests");
+    }
+    Answer answer;
+    answer.joins = true;
+    return answer;
+  }
+
+  Answer VolumeBlob(std::string_view name) {
+    const bool has_site = request_.find("Sec-Fetch-Site") != request_.end();
+    if (has_site && Field("Sec-Fetch-Site") != "same-origin") return WrongOrigin();
+    if (session_ == nullptr) return NoLogin();
+    const BlobPtr blob = IsBlobName(name) ? site_.hub.find_blob(name) : nullptr;
+    if (blob == nullptr) {
+      // Not logged: pages ask so whenever the volume has changed meanwhile.
+      return TextAnswer(IsBlobName(name) ? http::status::gone : http::status::not_found,
+                        "ask for what the newest manifest names");
+    }
+    Answer answer = Encoded(*blob);
+    answer.fields.emplace_back(http::field::cache_control, "private, max-age=31536000, immutable");
+    answer.fields.emplace_back(http::field::vary, "Cookie, Accept-Encoding");
+    return answer;
+  }
+
+  static bool IsBlobName(std::string_view name) {
+    return name.size() == 32 && std::all_of(name.begin(), name.end(), [](char c) {
+             return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
+           });
+  }
+
+  Answer Encoded(const Blob& blob) {
+    const Encoding encoding = ChooseEncoding(Field("Accept-Encoding"));
+    Answer answer;
+    answer.content_type = blob.content_type();
+    answer.body = blob.Encoded(encoding);
+    if (encoding != Encoding::kIdentity) {
+      answer.fields.emplace_back(http::field::content_encoding,
+                                 encoding == Encoding::kZstd ? "zstd" : "gzip");
+    }
+    return answer;
+  }
+
+  Answer File() {
+    const StaticFile* const file = site_.files.Find(path_);
+    if (file == nullptr) return TextAnswer(http::status::not_found, "there is no such page");
+    Answer answer;
+    if (Field("If-None-Match") == file->etag) {
+      answer.status = http::status::not_modified;
+    } else {
+      answer = Encoded(*file->content);
+    }
+    answer.fields.emplace_back(http::field::etag, file->etag);
+    answer.fields.emplace_back(http::field::cache_control, "no-cache");
+    answer.fields.emplace_back(http::field::vary, "Accept-Encoding");
+    return answer;
+  }
+
+  Site& site_;
+  const Request& request_;
+  const std::string address_;
+  const std::string_view path_;
+  const Time now_;
+  std::string_view cookie_;
+  SessionPtr session_;
+};
+
+}  // namespace
+
+Answer Route(Site& site, const Request& request, const std::string& peer) {
+  return Router(site, request, peer).Run();
+}
+
+std::string AddressOf(const Site& site, const Request& request, const std::string& peer) {
+  if (!site.options.behind_proxy) return peer;
+  // The last entry of the last field: the ones before come from the browser.
+  std::string_view last;
+  for (const auto& field : request) {
+    if (!boost::beast::iequals(field.name_string(), "X-Forwarded-For")) {
+      continue;
+    }
+    ForEach(View(field.value()), ',', [&](std::string_view entry) {
+      last = entry;
+      return false;
+    });
+  }
+  boost::system::error_code problem;
+  const auto address = boost::asio::ip::make_address(std::string(last), problem);
+  return problem ? peer : address.to_string();
+}
+
+}  // namespace palpate::web
