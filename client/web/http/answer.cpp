@@ -1,5 +1,7 @@
 #include "client/web/http/answer.h"
 
+#include <algorithm>
+
 namespace palpate::web {
 namespace {
 

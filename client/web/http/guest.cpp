@@ -86,6 +86,7 @@ void Guest::OnTopic(Topic topic) {
 }
 
 void Guest::OnPose() {
+  if (pose_due_ && site_->events.skipped) site_->events.skipped();
   pose_due_ = true;
   Write();
 }

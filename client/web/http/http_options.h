@@ -49,6 +49,7 @@ struct HttpEvents {
   // "": the guest went. Otherwise the kind of what it was dropped for.
   std::function<void(std::string_view kind)> left;
   std::function<void(std::size_t bytes)> streamed;  // a message to a guest
+  std::function<void()> skipped;                    // a pose that a slow guest does not get
 };
 
 }  // namespace palpate::web

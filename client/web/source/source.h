@@ -32,7 +32,7 @@ struct SourceOptions {
   client::ServerChoice server{};
   bool with_groups = true;  // false: guests see the overview alone
   std::string version{};
-  // On the network thread. Lines for people, without names of files.
+  // On the network thread; one line each.
   std::function<void(const std::string& line)> log{};
   std::function<void(bool is_accepted)> steered{};
 };

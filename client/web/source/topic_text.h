@@ -21,9 +21,9 @@
 namespace palpate::web {
 
 struct HelloInfo {
-  std::string version;
-  std::string user;
-  std::vector<std::string> may_steer;
+  std::string version{};
+  std::string user{};
+  std::vector<std::string> may_steer{};
   bool with_groups = true;
   std::int64_t server_time_ms = 0;
 };

@@ -1,0 +1,45 @@
+// What palpate-web is told: the configuration file, with the command line over it.
+//
+// Threads: main only; reads files.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/sdk/server_choice.h"
+#include "client/web/access/access.h"
+#include "client/web/http/http_options.h"
+#include "common/wire/address.h"
+
+namespace palpate::web {
+
+struct Config {
+  client::ServerChoice palpated{};
+  HttpOptions http{};
+  bool with_groups = true;
+  std::filesystem::path room_key_file{};  // empty: a new key at every start
+  std::vector<User> users{};
+  std::optional<HostPort> metrics{};
+};
+
+// Reads `file` into `config`. Returns what is wrong, one line each with file, line and key. Keys
+// that are wrong keep their value.
+std::vector<std::string> ReadConfig(const std::filesystem::path& file, Config& config);
+
+// Returns what makes a whole configuration useless; empty: nothing. An address that is not loopback
+// needs TLS or a proxy in front.
+std::vector<std::string> CheckConfig(const Config& config);
+
+// The key in the file, without white space at its ends. Errors: kNotFound, kPermissionDenied,
+// kInvalidArgument (others may write the file, the key is too short).
+std::string ReadRoomKey(const std::filesystem::path& file);
+
+// Throws kInvalidArgument if no setting has this key.
+void CheckSettingKey(const std::string& key);
+
+// The page beside the program: in the build folder or the package.
+std::filesystem::path DefaultPageFolder();
+
+}  // namespace palpate::web

@@ -1,0 +1,148 @@
+#include "client/web/app/gateway.h"
+
+#include <systemd/sd-daemon.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "client/web/app/metrics.h"
+#include "client/web/http/server.h"
+#include "client/web/hub/hub.h"
+#include "client/web/source/source.h"
+#include "common/error/one_line.h"
+
+namespace palpate::web {
+namespace {
+
+// Under systemd with the line's priority, as sd-daemon(3) has it.
+void Log(const std::string& line) {
+  static const bool is_journal = std::getenv("JOURNAL_STREAM") != nullptr;
+  std::fprintf(stderr, "%s%s\n", is_journal ? SD_INFO : "palpate-web: ", OneLine(line).c_str());
+}
+
+HttpEvents Events(Metrics& metrics) {
+  const auto count = [&metrics](Metric metric, const char* label, std::size_t bytes) {
+    metrics.Count(metric, label, static_cast<double>(bytes));
+  };
+  return {.log = Log,
+          .refused = [&metrics](std::string_view kind) { metrics.Count(Metric::kRefused, kind); },
+          .answered =
+              [&metrics, count](int status, std::size_t bytes) {
+                metrics.Count(Metric::kAnswers, std::to_string(status));
+                count(Metric::kSentBytes, "http", bytes);
+              },
+          .joined = {},
+          .left =
+              [&metrics](std::string_view kind) {
+                if (!kind.empty()) metrics.Count(Metric::kDropped, kind);
+              },
+          .streamed = [count](std::size_t bytes) { count(Metric::kSentBytes, "stream", bytes); },
+          .skipped = [&metrics] { metrics.Count(Metric::kSkipped); }};
+}
+
+SourceOptions OptionsOf(const Config& config, Metrics& metrics) {
+  return {.server = config.palpated,
+          .with_groups = config.with_groups,
+          .version = PALPATE_VERSION,
+          .log = Log,
+          .steered = [&metrics](bool is_accepted) {
+            metrics.Count(Metric::kSteered, is_accepted ? "accepted" : "refused");
+          }};
+}
+
+// What guests' connections need of the source.
+void Join(Hub& hub, Source& source, Metrics& metrics) {
+  hub.find_blob = [&](std::string_view name) {
+    BlobPtr blob = source.FindBlob(name);
+    if (blob) metrics.Count(Metric::kBlobs);
+    return blob;
+  };
+  hub.steer = [&](const SteerRequest& request, std::function<void(std::string)> done) {
+    source.Steer(request, std::move(done));
+  };
+  hub.health = [&] { return source.Health(); };
+  hub.hello = [&](const std::string& user, const std::vector<std::string>& may_steer) {
+    return source.Hello(user, may_steer);
+  };
+}
+
+std::string LinkOf(const Config& config, std::uint16_t port, const std::string& room_key) {
+  std::string url = config.http.public_url;
+  if (url.empty()) {
+    url = (config.http.certificate_file.empty() ? "http://localhost:" : "https://localhost:") +
+          std::to_string(port);
+  }
+  while (url.ends_with('/')) url.pop_back();
+  return url + "/#room=" + room_key;
+}
+
+// Once a second: questions to palpated, metrics, systemd's watchdog and its line of status.
+class Heartbeat {
+ public:
+  Heartbeat(boost::asio::io_context& io, const Hub& hub, Source& source, Metrics& metrics)
+      : timer_(io), hub_(hub), source_(source), metrics_(metrics) {
+    Beat();
+  }
+
+ private:
+  void Beat() {
+    source_.Poll();
+    metrics_.Set(Metric::kGuests, hub_.guests());
+    metrics_.Set(Metric::kPoseAge,
+                 source_.pose_age_s().value_or(std::numeric_limits<double>::quiet_NaN()));
+    metrics_.Set(Metric::kCopyComplete, source_.is_copy_complete() ? 1.0 : 0.0);
+    const std::string health = source_.Health();
+    sd_notifyf(0, "WATCHDOG=1\nSTATUS=%d guests; %s", hub_.guests(),
+               health.empty() ? "palpated is connected" : health.c_str());
+    timer_.expires_after(std::chrono::seconds(1));
+    timer_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) Beat();
+    });
+  }
+
+  boost::asio::steady_timer timer_;
+  const Hub& hub_;
+  Source& source_;
+  Metrics& metrics_;
+};
+
+}  // namespace
+
+void Serve(const Config& config) {
+  boost::asio::io_context io(1);
+  boost::asio::signal_set signals(io, SIGINT, SIGTERM);
+  const std::string room_key =
+      config.room_key_file.empty() ? NewSecret(128) : ReadRoomKey(config.room_key_file);
+  Metrics metrics(config.metrics);
+  Hub hub;
+  Source source(OptionsOf(config, metrics), hub, [&io](std::function<void()> function) {
+    boost::asio::post(io, std::move(function));
+  });
+  Join(hub, source, metrics);
+  HttpServer server(io, hub, config.http, {.room_key = room_key, .users = config.users},
+                    Events(metrics));
+  const Heartbeat heartbeat(io, hub, source, metrics);
+  signals.async_wait([&](const boost::system::error_code& error, int) {
+    if (error) return;
+    server.Stop();
+    io.stop();
+  });
+  std::printf("open %s\n", LinkOf(config, server.port(), room_key).c_str());
+  std::fflush(stdout);
+  sd_notify(0, "READY=1");
+  io.run();
+  sd_notify(0, "STOPPING=1");
+}
+
+}  // namespace palpate::web

@@ -1,0 +1,13 @@
+// The gateway, assembled: palpated on one side, guests on the other.
+//
+// Threads: main, which becomes the network thread. Errors: Error at the start.
+#pragma once
+
+#include "client/web/app/config.h"
+
+namespace palpate::web {
+
+// Serves until SIGINT or SIGTERM. Prints the link for guests when they are served.
+void Serve(const Config& config);
+
+}  // namespace palpate::web

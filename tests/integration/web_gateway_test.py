@@ -1,0 +1,174 @@
+"""palpate-web between a real palpated and guests: what guests copy is the daemon's volume, what they
+are told is what the daemon does, and everything comes back after a loss. How the server judges
+guests is tested in web_http_test.cpp, how groups are made in web_volume_test.cpp."""
+
+import json
+import signal
+import struct
+import subprocess
+import threading
+import unittest
+
+import numpy as np
+
+from palpate._brick_hash import hash_of_bricks
+
+from gateway import PALPATE_WEB, Copy, Gateway, Guest
+from support import DaemonTest, Daemon, wait_until
+
+
+def made_user(name, *keys):
+    """Its token, and its lines of the configuration."""
+    steers = [part for key in keys for part in ("--may-steer", key)]
+    text = subprocess.run([PALPATE_WEB, "user", name, *steers], check=True, capture_output=True,
+                          text=True).stdout
+    comment, _, lines = text.partition("\n")
+    return comment.split()[-1], lines
+
+
+class WebTest(DaemonTest):
+    config = ""
+    more = ()
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.gateway = cls.enterClassContext(Gateway(cls.daemon, cls.more, cls.config))
+
+    def guest(self, **login):
+        return self.enterContext(Guest(self.gateway, **login))
+
+    def require_equal_copy(self, guest, name, groups):
+        """Whether the manifest's groups were still there."""
+        blob = guest.blob(name)
+        if blob is None:
+            return False
+        manifest = json.loads(blob)
+        copy = Copy(guest, manifest, groups)
+        if copy.lost:
+            return False
+        halves = hash_of_bricks(np.arange(len(copy.bricks)), copy.bricks)
+        self.assertEqual(b"".join(int(half).to_bytes(8, "big") for half in halves).hex(),
+                         manifest["content_hash"])
+        return True
+
+
+class Volumes(WebTest):
+    volume = "builtin:bumps:50"
+
+    def test_copies_are_the_daemons_volume_while_it_is_edited(self):
+        guest = self.guest()
+        guest.wait_for("manifest")
+        edited = threading.Event()
+
+        def edit():
+            random = np.random.default_rng(3)
+            for _ in range(60):
+                self.conn.edit.sphere(tuple(random.uniform(0, 49, 3)), 4.0, "add", 0.01,
+                                      frame="index")
+            edited.set()
+
+        editor = threading.Thread(target=edit)
+        editor.start()
+        groups, judged, seen = {}, 0, 0
+        while not edited.is_set() or seen < len(guest.manifests):
+            if seen < len(guest.manifests):
+                name, seen = guest.manifests[-1], len(guest.manifests)
+                judged += self.require_equal_copy(guest, name, groups)
+        editor.join()
+        revision = self.conn.volume.info().volume_revision
+        guest.wait_for("manifest", lambda manifest: manifest["revision"] == revision)
+        self.assertTrue(self.require_equal_copy(guest, guest.topics["manifest"]["name"], groups))
+        self.assertGreater(judged, 1)
+
+    def test_another_volume(self):
+        guest = self.guest()
+        for volume, size in (("builtin:sphere:16", 16), ("builtin:gyroid:33", 33)):
+            self.daemon.palpate("load", volume, "--discard")
+            guest.wait_for("volume", lambda message: message.get("name") == volume)
+            manifest = guest.wait_for("manifest", lambda message: json.loads(
+                guest.blob(message["name"]) or b'{"lattice": {"size": []}}')["lattice"]["size"]
+                == [size] * 3)
+            self.assertTrue(self.require_equal_copy(guest, manifest["name"], {}))
+            info = self.conn.volume.info()
+            placement = np.reshape(guest.wait_for("placement")["device_from_index"], (3, 4))
+            np.testing.assert_allclose(placement, info.device_from_index[:3], atol=1e-12)
+        self.daemon.palpate("load", self.volume, "--discard")
+
+
+class WithoutVolume(WebTest):
+    more = ("--no-volume",)
+
+    def test_guests_see_the_overview_alone(self):
+        guest = self.guest()
+        manifest = json.loads(guest.blob(guest.wait_for("manifest")["name"]))
+        self.assertEqual(manifest["groups"], "")
+        self.assertFalse(guest.wait_for("hello")["volume"])
+        self.assertEqual(len(guest.blob(manifest["overview"]["name"])), 4 * 48 ** 3)
+
+
+class Steering(WebTest):
+    token, config = made_user("lecturer-1", "isovalue", "force_shading") if PALPATE_WEB else ("", "")
+
+    def test_a_user_steers_what_was_allowed_and_all_are_told(self):
+        watcher, lecturer = self.guest(), self.guest(token=self.token)
+        self.assertEqual(lecturer.wait_for("hello")["may_steer"], ["isovalue", "force_shading"])
+        self.assertEqual(watcher.wait_for("hello")["may_steer"], [])
+        self.assertEqual(lecturer.steer("isovalue", 0.25), "")
+        self.assertEqual(self.conn.settings.isovalue, 0.25)
+        watcher.wait_for("settings", lambda message: message["values"]["isovalue"] == 0.25)
+        change = watcher.wait_for("steering", lambda message: message["changes"])["changes"][-1]
+        self.assertEqual((change["user"], change["key"], change["value"]),
+                         ("lecturer-1", "isovalue", 0.25))
+        self.assertNotEqual(lecturer.steer("isovalue", 1e9), "")  # palpated refuses it
+        self.assertEqual(lecturer.steer("force_shading", 1), "")
+        self.assertTrue(self.conn.settings.force_shading)
+        before = self.conn.settings.all()
+        self.assertNotEqual(lecturer.steer("stiffness_n_per_mm", 1.0), "")
+        self.assertNotEqual(watcher.steer("isovalue", 0.5), "")
+        self.assertEqual(self.conn.settings.all(), before)
+        self.assertTrue(wait_until(lambda: any("lecturer-1" in line and "isovalue" in line
+                                               for line in self.gateway.said)))
+
+
+class Losses(unittest.TestCase):
+    def test_everything_comes_back_after_palpated_was_killed(self):
+        with Daemon("builtin:sphere:20") as daemon, Gateway(daemon) as gateway, \
+                Guest(gateway) as guest:
+            guest.wait_for("manifest")
+            guest.wait_for("connection", lambda message: message["state"] == "connected")
+            self.assertTrue(wait_until(lambda: guest.pose is not None))
+            self.assertTrue(guest.pose[1] & 16)
+            daemon.end(signal.SIGKILL)
+            guest.wait_for("connection", lambda message: message["state"] == "lost"
+                           and message["why"])
+            self.assertTrue(wait_until(lambda: not guest.pose[1] & 16))
+            self.assertEqual(gateway.ask("GET", "/health")[0], 503)
+            # What guests saw last is still there.
+            self.assertIsNotNone(guest.blob(guest.topics["manifest"]["name"]))
+            daemon.start()
+            guest.wait_for("connection", lambda message: message["state"] == "connected")
+            self.assertTrue(wait_until(lambda: guest.pose[1] & 16))
+            self.assertTrue(wait_until(lambda: gateway.ask("GET", "/health")[0] == 200))
+            with daemon.connect() as conn:
+                conn.edit.sphere((10, 10, 10), 3.0, "add", 0.01, frame="index")
+                revision = conn.volume.info().volume_revision
+            guest.wait_for("manifest", lambda message: message["revision"] == revision)
+            tick, = struct.unpack_from("<d", guest.pose, 8)
+            self.assertGreater(tick, 0)
+
+    def test_the_gateway_starts_without_palpated_and_ends_in_order(self):
+        with Daemon("builtin:sphere:20") as daemon:
+            daemon.end()
+            with Gateway(daemon) as gateway:
+                with Guest(gateway) as guest:
+                    guest.wait_for("connection", lambda message: message["state"] == "lost")
+                    self.assertNotIn("name", guest.wait_for("volume"))
+                    daemon.start()
+                    guest.wait_for("manifest")
+                    guest.wait_for("volume", lambda message: "name" in message)
+                self.assertEqual(gateway.end(), 0)
+
+
+if __name__ == "__main__":
+    unittest.main()

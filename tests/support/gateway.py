@@ -1,0 +1,225 @@
+"""A palpate-web of a test's own, and guests: HTTP and WebSocket without a browser."""
+
+import base64
+import http.client
+import json
+import os
+import pathlib
+import socket
+import struct
+import subprocess
+import tempfile
+import threading
+
+import numpy as np
+import xxhash
+import zstandard
+
+from crash import end_in_order
+from free_port import free_port
+from support import PATIENCE_S, wait_until
+
+PALPATE_WEB = os.environ.get("PALPATE_WEB", "")
+# By the order of LeafType, which is part of the names of groups.
+VOXEL_TYPES = ["uint8", "int16", "uint16", "float32"]
+
+
+class Gateway:
+    """Runs until end() or the end of a `with` block. more: more arguments."""
+
+    def __init__(self, daemon, more=(), config=""):
+        self._temporary = tempfile.TemporaryDirectory(prefix="palpate-test-")
+        folder = pathlib.Path(self._temporary.name)
+        (folder / "index.html").write_text("<!doctype html>")
+        (folder / "web.toml").write_text(config)
+        (folder / "web.toml").chmod(0o600)
+        self.port = free_port()
+        self.command = [PALPATE_WEB, "--config", str(folder / "web.toml"), "--socket", daemon.socket,
+                        "--listen", f"127.0.0.1:{self.port}", "--page", str(folder), *more]
+        self.start()
+
+    def start(self):
+        self.process = subprocess.Popen(self.command, stdout=subprocess.PIPE,
+                                        stderr=subprocess.PIPE, text=True)
+        self.said = []
+        self._reader = threading.Thread(target=lambda: self.said.extend(self.process.stderr),
+                                        daemon=True)
+        self._reader.start()
+        link = self.process.stdout.readline()
+        if "#room=" not in link:
+            self.end()
+            raise RuntimeError("palpate-web did not start: " + "".join(self.said))
+        self.room = link.strip().rpartition("=")[2]
+
+    def end(self):
+        """The exit status."""
+        if self.process.poll() is None:
+            self.process.terminate()
+
+        def close():
+            self._reader.join(PATIENCE_S)
+            self.process.stderr.close()
+            self.process.stdout.close()
+
+        return end_in_order(self.process, PATIENCE_S, self.said, close)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.end()
+        self._temporary.cleanup()
+
+    def ask(self, method, path, body=None, **headers):
+        """Status, headers and body of the answer."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE_S)
+        try:
+            connection.request(method, path, body, {"Host": f"localhost:{self.port}"} | {
+                name.replace("_", "-"): value for name, value in headers.items()})
+            answer = connection.getresponse()
+            return answer.status, answer.headers, answer.read()
+        finally:
+            connection.close()
+
+    @property
+    def origin(self):
+        return f"http://localhost:{self.port}"
+
+
+class Guest:
+    """Logs in and follows /stream on a thread of its own: the newest text of each type in `topics`,
+    the newest pose, and all manifests' names."""
+
+    def __init__(self, gateway, **login):
+        self.gateway = gateway
+        self.topics, self.manifests, self.pose, self.poses = {}, [], None, 0
+        status, headers, body = gateway.ask(
+            "POST", "/login", json.dumps(login or {"room": gateway.room}), Origin=gateway.origin,
+            Content_Type="application/json")
+        if status != 200:
+            raise RuntimeError(f"no login: {status} {body!r}")
+        self.cookie = headers["Set-Cookie"].partition(";")[0]
+        self._socket = socket.create_connection(("127.0.0.1", gateway.port), PATIENCE_S)
+        self._received = b""
+        self._socket.sendall(
+            f"GET /stream HTTP/1.1\r\nHost: localhost:{gateway.port}\r\nOrigin: {gateway.origin}\r\n"
+            f"Cookie: {self.cookie}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+            "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+            .encode())
+        while b"\r\n\r\n" not in self._received:
+            self._receive()
+        head, _, self._received = self._received.partition(b"\r\n\r\n")
+        if b" 101 " not in head.partition(b"\r\n")[0]:
+            raise RuntimeError(f"no stream: {head!r}")
+        self.is_open = True
+        self._thread = threading.Thread(target=self._follow, daemon=True)
+        self._thread.start()
+
+    def _receive(self):
+        more = self._socket.recv(65536)
+        if not more:
+            raise EOFError
+        self._received += more
+
+    def _take(self, count):
+        while len(self._received) < count:
+            self._receive()
+        taken, self._received = self._received[:count], self._received[count:]
+        return taken
+
+    def _follow(self):
+        try:
+            while True:
+                kind, length = self._take(2)
+                if length == 126:
+                    length, = struct.unpack(">H", self._take(2))
+                elif length == 127:
+                    length, = struct.unpack(">Q", self._take(8))
+                self._hear(kind & 15, self._take(length))
+        except (EOFError, OSError):
+            self.is_open = False
+
+    def _hear(self, kind, message):
+        if kind == 1:
+            text = json.loads(message)
+            self.topics[text["type"]] = text
+            if text["type"] == "manifest":
+                self.manifests.append(text["name"])
+        elif kind == 2:
+            self.pose = message
+            self.poses += 1
+            if self.poses % 8 == 0:
+                self.send({"type": "ack", "sequence": struct.unpack_from("<I", message, 4)[0]})
+
+    def send(self, message):
+        """Up to 125 bytes of JSON, masked with zeros."""
+        text = json.dumps(message).encode()
+        self._socket.sendall(bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text)
+
+    def steer(self, key, value):
+        """The error; empty: done."""
+        self.topics.pop("steered", None)
+        self.send({"type": "steer", "id": 1, "key": key, "value": value})
+        self.wait_for("steered")
+        return self.topics["steered"]["error"]
+
+    def wait_for(self, topic, holds=lambda message: True):
+        if not wait_until(lambda: topic in self.topics and holds(self.topics[topic])):
+            raise AssertionError(f"{topic}: {self.topics.get(topic)}")
+        return self.topics[topic]
+
+    def blob(self, name):
+        """Its bytes; none: the gateway does not keep it."""
+        status, headers, body = self.gateway.ask("GET", f"/volume/{name}", Cookie=self.cookie,
+                                                 Accept_Encoding="zstd")
+        if status == 410:
+            return None
+        if status != 200:
+            raise AssertionError(f"{name}: {status} {body!r}")
+        if headers["Content-Encoding"] == "zstd":
+            return zstandard.ZstdDecompressor().decompress(body)
+        return body
+
+    def close(self):
+        self._socket.shutdown(socket.SHUT_RDWR)
+        self._thread.join(PATIENCE_S)
+        self._socket.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+class Copy:
+    """The voxels that a manifest names. groups: those of before by name, which are not fetched."""
+
+    def __init__(self, guest, manifest, groups):
+        lattice = manifest["lattice"]
+        kind = VOXEL_TYPES.index(lattice["voxel_type"])
+        dtype = np.dtype(lattice["voxel_type"]).newbyteorder("<")
+        size = lattice["size"]
+        count = [-(-axis // 32) for axis in size]
+        names = base64.b64decode(manifest["groups"])
+        whole = np.full([32 * axis for axis in count], lattice["background"], dtype)
+        self.lost = False
+        for number, place in enumerate(np.ndindex(*count)):
+            name = names[16 * number:16 * number + 16]
+            if name == bytes(16):
+                continue
+            if name not in groups:
+                voxels = guest.blob(name.hex())
+                if voxels is None:
+                    self.lost = True
+                    return
+                if xxhash.xxh3_128_digest(bytes([kind]) + voxels) != name:
+                    raise AssertionError("a group is not what its name says")
+                groups[name] = np.frombuffer(voxels, dtype).reshape(32, 32, 32)
+            begin = [32 * axis for axis in place]
+            whole[tuple(slice(at, at + 32) for at in begin)] = groups[name]
+        bricks = [-(-axis // 8) for axis in size]
+        self.bricks = (whole[tuple(slice(8 * axis) for axis in bricks)]
+                       .reshape(bricks[0], 8, bricks[1], 8, bricks[2], 8)
+                       .transpose(0, 2, 4, 1, 3, 5).reshape(-1, 512))
+        self.voxels = whole[tuple(slice(axis) for axis in size)]

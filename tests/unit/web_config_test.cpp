@@ -1,0 +1,159 @@
+// The configuration file of palpate-web.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "client/web/app/config.h"
+#include "common/error/error.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate::web {
+namespace {
+
+constexpr char kHash[] = "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef";
+
+class WebConfig : public testing::Test {
+ protected:
+  std::filesystem::path Write(const std::string& name, const std::string& text) const {
+    const std::filesystem::path file = folder_.path() / name;
+    std::ofstream(file) << text;
+    std::filesystem::permissions(file, std::filesystem::perms(0640));
+    return file;
+  }
+  std::vector<std::string> Read(const std::string& text, Config& config) const {
+    return ReadConfig(Write("web.toml", text), config);
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(WebConfig, ReadsEveryKey) {
+  struct Key {
+    std::string text;
+    std::function<bool(const Config&)> is_read;
+  };
+  const std::string user = std::string("user = [{name = 'a', token_sha256 = '") + kHash +
+                           "', may_steer = ['isovalue', 'method']}]";
+  const Key keys[] = {
+      {"palpated.profile = 'or-2'", [](auto& c) { return c.palpated.profile == "or-2"; }},
+      {"palpated.socket = '/a/b'",
+       [](auto& c) { return c.palpated.address.socket_path == "/a/b"; }},
+      {"palpated.server = 'a:7400'",
+       [](auto& c) { return c.palpated.address.host_port == "a:7400"; }},
+      {"palpated.tls_ca = '/a'", [](auto& c) { return c.palpated.credentials.ca_file == "/a"; }},
+      {"palpated.tls_cert = '/a'",
+       [](auto& c) { return c.palpated.credentials.certificate_file == "/a"; }},
+      {"palpated.tls_key = '/a'", [](auto& c) { return c.palpated.credentials.key_file == "/a"; }},
+      {"palpated.token_file = '/a'",
+       [](auto& c) { return c.palpated.credentials.token_file == "/a"; }},
+      {"web.listen = '[::1]:81'", [](auto& c) { return c.http.listen.ToString() == "[::1]:81"; }},
+      {"web.public_url = 'https://a'", [](auto& c) { return c.http.public_url == "https://a"; }},
+      {"web.page = '/a'", [](auto& c) { return c.http.page_folder == "/a"; }},
+      {"web.certificate = '/a'", [](auto& c) { return c.http.certificate_file == "/a"; }},
+      {"web.key = '/a'", [](auto& c) { return c.http.key_file == "/a"; }},
+      {"web.behind_proxy = true", [](auto& c) { return c.http.behind_proxy; }},
+      {"web.volume = false", [](auto& c) { return !c.with_groups; }},
+      {"web.max_guests = 7", [](auto& c) { return c.http.max_guests == 7; }},
+      {"room.key_file = '/a'", [](auto& c) { return c.room_key_file == "/a"; }},
+      {"metrics.listen = '127.0.0.1:9'", [](auto& c) { return c.metrics->port == 9; }},
+      {user, [](auto& c) { return c.users.size() == 1 && c.users[0].may_steer.size() == 2; }},
+  };
+  for (const Key& key : keys) {
+    Config config;
+    EXPECT_EQ(Read(key.text, config), std::vector<std::string>{});
+    EXPECT_TRUE(key.is_read(config)) << key.text;
+  }
+}
+
+TEST_F(WebConfig, FaultsNameFileLineAndKey) {
+  const struct {
+    std::string text, key;
+  } faults[] = {
+      {"web.listn = 'a:1'", "web.listn"},
+      {"[webb]\na = 1", "webb"},
+      {"web = 1", "web"},
+      {"web.listen = 7480", "web.listen"},
+      {"web.listen = 'a:0'", "web.listen"},
+      {"web.page = 'relative'", "web.page"},
+      {"web.volume = 1", "web.volume"},
+      {"web.max_guests = 0", "web.max_guests"},
+      {"web.max_guests = 1.0", "web.max_guests"},
+      {"room.key_file = ''", "room.key_file"},
+      {"user = 'a'", "user"},
+      {"[user]\nname = 'a'", "user"},
+      {std::string("user = [{name = 'a b', token_sha256 = '") + kHash + "'}]", "name"},
+      {"user = [{name = 'a', token_sha256 = '12'}]", "token_sha256"},
+      {"user = [{name = 'a'}]", "token_sha256"},
+      {std::string("user = [{token_sha256 = '") + kHash + "'}]", "name"},
+      {std::string("user = [{name = 'a', may_steer = ['force'], token_sha256 = '") + kHash + "'}]",
+       "may_steer"},
+      {std::string("user = [{name = 'a', role = 'x', token_sha256 = '") + kHash + "'}]", "role"},
+      {"web.listen = ", ""},
+  };
+  for (const auto& [text, key] : faults) {
+    Config config;
+    const std::vector<std::string> found = Read("\n\n" + text, config);
+    ASSERT_EQ(found.size(), 1u) << text;
+    const std::string begin = (folder_.path() / "web.toml").string() + ":";
+    EXPECT_TRUE(found[0].starts_with(begin + "3") || found[0].starts_with(begin + "4")) << found[0];
+    EXPECT_NE(found[0].find(key), std::string::npos) << found[0];
+  }
+  Config config;
+  EXPECT_EQ(Read("a = 1\nb = 2\nweb.c = 3", config).size(), 3u) << "all faults at once";
+  EXPECT_EQ(ReadConfig(folder_.path() / "missing.toml", config).size(), 1u);
+}
+
+TEST_F(WebConfig, FilesThatOthersMayWriteAreRefused) {
+  Config config;
+  EXPECT_EQ(Read("web.volume = true", config), std::vector<std::string>{});
+  for (const unsigned mode : {0660u, 0606u}) {
+    const auto key = Write("key", std::string(32, 'k') + "\n");
+    EXPECT_EQ(ReadRoomKey(key), std::string(32, 'k'));
+    std::filesystem::permissions(key, std::filesystem::perms(mode));
+    std::filesystem::permissions(folder_.path() / "web.toml", std::filesystem::perms(mode));
+    EXPECT_EQ(ReadConfig(folder_.path() / "web.toml", config).size(), 1u);
+    EXPECT_THROW(ReadRoomKey(key), Error);
+    config.http.certificate_file = config.http.key_file = key;
+    EXPECT_EQ(CheckConfig(config).size(), 1u);
+    config.http = {};
+    std::filesystem::permissions(folder_.path() / "web.toml", std::filesystem::perms(0640));
+  }
+}
+
+TEST_F(WebConfig, RoomKeysAreLongEnough) {
+  EXPECT_THROW(ReadRoomKey(Write("key", "short\n")), Error);
+  EXPECT_THROW(ReadRoomKey(Write("key", "")), Error);
+  EXPECT_THROW(ReadRoomKey(folder_.path() / "missing"), Error);
+}
+
+TEST_F(WebConfig, OtherAddressesThanLoopbackNeedTlsOrAProxy) {
+  Config config;
+  EXPECT_EQ(CheckConfig(config).size(), 0u);
+  for (const char* const host : {"0.0.0.0", "192.168.1.2", "::"}) {
+    config = {};
+    config.http.listen.host = host;
+    config.http.public_url = "https://palpate.example.org";
+    EXPECT_EQ(CheckConfig(config).size(), 1u) << host;
+    config.http.behind_proxy = true;
+    EXPECT_EQ(CheckConfig(config).size(), 0u) << host;
+    config.http.behind_proxy = false;
+    config.http.certificate_file = config.http.key_file = "/a.pem";
+    EXPECT_EQ(CheckConfig(config).size(), 0u) << host;
+    config.http.key_file.clear();
+    EXPECT_EQ(CheckConfig(config).size(), 1u) << "a certificate without its key";
+    config.http.public_url.clear();
+    config.http.certificate_file.clear();
+    config.http.behind_proxy = true;
+    EXPECT_EQ(CheckConfig(config).size(), 1u) << "no public URL";
+  }
+  config = {};
+  config.metrics = HostPort{"0.0.0.0", 9481};
+  EXPECT_EQ(CheckConfig(config).size(), 1u) << "metrics are for loopback alone";
+}
+
+}  // namespace
+}  // namespace palpate::web

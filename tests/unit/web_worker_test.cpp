@@ -1,0 +1,39 @@
+// Work that waits: the newest of a key, in order, each called once.
+#include "client/web/source/worker.h"
+
+#include <gtest/gtest.h>
+
+#include <future>
+#include <string>
+#include <vector>
+
+namespace palpate::web {
+namespace {
+
+TEST(Worker, TheNewestWorkOfAKeyReplacesWorkThatWaits) {
+  std::vector<std::string> done, replaced;
+  std::promise<void> begun, go, end;
+  {
+    Worker worker;
+    worker.Put("a", [&](bool) {
+      begun.set_value();
+      go.get_future().wait();
+      done.push_back("a1");
+    });
+    begun.get_future().wait();
+    // The work of "a" runs, and does not wait any more.
+    for (const char* const name : {"a2", "b1", "a3", "a4", "b2"}) {
+      worker.Put(std::string(1, name[0]), [&, name](bool is_replaced) {
+        (is_replaced ? replaced : done).emplace_back(name);
+      });
+    }
+    EXPECT_EQ(replaced, (std::vector<std::string>{"a2", "a3", "b1"}));
+    worker.Put("c", [&](bool) { end.set_value(); });
+    go.set_value();
+    end.get_future().wait();
+  }
+  EXPECT_EQ(done, (std::vector<std::string>{"a1", "a4", "b2"}));
+}
+
+}  // namespace
+}  // namespace palpate::web
