@@ -12,10 +12,16 @@ if [ ${#packages[@]} -eq 0 ]; then
   echo "install-packages: packages.txt has no section $*" >&2
   exit 2
 fi
+# A package counts as installed if another one provides it: a nodejs from elsewhere brings its own
+# npm, and apt would replace it.
+declare -A installed
+while read -r status names; do
+  [ "$status" = installed ] || continue
+  for name in $names; do installed[$name]=yes; done
+done < <(dpkg-query -W -f '${db:Status-Status} ${Package} ${Provides}\n' | sed -e 's/([^)]*)//g' -e 's/,/ /g')
 missing=()
 for package in "${packages[@]}"; do
-  status=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true)
-  [ "$status" = installed ] || missing+=("$package")
+  [ -n "${installed[$package]-}" ] || missing+=("$package")
 done
 [ ${#missing[@]} -gt 0 ] || exit 0
 

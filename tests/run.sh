@@ -37,7 +37,7 @@ while [ $# -gt 0 ]; do
 done
 has() { [[ " ${parts[*]-} " = *" $1 "* ]]; }
 if [ ${#parts[@]} -eq 0 ]; then
-  tests=core parts=(core) sections=(demo import core)
+  tests=core parts=(core) sections=(demo import web core)
 else
   tests=all sections=()
 fi
