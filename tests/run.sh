@@ -75,8 +75,9 @@ run_tests() {
   # Whole outputs: the counts of a program's cases are read from them.
   ctest --preset "$preset" "${@:3}" --output-junit "$results/$name.xml" \
     --test-output-size-passed 4000000 --test-output-size-failed 4000000 >"$log" || true
-  # Why cases were skipped, of Python's tests and of GoogleTest's.
+  # Why cases were skipped, of Python's tests, of GoogleTest's and of Node's.
   sed -n -e "s/^.*\.\.\. skipped '\(.*\)'$/  skipped: \1/p" -e '/: Skipped$/{n;s/^/  skipped: /p;}' \
+    -e 's/^ *ok [0-9]* - .* # SKIP \(.*\)$/  skipped: \1/p' \
     "$(folder "$preset")/Testing/Temporary/LastTest.log" 2>/dev/null || true
   read -r cases cases_skipped failures < <(tests/support/count_cases.py "$results/$name.xml")
   [ "$cases" -gt 0 ] || { cat "$log"; echo "run.sh: no test was run of $name" >&2; exit 1; }

@@ -2,8 +2,8 @@
 """count_cases.py JUNIT_XML: how many cases a run of ctest ran, how many of them were skipped, and
 how many failed.
 
-One test of ctest's may be a whole program of GoogleTest or a file of Python: their own counts are
-read from what they printed. A test that prints none is one case."""
+One test of ctest's may be a whole program of GoogleTest, a file of Python or one of Node: their own
+counts are read from what they printed. A test that prints none is one case."""
 
 import re
 import sys
@@ -31,6 +31,9 @@ def cases(test):
             sum(map(int, re.findall(rf"^(?:OK|FAILED) \(.*\b{name}=(\d+)", said, re.MULTILINE)))
             for name in ("skipped", "failures", "errors"))
         failed = failures + errors
+    elif ran := re.search(r"^# tests (\d+)$", said, re.MULTILINE):
+        skipped, failed = (sum(map(int, re.findall(rf"^# {name} (\d+)$", said, re.MULTILINE)))
+                           for name in ("skipped", "fail"))
     else:
         return 1, int(is_skipped), int(has_failed)
     # A test may fail at its end although none of its cases does; a case of Python's may fail more
