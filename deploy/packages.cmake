@@ -134,6 +134,38 @@ Shows the volume of a palpated, near or far, with the stylus that feels it.")
   set(CPACK_DEBIAN_VIEWER_PACKAGE_RECOMMENDS "libgl1-mesa-dri, fonts-dejavu-core")
 endif()
 
+# --- palpate-web ------------------------------------------------------------------
+# Not without its page: see PALPATE_WEB_PAGE.
+if(TARGET palpate-web AND TARGET palpate_web_page)
+  palpate_package(web palpate-web science
+"Shows guests in a browser what palpated makes felt
+A gateway between one palpated, near or far, and the browsers of guests: the
+volume, the surface, the stylus and the forces, live. Guests watch; named users
+may change named settings. With a systemd service, which is not enabled until
+an administrator has said who may watch.")
+  palpate_program(web palpate-web "serves guests' browsers")
+  get_target_property(page palpate_web_page PALPATE_FOLDER)
+  add_dependencies(packages_ready palpate_web_page)
+  install(CODE "
+    if(NOT EXISTS \"${page}/app.js\")
+      message(FATAL_ERROR \"palpate-web: build its page first: the target palpate_web_page\")
+    endif()" COMPONENT web)
+  install(DIRECTORY ${page}/ DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/web COMPONENT web)
+  install(FILES deploy/config/palpate-web.toml DESTINATION /etc/palpate COMPONENT web)
+  install(FILES deploy/systemd/palpate-web.service DESTINATION /lib/systemd/system COMPONENT web)
+  install(FILES deploy/systemd/palpate-web.sysusers
+    DESTINATION lib/sysusers.d RENAME palpate-web.conf COMPONENT web)
+  set(CPACK_DEBIAN_WEB_PACKAGE_SHLIBDEPS ON)
+  set(CPACK_DEBIAN_WEB_PACKAGE_DEPENDS "systemd, init-system-helpers (>= 1.54)")
+  set(CPACK_DEBIAN_WEB_PACKAGE_SUGGESTS "palpate-daemon")
+  set(CPACK_DEBIAN_WEB_PACKAGE_CONTROL_EXTRA
+    ${PROJECT_SOURCE_DIR}/deploy/debian/web/conffiles
+    ${PROJECT_SOURCE_DIR}/deploy/debian/web/postinst
+    ${PROJECT_SOURCE_DIR}/deploy/debian/web/prerm
+    ${PROJECT_SOURCE_DIR}/deploy/debian/web/postrm)
+  set(CPACK_DEBIAN_WEB_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+endif()
+
 # --- python3-palpate --------------------------------------------------------------
 palpate_package(python python3-palpate python
 "Python client of palpated
