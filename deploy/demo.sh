@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Demonstrates Palpate on one machine: builds missing programs, starts palpated with the
-# simulated device, and watches it.
+# simulated device, and watches it, in this terminal or in a browser.
 set -euo pipefail
 # Set at the start, so that Ctrl-C ends the demo cleanly at any moment.
 interrupted=
@@ -12,11 +12,11 @@ on_signal() {
   [ -z "$watcher" ] || kill -INT "$watcher" 2>/dev/null || true
 }
 stop_all() {
-  local code=$?
-  if [ -n "$daemon" ]; then
-    kill -TERM "$daemon" 2>/dev/null || true
-    wait "$daemon" 2>/dev/null || true
-  fi
+  local code=$? process
+  for process in $watcher $daemon; do
+    kill -TERM "$process" 2>/dev/null || true
+    wait "$process" 2>/dev/null || true
+  done
   [ -z "$work" ] || rm -rf "$work"
   [ -z "$interrupted" ] || code=0
   exit "$code"
@@ -29,6 +29,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 usage() {
   cat <<'TEXT'
 Usage: deploy/demo.sh [--volume FILE] [--isovalue X | --normalized-isovalue X] [--seconds N]
+                      [--web [--web-port N]]
 
 Installs missing packages (Debian 12, as root or a sudo user), builds its programs into
 build/ (some minutes the first time), starts palpated with the simulated device, and runs
@@ -39,19 +40,29 @@ build/ (some minutes the first time), starts palpated with the simulated device,
   --isovalue X             isovalue in the volume's data units
   --normalized-isovalue X  isovalue over the volume's range, 0 to 1 [one that shows something]
   --seconds N              stop after N seconds [until Ctrl-C]
+  --web                    show it in a browser on this machine instead of `palpate watch`:
+                           also starts palpate-web, and prints the link
+  --web-port N             port of the link [7480, or the next free one]
 TEXT
 }
 
 daemon_arguments=()
-watch_arguments=()
+seconds=
+web=
+web_port=
 volume=builtin:bumps
 while [ $# -gt 0 ]; do
   case "$1" in
     -h | --help) usage; exit 0 ;;
-    --volume | --isovalue | --normalized-isovalue | --seconds)
+    --web) web=yes; shift ;;
+    --volume | --isovalue | --normalized-isovalue | --seconds | --web-port)
       [ $# -ge 2 ] || { echo "demo: $1 needs a value (see --help)" >&2; exit 2; }
-      [ "$1" != --volume ] || volume=$2
-      if [ "$1" = --seconds ]; then watch_arguments+=("$1" "$2"); else daemon_arguments+=("$1" "$2"); fi
+      case "$1" in
+        --seconds) seconds=$2 ;;
+        --web-port) web=yes web_port=$2 ;;
+        --volume) volume=$2 daemon_arguments+=("$1" "$2") ;;
+        *) daemon_arguments+=("$1" "$2") ;;
+      esac
       shift 2 ;;
     *) echo "demo: unknown argument $1 (see --help)" >&2; exit 2 ;;
   esac
@@ -66,6 +77,11 @@ if [[ "$volume" != builtin:* ]]; then
   targets+=(palpate-import)
   options+=(-DPALPATE_IMPORT=ON)
 fi
+if [ -n "$web" ]; then
+  sections+=(web page)
+  targets+=(palpate-web palpate_web_page)
+  options+=(-DPALPATE_WEB=ON -DPALPATE_WEB_PAGE=ON)
+fi
 "$root/deploy/install-packages.sh" "${sections[@]}"
 [ -z "$interrupted" ] || exit 0
 # No cd: the volume's path is relative to the user's folder.
@@ -76,18 +92,46 @@ fi
 "$root/deploy/build.sh" "$root/build" "${targets[@]}"
 [ -z "$interrupted" ] || exit 0
 
+# free_port FIRST: prints the first port from there on that nobody listens to on loopback
+free_port() {
+  local port=$1
+  while (: <>"/dev/tcp/127.0.0.1/$port") 2>/dev/null; do port=$((port + 1)); done
+  echo "$port"
+}
+
 work=$(mktemp -d "${TMPDIR:-/tmp}/palpate-demo.XXXXXX")
 socket=$work/palpated.sock
-# Both programs run in their own sessions, so Ctrl-C reaches only this script. The script
-# ends the watch first and then the daemon. Both also end when the script is killed.
-setsid setpriv --pdeathsig TERM "$root/build/bin/palpated" --socket "$socket" \
-  ${daemon_arguments[@]+"${daemon_arguments[@]}"} &
+bin=$root/build/bin
+# Programs run in their own sessions, so Ctrl-C reaches only this script. The script ends what
+# watches first and then the daemon. All also end when the script is killed.
+apart=(setsid setpriv --pdeathsig TERM)
+if [ -n "$web" ]; then
+  # On loopback palpate-web may only watch; on the socket it could do everything.
+  port=$(free_port 7400)
+  # The link stays the last line.
+  daemon_arguments+=(--listen "127.0.0.1:$port" --log-level warning)
+fi
+"${apart[@]}" "$bin/palpated" --socket "$socket" ${daemon_arguments[@]+"${daemon_arguments[@]}"} &
 daemon=$!
-echo "in another terminal: $root/build/bin/palpate info --socket $socket"
+echo "in another terminal: $bin/palpate info --socket $socket"
+if [ -z "$web" ]; then
+  "${apart[@]}" "$bin/palpate" watch --socket "$socket" ${seconds:+--seconds "$seconds"} &
+  watcher=$!
+else
+  mkfifo "$work/link"
+  "${apart[@]}" ${seconds:+timeout --preserve-status "$seconds"} "$bin/palpate-web" \
+    --server "127.0.0.1:$port" --listen "127.0.0.1:${web_port:-$(free_port 7480)}" \
+    --page "$root/build/web" >"$work/link" &
+  watcher=$!
+  # When it is ready, it prints the link; `palpate info` waits for the volume.
+  exec 3<"$work/link"
+  if read -r link <&3 && "$bin/palpate" info --socket "$socket" >/dev/null 2>&1; then
+    printf '%s\n' "Ctrl-C stops everything. In a browser on this machine:" "$link"
+  fi
+fi
 code=0
-setsid setpriv --pdeathsig TERM "$root/build/bin/palpate" watch --socket "$socket" ${watch_arguments[@]+"${watch_arguments[@]}"} &
-watcher=$!
-wait "$watcher" || code=$?
+# `palpate watch` ends when the daemon has ended; palpate-web would wait for the next daemon.
+wait -n "$watcher" ${web:+"$daemon"} || code=$?
 if [ -n "$interrupted" ]; then
   # The trap interrupted the first wait.
   wait "$watcher" 2>/dev/null || true
