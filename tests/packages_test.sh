@@ -24,7 +24,7 @@ build_packages() {
   (cd "$build" && nice cpack -B "$work/packages" >"$work/cpack.log" 2>&1) ||
     { tail -n 20 "$work/cpack.log" >&2; fail "cpack"; }
   packages=("$work"/packages/*.deb)
-  [ "${#packages[@]}" -eq 5 ] || fail "${#packages[@]} packages, expected 5"
+  [ "${#packages[@]}" -eq 6 ] || fail "${#packages[@]} packages, expected 6"
   ok "packages: $(cd "$work/packages" && du -k -- *.deb | sed 's/^\([0-9]*\)\t\([^_]*\)_.*/\2 \1 kB/' | paste -sd ,)"
 }
 
@@ -46,12 +46,24 @@ holds() {
   ok "$1 holds what it should"
 }
 
+# check_config PACKAGE PROGRAM
+check_config() {
+  [ "$(dpkg-deb -I "$(package "$1")" conffiles)" = "/etc/palpate/$2.toml" ] ||
+    fail "the configuration of $2 is no conffile"
+  "$build/bin/$2" --check-config --config "$root/deploy/config/$2.toml" >/dev/null ||
+    fail "the configuration of $2 that is shipped"
+}
+
 check_contents() {
   holds palpate-daemon /usr/bin/palpated /usr/bin/palpate-import /usr/bin/palpate-lab \
     /lib/systemd/system/palpated.service /usr/lib/sysusers.d/palpate.conf \
     /usr/lib/udev/rules.d/70-palpate.rules /etc/palpate/palpated.toml /usr/share/man/man1/palpated.1.gz \
     /usr/share/doc/palpate-daemon/README.md /usr/share/doc/palpate-daemon/deploy/guides/devices.md
   holds palpate-viewer /usr/bin/palpate-view /usr/share/man/man1/palpate-view.1.gz
+  holds palpate-web /usr/bin/palpate-web /usr/share/man/man1/palpate-web.1.gz \
+    /lib/systemd/system/palpate-web.service /usr/lib/sysusers.d/palpate-web.conf \
+    /etc/palpate/palpate-web.toml /usr/share/palpate/web/index.html /usr/share/palpate/web/app.js \
+    /usr/share/palpate/web/style.css /usr/share/palpate/web/licenses.txt
   holds palpate-client /usr/bin/palpate /usr/share/man/man1/palpate.1.gz \
     /usr/share/bash-completion/completions/palpate
   holds python3-palpate /usr/lib/python3/dist-packages/palpate/__init__.py \
@@ -60,29 +72,29 @@ check_contents() {
   holds libpalpate-client-dev /usr/include/palpate/client/sdk/client.h \
     /usr/include/palpate/client/sdk/setting_list.h \
     /usr/lib/cmake/palpate-client/palpate-client-config.cmake
-  [ "$(dpkg-deb -I "$(package palpate-daemon)" conffiles)" = /etc/palpate/palpated.toml ] ||
-    fail "the configuration is no conffile"
-  "$build/bin/palpated" --check-config --config "$root/deploy/config/palpated.toml" >/dev/null ||
-    fail "the configuration that is shipped"
+  check_config palpate-daemon palpated
+  check_config palpate-web palpate-web
   lintian --allow-root --fail-on error "${packages[@]}" >"$work/lintian.log" 2>&1 ||
     { cat "$work/lintian.log" >&2; fail "lintian"; }
   ok "lintian: $(grep -c '^W:' "$work/lintian.log" || true) warnings, no error"
 }
 
+# check_unit PROGRAM
 check_unit() {
-  local unit=$root/deploy/systemd/palpated.service copy=$work/palpated.service exposure
+  local unit=$root/deploy/systemd/$1.service copy=$work/$1.service exposure
   # Programs and manual are looked for: here they are not installed.
-  sed -e "s#=/usr/bin/palpated#=$build/bin/palpated#" -e '/^Documentation=/d' "$unit" >"$copy"
+  sed -e "s#=/usr/bin/$1#=$build/bin/$1#" -e '/^Documentation=/d' "$unit" >"$copy"
   systemd-analyze verify "$copy" >"$work/verify.log" 2>&1 || { cat "$work/verify.log" >&2; fail "verify"; }
   [ ! -s "$work/verify.log" ] || { cat "$work/verify.log" >&2; fail "systemd-analyze verify"; }
   exposure=$(systemd-analyze security --offline=true --no-pager "$unit" | awk '/Overall exposure/ {print $(NF-2)}')
-  awk -v e="$exposure" 'BEGIN {exit !(e != "" && e <= 2.5)}' || fail "exposure $exposure, at most 2.5"
-  ok "unit: verified, exposure $exposure"
+  awk -v e="$exposure" 'BEGIN {exit !(e != "" && e <= 2.5)}' || fail "$1: exposure $exposure, at most 2.5"
+  ok "unit of $1: verified, exposure $exposure"
 }
 
 build_packages
 check_contents
-check_unit
+check_unit palpated
+check_unit palpate-web
 if [ -n "$install" ]; then
   [ "$(id -u)" -eq 0 ] || fail "--install needs root"
   "$root/tests/packages/install.sh" "$work/packages"

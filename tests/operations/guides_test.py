@@ -7,6 +7,7 @@ block that cannot run here says why on the line above it: <!-- not run: REASON -
 
 import concurrent.futures
 import dataclasses
+import json
 import os
 import pathlib
 import re
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import urllib.request
 
 import numpy as np
 
@@ -197,6 +199,24 @@ class Demo(unittest.TestCase):
                 self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
                 self.assertRegex(run.stdout, r"samples +[1-9]\d*, \d+ dropped")
             self.assertEqual(os.listdir(folder), ["sleep"])
+
+    @unittest.skipUnless((ROOT / "build/web/app.js").exists(), "the page is not built")
+    def test_the_link_of_the_web_demo_lets_a_guest_in(self):
+        with tempfile.TemporaryDirectory(prefix="palpate-demo-test-") as folder:
+            command = [ROOT / "deploy/demo.sh", "--web-port", str(free_port())]
+            with subprocess.Popen(command, text=True, stdout=subprocess.PIPE,
+                                  env=os.environ | {"TMPDIR": folder}) as demo:
+                link = next((found for line in demo.stdout
+                             if (found := re.search(r"(http://\S+)/#room=(\w+)$", line))), None)
+                self.assertIsNotNone(link, "no link")
+                page, key = link.groups()
+                self.assertIn("app.js", urllib.request.urlopen(page).read().decode())
+                login = urllib.request.Request(f"{page}/login", json.dumps({"room": key}).encode(), {
+                    "Content-Type": "application/json", "Origin": page})
+                self.assertEqual(urllib.request.urlopen(login).status, 200)
+                demo.send_signal(signal.SIGINT)
+                self.assertEqual(demo.wait(PATIENCE_S), 0)
+            self.assertEqual(os.listdir(folder), [])
 
 
 if __name__ == "__main__":

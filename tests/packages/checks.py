@@ -34,8 +34,8 @@ def comes_true(condition, patience_s=30):
     return False
 
 
-def edit_config(before, after):
-    config = pathlib.Path("/etc/palpate/palpated.toml")
+def edit_config(before, after, program="palpated"):
+    config = pathlib.Path(f"/etc/palpate/{program}.toml")
     text = config.read_text()
     check(f"the configuration has {before}", before in text)
     config.write_text(text.replace(before, after))

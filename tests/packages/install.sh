@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # install.sh FOLDER: installs FOLDER's packages in a Debian root of its own, runs
-# palpated there without systemd and with it, upgrades, removes and purges them. As root;
+# palpated there without systemd and with it, and palpate-web with it; upgrades, removes and purges
+# them. As root;
 # some minutes and 2 GB, of which nothing stays. Part of tests/packages_test.sh.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -91,51 +92,52 @@ boot_systemd() {
   return 1
 }
 
-# The next version, whose configuration differs from this one's.
+# next_version PACKAGE PROGRAM: whose configuration differs from this one's
 next_version() {
-  local folder=$work/next
-  dpkg-deb -R "$packages"/palpate-daemon_*.deb "$folder"
+  local folder=$work/next-$2
+  dpkg-deb -R "$packages"/"$1"_*.deb "$folder"
   sed -i 's/^Version: .*/&+next1/' "$folder/DEBIAN/control"
-  echo '# Of the next version.' >>"$folder/etc/palpate/palpated.toml"
+  echo '# Of the next version.' >>"$folder/etc/palpate/$2.toml"
   (cd "$folder" && find etc lib usr -type f -exec md5sum {} + >DEBIAN/md5sums)
-  dpkg-deb --root-owner-group -b "$folder" "$jail/opt/test/next.deb" >/dev/null
+  dpkg-deb --root-owner-group -b "$folder" "$jail/opt/test/next-$2.deb" >/dev/null
 }
 
-main_pid() { in_jail systemctl show --value --property MainPID palpated; }
+main_pid() { in_jail systemctl show --value --property MainPID "$1"; }
 
+# check_upgrade PACKAGE PROGRAM
 check_upgrade() {
-  local before='' after
-  next_version
+  local config=$jail/etc/palpate/$2.toml before='' after
+  next_version "$1" "$2"
   cp "$config" "$work/edited.toml"
-  if with_systemd; then before=$(main_pid); fi
-  apt_in_jail install /opt/test/next.deb
+  if with_systemd; then before=$(main_pid "$2"); fi
+  apt_in_jail install "/opt/test/next-$2.deb"
   cmp "$config" "$work/edited.toml" || fail "an upgrade changes the configuration"
   [ -e "$config.dpkg-dist" ] || fail "the new configuration is not beside it"
-  in_jail palpated --check-config --config /etc/palpate/palpated.toml >/dev/null || fail "the upgraded palpated"
+  in_jail "$2" --check-config --config "/etc/palpate/$2.toml" >/dev/null || fail "the upgraded $2"
   if with_systemd; then
-    after=$(main_pid)
-    if [ "$after" = 0 ] || [ "$after" = "$before" ]; then fail "an upgrade does not restart palpated"; fi
-    in_jail palpate info | grep -q '0\.7 N/mm' || fail "the upgraded palpated does not serve as before"
+    after=$(main_pid "$2")
+    if [ "$after" = 0 ] || [ "$after" = "$before" ]; then fail "an upgrade does not restart $2"; fi
   fi
-  ok "upgraded, with the configuration as it was edited"
+  ok "$2 upgraded, with the configuration as it was edited"
 }
 
 check_removal() {
   local left
-  apt_in_jail remove palpate-daemon
+  apt_in_jail remove palpate-daemon palpate-web
   [ -e "$config" ] || fail "remove takes the configuration"
   [ ! -e "$jail/usr/bin/palpated" ] || fail "remove leaves palpated"
   # Without systemd nothing runs; those of this machine are seen too.
-  if with_systemd && in_jail pgrep -x palpated; then fail "remove leaves it running"; fi
+  if with_systemd && in_jail pgrep -x 'palpated|palpate-web'; then fail "remove leaves it running"; fi
   touch "$jail/var/lib/palpate/volumes/trial.palrec"
   apt_in_jail purge palpate-daemon
   [ -e "$jail/var/lib/palpate/volumes/trial.palrec" ] || fail "purge takes recordings"
   [ "$(ls "$jail/var/lib/palpate")" = volumes ] || fail "purge leaves state"
+  [ -e "$jail/etc/palpate/palpate-web.toml" ] || fail "purge takes the configuration of palpate-web"
   rm "$jail/var/lib/palpate/volumes/trial.palrec"
   # With nothing of value left, and nothing edited.
   apt_in_jail install "/opt/test/$(basename "$packages"/palpate-daemon_*.deb)"
   if with_systemd; then in_jail systemctl --quiet is-active palpated || fail "it is not started at once"; fi
-  apt_in_jail purge palpate-daemon palpate-client palpate-viewer python3-palpate libpalpate-client-dev
+  apt_in_jail purge palpate-daemon palpate-web palpate-client palpate-viewer python3-palpate libpalpate-client-dev
   # Not in /run: what the harness made there is no package's.
   left=$(find "$jail" -xdev -name '*palpate*' ! -path "$jail/opt/*" ! -path "$jail/run/*" | head)
   [ -z "$left" ] || fail "purge leaves $left"
@@ -154,5 +156,9 @@ if boot_systemd; then
 else
   echo "skip  systemd does not boot on this machine: upgrade and removal without it"
 fi
-check_upgrade
+check_upgrade palpate-daemon palpated
+if with_systemd; then
+  in_jail palpate info | grep -q '0\.7 N/mm' || fail "the upgraded palpated does not serve as before"
+fi
+check_upgrade palpate-web palpate-web
 check_removal

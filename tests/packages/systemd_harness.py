@@ -3,12 +3,15 @@ the packages are installed and palpated has been started by systemd."""
 
 import contextlib
 import ctypes
+import json
 import os
 import pathlib
 import pwd
 import shutil
 import signal
 import time
+import urllib.error
+import urllib.request
 
 from checks import check, check_run, check_settings, comes_true, edit_config, run
 
@@ -23,21 +26,22 @@ AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK
 """
 # An address of this machine that is not localhost, as a viewer's elsewhere.
 ADDRESS = "192.0.2.1"
+WEB = "http://localhost:7480"
 ALLOWED = f"""[Service]
 IPAddressAllow={ADDRESS}
 """
 
 
-def show(name):
-    return run("systemctl", "show", "--value", "--property", name, "palpated")[1]
+def show(name, unit="palpated"):
+    return run("systemctl", "show", "--value", "--property", name, unit)[1]
 
 
 def is_serving():
     return show("ActiveState") == "active" and run("palpate", "info")[0] == 0
 
 
-def main_pid():
-    return int(show("MainPID"))
+def main_pid(unit="palpated"):
+    return int(show("MainPID", unit))
 
 
 def status_of(pid):
@@ -45,14 +49,17 @@ def status_of(pid):
     return {key: value.split() for key, _, value in (line.partition(":") for line in lines)}
 
 
-def check_sandbox():
-    status = status_of(main_pid())
-    user = str(pwd.getpwnam("palpate").pw_uid)
-    check("it is not root", status["Uid"] == [user] * 4)
-    check("its memory is its own", pathlib.Path(f"/proc/{main_pid()}/mem").owner() == "root")
+def check_rights(unit, user):
+    status = status_of(main_pid(unit))
+    check(f"{unit} is not root", status["Uid"] == [str(pwd.getpwnam(user).pw_uid)] * 4)
     check("no capabilities", int(status["CapBnd"][0], 16) == 0)
     check("no new privileges", status["NoNewPrivs"] == ["1"])
     check("filtered system calls", status["Seccomp"] == ["2"])
+
+
+def check_sandbox():
+    check_rights("palpated", "palpate")
+    check("its memory is its own", pathlib.Path(f"/proc/{main_pid()}/mem").owner() == "root")
     check("the status: " + show("StatusText"), "forces" in show("StatusText"))
 
 
@@ -178,6 +185,44 @@ def check_remote_viewer():
         check_run(*info)
 
 
+def asks(path, body=None):
+    """The status of palpate-web's answer; 0: none."""
+    request = urllib.request.Request(WEB + path, body and json.dumps(body).encode(), {
+        "Content-Type": "application/json", "Origin": WEB})
+    try:
+        return urllib.request.urlopen(request, timeout=10).status
+    except urllib.error.HTTPError as error:
+        return error.code
+    except OSError:
+        return 0
+
+
+def check_web():
+    """The gateway as deploy/guides/web.md says it."""
+    check("palpate-web waits for an administrator",
+          show("ActiveState", "palpate-web") == "inactive"
+          and run("systemctl", "is-enabled", "palpate-web")[1] == "disabled")
+    edit_config('# listen = "127.0.0.1:7400"', 'listen = "127.0.0.1:7400"')
+    restart()
+    key = pathlib.Path("/etc/palpate/web-room-key")
+    key.write_text(check_run("openssl", "rand", "-hex", "16") + "\n")
+    shutil.chown(key, "root", "palpate-web")
+    key.chmod(0o640)
+    edit_config("# key_file = ", "key_file = ", "palpate-web")
+    check_run("systemctl", "start", "palpate-web")
+    check_rights("palpate-web", "palpate-web")
+    check("it reaches palpated", comes_true(lambda: asks("/health") == 200))
+    check("the page is there", asks("/app.js") == 200)
+    check("a guest without the key is kept out", asks("/login", {"room": "0" * 32}) == 403)
+    check("a guest with the key is let in", asks("/login", {"room": key.read_text().strip()}) == 200)
+    pid = main_pid("palpate-web")
+    os.kill(pid, signal.SIGKILL)
+    check("palpate-web is started again after SIGKILL",
+          comes_true(lambda: main_pid("palpate-web") not in (0, pid) and asks("/health") == 200))
+    check_run("systemctl", "restart", "palpated")
+    check("it comes back with palpated", comes_true(lambda: asks("/health") == 200))
+
+
 def check_log():
     _, warnings = run("journalctl", "--unit", "palpated", "--priority", "4", "--no-pager")
     _, all_lines = run("journalctl", "--unit", "palpated", "--no-pager")
@@ -201,6 +246,9 @@ def main():
     check_reload()
     check_faults()
     check_log()
+    check_web()
+    # For what follows, palpated listens elsewhere; palpate-web waits.
+    edit_config('listen = "127.0.0.1:7400"', '# listen = "127.0.0.1:7400"')
     check_remote_viewer()
     check_end()
 
