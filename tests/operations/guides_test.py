@@ -2,7 +2,7 @@
 deploy/demo.sh, the README's first command.
 
 A page's blocks run in order, in one shell (```sh) and one Python (```python), in a folder that has
-the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, palpated.toml. A
+the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, palpated.toml, palpate-web.toml. A
 block that cannot run here says why on the line above it: <!-- not run: REASON -->."""
 
 import concurrent.futures
@@ -102,7 +102,8 @@ def make_files(folder):
     for name, number in (("head", 0), ("t0", 0), ("t1", 1), ("t2", 2)):
         (folder / f"{name}.nrrd").write_bytes(
             nrrd(ball(size, number), np.diag([3, 3, 3]).tolist(), (-48, -48, -48)))
-    shutil.copy(ROOT / "deploy/config/palpated.toml", folder)
+    for program in ("palpated", "palpate-web"):
+        shutil.copy(ROOT / f"deploy/config/{program}.toml", folder)
 
 
 def script(page_blocks):
@@ -113,8 +114,9 @@ def script(page_blocks):
         if block.language == "python":
             body = f"{sys.executable} <<'END_OF_PYTHON'\n{body}END_OF_PYTHON\n"
         text += f"echo '== {block}'\n{body}"
-    # Another palpated may have the port that the pages name.
-    text = text.replace("7400", str(free_port()))
+    # Others may have the ports that the pages name.
+    for port in ("7400", "7480"):
+        text = text.replace(port, str(free_port()))
     return text + "echo '== the end of the page'\n" + EPILOGUE
 
 
