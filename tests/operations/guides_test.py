@@ -2,8 +2,9 @@
 deploy/demo.sh, the README's first command.
 
 A page's blocks run in order, in one shell (```sh) and one Python (```python), in a folder that has
-the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, palpated.toml, palpate-web.toml. A
-block that cannot run here says why on the line above it: <!-- not run: REASON -->."""
+the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, palpated.toml and
+palpate-web.toml. A block that cannot run here says why on the line above it:
+<!-- not run: REASON -->."""
 
 import concurrent.futures
 import dataclasses
