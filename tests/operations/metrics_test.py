@@ -19,9 +19,9 @@ DASHBOARD = ROOT / "deploy/grafana/palpate.json"
 
 
 def documented():
-    """{name: type} of the guide's tables."""
+    """{name: type} of the guide's tables, without those of palpate-web."""
     rows = re.findall(r"^\| `([a-z_]+)` \| (\w+) \|", GUIDE.read_text(), re.MULTILINE)
-    return dict(rows)
+    return {name: kind for name, kind in rows if not name.startswith("palpate_web_")}
 
 
 def base_name(name, families):
