@@ -50,7 +50,8 @@ holds() {
 check_config() {
   [ "$(dpkg-deb -I "$(package "$1")" conffiles)" = "/etc/palpate/$2.toml" ] ||
     fail "the configuration of $2 is no conffile"
-  "$build/bin/$2" --check-config --config "$root/deploy/config/$2.toml" >/dev/null ||
+  install -m 0644 "$root/deploy/config/$2.toml" "$work"
+  "$build/bin/$2" --check-config --config "$work/$2.toml" >/dev/null ||
     fail "the configuration of $2 that is shipped"
 }
 

@@ -105,6 +105,7 @@ def make_files(folder):
             nrrd(ball(size, number), np.diag([3, 3, 3]).tolist(), (-48, -48, -48)))
     for program in ("palpated", "palpate-web"):
         shutil.copy(ROOT / f"deploy/config/{program}.toml", folder)
+        (folder / f"{program}.toml").chmod(0o644)  # palpate-web refuses what others may write
 
 
 def script(page_blocks):
