@@ -117,21 +117,23 @@ echo "in another terminal: $bin/palpate info --socket $socket"
 if [ -z "$web" ]; then
   "${apart[@]}" "$bin/palpate" watch --socket "$socket" ${seconds:+--seconds "$seconds"} &
   watcher=$!
-else
+# `palpate info` waits for the volume.
+elif "$bin/palpate" info --socket "$socket" >/dev/null 2>&1 && [ -z "$interrupted" ]; then
   mkfifo "$work/link"
   "${apart[@]}" ${seconds:+timeout --preserve-status "$seconds"} "$bin/palpate-web" \
     --server "127.0.0.1:$port" --listen "127.0.0.1:${web_port:-$(free_port 7480)}" \
     --page "$root/build/web" >"$work/link" &
   watcher=$!
-  # When it is ready, it prints the link; `palpate info` waits for the volume.
+  # When it is ready, it prints the link.
   exec 3<"$work/link"
-  if read -r link <&3 && "$bin/palpate" info --socket "$socket" >/dev/null 2>&1; then
+  if read -r link <&3; then
     printf '%s\n' "Ctrl-C stops everything. In a browser on this machine:" "$link"
   fi
 fi
+[ -z "$interrupted" ] || exit 0
 code=0
 # `palpate watch` ends when the daemon has ended; palpate-web would wait for the next daemon.
-wait -n "$watcher" ${web:+"$daemon"} || code=$?
+wait -n ${watcher:+"$watcher"} ${web:+"$daemon"} || code=$?
 if [ -n "$interrupted" ]; then
   # The trap interrupted the first wait.
   wait "$watcher" 2>/dev/null || true
