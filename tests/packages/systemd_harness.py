@@ -199,9 +199,8 @@ def asks(path, body=None):
 
 def check_web():
     """The gateway as deploy/guides/web.md says it."""
-    check("palpate-web waits for an administrator",
-          show("ActiveState", "palpate-web") == "inactive"
-          and run("systemctl", "is-enabled", "palpate-web")[1] == "disabled")
+    state = [run("systemctl", question, "palpate-web")[1] for question in ("is-enabled", "is-active")]
+    check(f"palpate-web waits for an administrator: {state}", state == ["disabled", "inactive"])
     edit_config('# listen = "127.0.0.1:7400"', 'listen = "127.0.0.1:7400"')
     restart()
     key = pathlib.Path("/etc/palpate/web-room-key")
