@@ -136,7 +136,7 @@ endif()
 
 # --- palpate-web ------------------------------------------------------------------
 # Not without its page: see PALPATE_WEB_PAGE.
-if(TARGET palpate-web AND TARGET palpate_web_page)
+if(TARGET palpate_web_page)
   palpate_package(web palpate-web science
 "Shows guests in a browser what palpated makes felt
 A gateway between one palpated, near or far, and the browsers of guests: the

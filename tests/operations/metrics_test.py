@@ -1,4 +1,5 @@
-"""The metrics: what is scraped from a working palpated, its documentation, and the dashboard.
+"""The metrics: what is scraped from a working palpated and palpate-web, its documentation, and the
+dashboard.
 Addresses that are refused: config_check_test and daemon_service_test."""
 
 import json
@@ -9,6 +10,8 @@ import subprocess
 import threading
 import unittest
 
+from free_port import free_port
+from gateway import Gateway
 from palpate.v1 import device_pb2, pose_pb2, recording_pb2
 from support import (CALL_S, Client, Daemon, PoseReader, metric, parse_metrics, scrape,
                      wait_until)
@@ -18,10 +21,10 @@ GUIDE = ROOT / "deploy/guides/metrics.md"
 DASHBOARD = ROOT / "deploy/grafana/palpate.json"
 
 
-def documented():
-    """{name: type} of the guide's tables, without those of palpate-web."""
+def documented(gateway=False):
+    """{name: type} of the guide's tables: of palpated, or those of palpate-web's own."""
     rows = re.findall(r"^\| `([a-z_]+)` \| (\w+) \|", GUIDE.read_text(), re.MULTILINE)
-    return {name: kind for name, kind in rows if not name.startswith("palpate_web_")}
+    return {name: kind for name, kind in rows if name.startswith("palpate_web_") == gateway}
 
 
 def base_name(name, families):
@@ -196,6 +199,19 @@ class LiveMetrics(unittest.TestCase):
         self.assertIn("palpate_ticks_total", scrape(self.daemon.metrics_port))
         for connection in hanging:
             connection.close()
+
+
+class GatewayMetrics(unittest.TestCase):
+    def test_each_is_documented(self):
+        port = free_port()
+        with Daemon() as daemon, Gateway(daemon, ("--metrics", f"127.0.0.1:{port}")) as gateway:
+            gateway.ask("GET", "/health")
+            families, _ = parse_metrics(scrape(port))
+        shown = {name: kind for name, (kind, _) in families.items()
+                 if not name.startswith("exposer_")}
+        # Counters with a label come with their first event.
+        self.assertIn("palpate_web_answers_total", shown)
+        self.assertLessEqual(shown.items(), documented(gateway=True).items())
 
 
 if __name__ == "__main__":
