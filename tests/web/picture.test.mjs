@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import path from "node:path";
 import { test } from "node:test";
 
-import { Room, awaitPage, awaitWhole, dataFile, runToEnd, testPrograms } from "./support.mjs";
+import { Room, awaitPage, awaitWhole, dataFile, runToEnd } from "./support.mjs";
 
 const SAME_VOXELS = 0.05;
 
@@ -15,7 +15,7 @@ async function bothPictures(room, tab, view) {
   await awaitPage(tab, "p.isFine()");
   const seen = await tab.evaluate(() => {
     const { state, distances } = window.palpate;
-    const canvas = document.querySelector("canvas#view");
+    const canvas = document.querySelector("#viewport");
     const { azimuthDeg, elevationDeg, distanceMm, target } = state.view;
     const bytes = new Uint8Array(distances().buffer);
     let text = "";
@@ -30,7 +30,7 @@ async function bothPictures(room, tab, view) {
   });
   const out = path.join(room.folder, "viewer.bin");
   const numbers = [...seen.size, ...seen.camera].map(String);
-  await runToEnd(path.join(testPrograms, "view_distances"), [room.socket, ...numbers, out]);
+  await runToEnd(process.env.PALPATE_VIEW_DISTANCES, [room.socket, ...numbers, out]);
   const [width, height] = seen.size;
   const bytes = readFileSync(out);
   return {

@@ -2,17 +2,17 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { createConnection, createServer } from "node:net";
-import path from "node:path";
 import { test } from "node:test";
+import { fileURLToPath } from "node:url";
 
-import { Room, awaitPage, awaitWhole, freePort, sleep, until } from "./support.mjs";
+import { Room, awaitPage, awaitWhole, freePort, runToEnd, sleep, until } from "./support.mjs";
 
 const TYPES = { uint8: "u1", int16: "<i2", uint16: "<u2", float32: "<f4" };
-const HASH = path.join(import.meta.dirname ?? path.dirname(new URL(import.meta.url).pathname), "content_hash.py");
+const HASH = fileURLToPath(new URL("content_hash.py", import.meta.url));
 
 function contentHash({ type, size, background, voxels }) {
   return new Promise((done, fail) => {
-    const program = spawn("/usr/bin/python3", [HASH, TYPES[type], ...size.map(String), String(background)]);
+    const program = spawn(process.env.PALPATE_PYTHON, [HASH, TYPES[type], ...size.map(String), String(background)]);
     let text = "";
     program.stdout.on("data", (part) => (text += part));
     program.stderr.on("data", (part) => (text += part));
@@ -170,8 +170,7 @@ test("the network is gone for 10 s: the page says it is old, and comes back", as
 });
 
 async function newUser(room, name, ...keys) {
-  const { runToEnd, programs } = await import("./support.mjs");
-  const text = await runToEnd(path.join(programs, "palpate-web"), [
+  const text = await runToEnd(process.env.PALPATE_WEB, [
     "user", name, ...keys.flatMap((key) => ["--may-steer", key]),
   ]);
   const lines = text.slice(text.indexOf("[[user]]"));

@@ -1,30 +1,20 @@
 // Starts what the browser's tests need: palpated, palpate-web, Chromium. Each ends with its test.
 //
-// Environment (tests/web/CMakeLists.txt sets it): PALPATE_BIN and PALPATE_TEST_BIN, folders of
-// programs; PALPATE_PAGE, the built page; PALPATE_NODE_MODULES; PALPATE_DATA_DIR; PALPATE_CHROMIUM.
+// The environment says where things are: see tests/web/CMakeLists.txt.
 import { spawn } from "node:child_process";
 import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
 import path from "node:path";
 
-const env = (name, otherwise) => process.env[name] ?? otherwise;
-const require = createRequire(path.join(env("PALPATE_NODE_MODULES", "node_modules"), "index.js"));
+import puppeteer from "puppeteer-core";
 
-export const programs = env("PALPATE_BIN", "build/bin");
-export const testPrograms = env("PALPATE_TEST_BIN", "build/tests");
-export const page = env("PALPATE_PAGE", "build/web");
-export const chromium = env("PALPATE_CHROMIUM", "/usr/bin/chromium");
+const { env } = process;
 // A test waits so long for what must come; nothing is judged by it.
 export const PATIENCE_MS = 120_000;
 
-export function load(module) {
-  return require(module);
-}
-
 export function dataFile(name) {
-  const file = path.join(env("PALPATE_DATA_DIR", "../shared/data"), name);
+  const file = path.join(env.PALPATE_DATA_DIR, name);
   return existsSync(file) ? file : null;
 }
 
@@ -103,7 +93,7 @@ export class Room {
   }
   async startDaemon(volume, ...args) {
     const all = [volume, "--socket", this.socket, "--state-folder", path.join(this.folder, "state")];
-    this.daemon = run(path.join(programs, "palpated"), [...all, ...args]);
+    this.daemon = run(env.PALPATED, [...all, ...args]);
     await this.daemon.waitFor(/ready on/);
   }
   // `config`: TOML beside what every test needs. The same port and key each time.
@@ -113,15 +103,15 @@ export class Room {
     if (!existsSync(key)) writeFileSync(key, "0123456789abcdef0123456789abcdef\n", { mode: 0o600 });
     const file = path.join(this.folder, "web.toml");
     writeFileSync(file, config, { mode: 0o600 });
-    this.gateway = run(path.join(programs, "palpate-web"), [
+    this.gateway = run(env.PALPATE_WEB, [
       "--config", file, "--socket", this.socket, "--listen", `127.0.0.1:${this.port}`,
-      "--page", page, "--room-key-file", key, ...args,
+      "--page", env.PALPATE_PAGE, "--room-key-file", key, ...args,
     ]);
     this.link = (await this.gateway.waitFor(/http:\/\/\S+#room=\S+/))[0];
     return this.link;
   }
   async palpate(...args) {
-    return runToEnd(path.join(programs, "palpate"), [...args, "--socket", this.socket]);
+    return runToEnd(env.PALPATE, [...args, "--socket", this.socket]);
   }
   async openBrowser({ width = 1000, height = 700, link = this.link } = {}) {
     const browser = await launch();
@@ -147,9 +137,8 @@ export class Room {
 }
 
 export function launch(...args) {
-  const puppeteer = load("puppeteer-core");
-  return (puppeteer.default ?? puppeteer).launch({
-    executablePath: chromium,
+  return puppeteer.launch({
+    executablePath: env.PALPATE_CHROMIUM,
     headless: true,
     protocolTimeout: PATIENCE_MS,
     args: [
