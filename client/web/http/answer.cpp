@@ -62,7 +62,7 @@ bool HeldBodies::Hold(const Body& body) {
     ++held->second;
     return true;
   }
-  if (bytes_ + body->size() > kMostBytes) return false;
+  if (bytes_ + body->size() > most_bytes_) return false;
   holders_[body.get()] = 1;
   bytes_ += body->size();
   return true;

@@ -45,7 +45,7 @@ Encoding ChooseEncoding(std::string_view accept);
 // bounds it.
 class HeldBodies {
  public:
-  static constexpr std::size_t kMostBytes = std::size_t{256} << 20;
+  explicit HeldBodies(std::size_t most_bytes) : most_bytes_(most_bytes) {}
 
   // False: too much is held already. A body that several hold counts once.
   bool Hold(const Body& body);
@@ -53,6 +53,7 @@ class HeldBodies {
   std::size_t bytes() const { return bytes_; }
 
  private:
+  const std::size_t most_bytes_;
   std::unordered_map<const std::string*, int> holders_;
   std::size_t bytes_ = 0;
 };

@@ -48,9 +48,8 @@ class PoseWindow {
 
 class Guest final : public Subscriber, public std::enable_shared_from_this<Guest> {
  public:
-  // Between two sweeps: more than a page sends in a second.
+  // Between two sweeps: more than a page sends in a second. Bounds the answers that wait, too.
   static constexpr int kMostMessages = 100;
-  static constexpr std::size_t kMostAnswers = 32;
 
   Guest(std::shared_ptr<Site> site, PeerStream stream, std::unique_ptr<Connections::Ticket> ticket,
         SessionPtr session, std::string peer);

@@ -40,9 +40,6 @@ struct SharedBody {
 };
 using Response = http::response<SharedBody>;
 
-// Slower readers are not waited for.
-constexpr std::size_t kMinBytesPerMs = 64;
-
 Response ToResponse(const Answer& answer, unsigned version, bool keep_alive) {
   Response response(answer.status, version);
   AddProtection(response);
@@ -138,8 +135,9 @@ void HttpConnection::Write(Answer answer, unsigned version, bool keep_alive) {
   }
   const std::size_t bytes = answer.body ? answer.body->size() : 0;
   if (site_->events.answered) site_->events.answered(static_cast<int>(answer.status), bytes);
-  stream_.tcp().expires_after(site_->options.timeouts.write +
-                              std::chrono::milliseconds(bytes / kMinBytesPerMs));
+  const HttpTimeouts& timeouts = site_->options.timeouts;
+  stream_.tcp().expires_after(timeouts.write +
+                              std::chrono::milliseconds(bytes / timeouts.lowest_bytes_per_ms));
   auto response = std::make_shared<Response>(ToResponse(answer, version, keep_alive));
   http::async_write(stream_, *response,
                     [self = shared_from_this(), response, body = answer.body, keep_alive](

@@ -17,8 +17,9 @@ struct HttpTimeouts {
   std::chrono::milliseconds request = std::chrono::seconds(10);
   // The same from one answer to the end of the next request.
   std::chrono::milliseconds keep_alive = std::chrono::seconds(30);
-  // For a message to a guest; for an answer, after the time that its bytes may take.
+  // For a message to a guest, and for an answer: to that, the time of its bytes at the lowest rate.
   std::chrono::milliseconds write = std::chrono::seconds(5);
+  std::size_t lowest_bytes_per_ms = 64;
   // For a guest that leaves as many poses unacknowledged as it may.
   std::chrono::milliseconds acknowledge = std::chrono::seconds(10);
   // How often guests are looked at. Adds to the two above.
@@ -35,6 +36,8 @@ struct HttpOptions {
   int max_guests = 250;
   int max_connections = 1024;
   int max_strangers = 64;  // of the connections: without a login
+  // Of answers that are being written. A body that several connections share counts once.
+  std::size_t max_held_bytes = std::size_t{256} << 20;
   HttpTimeouts timeouts{};
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
+#include <boost/asio/ip/network_v6.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <boost/system/error_code.hpp>
 #include <cctype>
@@ -13,6 +14,7 @@
 namespace palpate::web {
 namespace {
 
+namespace asio = boost::asio;
 namespace http = boost::beast::http;
 
 constexpr std::string_view kCookie = "palpate_session";
@@ -30,6 +32,16 @@ void ForEach(std::string_view items, char separator, const Use& use) {
     if (use(item)) return;
     items.remove_prefix(std::min(end + 1, items.size()));
   }
+}
+
+// What one guest may have: an address, or a network of IPv6.
+std::string NetworkOf(const std::string& address) {
+  boost::system::error_code problem;
+  const auto parsed = asio::ip::make_address(address, problem);
+  if (problem || !parsed.is_v6()) return address;
+  const asio::ip::address_v6 v6 = parsed.to_v6();
+  if (v6.is_v4_mapped()) return asio::ip::make_address_v4(asio::ip::v4_mapped, v6).to_string();
+  return asio::ip::network_v6(v6, 64).canonical().to_string();
 }
 
 // One request, with what the checks need of it.
@@ -125,8 +137,8 @@ class Router {
       return Refuse(http::status::bad_request, "malformed", "the body must have room or token");
     }
     const Access::Login result =
-        login->room ? site_.access.LogIn(Access::Secret::kRoomKey, *login->room, address_, now_)
-                    : site_.access.LogIn(Access::Secret::kToken, *login->token, address_, now_);
+        site_.access.LogIn(login->room ? Access::Secret::kRoomKey : Access::Secret::kToken,
+                           login->room ? *login->room : *login->token, NetworkOf(address_), now_);
     switch (result.result) {
       case Access::Result::kWrong:
         return Refuse(http::status::forbidden, "key", "wrong key");
@@ -249,7 +261,7 @@ std::string AddressOf(const Site& site, const Request& request, const std::strin
     });
   }
   boost::system::error_code problem;
-  const auto address = boost::asio::ip::make_address(std::string(last), problem);
+  const auto address = asio::ip::make_address(std::string(last), problem);
   return problem ? peer : address.to_string();
 }
 

@@ -39,7 +39,7 @@ struct Site {
   const StaticFiles files;
   Connections connections;
   QuietLog log{events};
-  HeldBodies bodies;
+  HeldBodies bodies{options.max_held_bytes};
   std::set<Guest*> guests;
   // As of the last sweep: for what need not be exact.
   Time now = std::chrono::steady_clock::now();
