@@ -13,7 +13,7 @@
 namespace palpate::web {
 
 struct HttpTimeouts {
-  // From the connection, TLS included, to the end of the first request's header and body.
+  // For TLS, and again from there to the end of the first request's header and body.
   std::chrono::milliseconds request = std::chrono::seconds(10);
   // The same from one answer to the end of the next request.
   std::chrono::milliseconds keep_alive = std::chrono::seconds(30);
