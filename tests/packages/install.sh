@@ -122,12 +122,14 @@ check_upgrade() {
 }
 
 check_removal() {
-  local left
+  local left program
   apt_in_jail remove palpate-daemon palpate-web
   [ -e "$config" ] || fail "remove takes the configuration"
   [ ! -e "$jail/usr/bin/palpated" ] || fail "remove leaves palpated"
   # Without systemd nothing runs; those of this machine are seen too.
-  if with_systemd && in_jail pgrep -x 'palpated|palpate-web'; then fail "remove leaves it running"; fi
+  for program in palpated palpate-web; do
+    if with_systemd && in_jail pgrep -x "$program"; then fail "remove leaves $program running"; fi
+  done
   touch "$jail/var/lib/palpate/volumes/trial.palrec"
   apt_in_jail purge palpate-daemon
   [ -e "$jail/var/lib/palpate/volumes/trial.palrec" ] || fail "purge takes recordings"

@@ -3,6 +3,7 @@ the packages are installed and palpated has been started by systemd."""
 
 import contextlib
 import ctypes
+import grp
 import json
 import os
 import pathlib
@@ -210,6 +211,8 @@ def check_web():
     edit_config("# key_file = ", "key_file = ", "palpate-web")
     check_run("systemctl", "start", "palpate-web")
     check_rights("palpate-web", "palpate-web")
+    check("it may not open palpated's socket", str(grp.getgrnam("palpate").gr_gid)
+          not in status_of(main_pid("palpate-web"))["Groups"])
     check("it reaches palpated", comes_true(lambda: asks("/health") == 200))
     check("the page is there", asks("/app.js") == 200)
     check("a guest without the key is kept out", asks("/login", {"room": "0" * 32}) == 403)
