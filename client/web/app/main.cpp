@@ -109,7 +109,7 @@ int Main(int argc, char** argv) {
   app.footer(
       "Exit codes: 0 ended in order, 2 wrong usage, 3 wrong value, 4 not found, 5 no permission,\n"
       "7 conflict (the port is in use), 1 anything else.\n"
-      "Example: palpate-web --socket /run/palpate/palpated.sock");
+      "Example: palpate-web --server 127.0.0.1:7400");
   app.set_version_flag("--version", std::string("palpate-web ") + PALPATE_VERSION);
   AddOptions(app, line);
   AddUser(app, line);
