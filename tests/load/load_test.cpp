@@ -9,7 +9,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
 
 #include "palpate/v1/series.grpc.pb.h"
@@ -258,6 +262,61 @@ TEST_F(LoadTest, LiveDataDoesNotReachTheServo) {
     };
   });
   JudgeCalls();
+}
+
+// What a process has taken of the processors so far.
+double ProcessorSeconds(pid_t pid) {
+  std::ifstream stat("/proc/" + std::to_string(pid) + "/stat");
+  std::string text;
+  std::getline(stat, text);
+  std::istringstream fields(text.substr(text.rfind(')') + 2));
+  std::string skipped;
+  for (int field = 3; field < 14; ++field) fields >> skipped;
+  double user = 0.0, system = 0.0;
+  fields >> user >> system;
+  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
+}
+
+// 200 browsers at the gateway on the servo's machine, and two that never read.
+TEST_F(LoadTest, ManyBrowsersDoNotReachTheServo) {
+  constexpr int kGuests = 200;
+  constexpr double kFewestHz = 50.0, kMostAgeMs = 50.0, kMostCores = 0.6;
+  // web_guests logs in and waits for 2 s before it counts.
+  const double counted_s = WindowSeconds() - 0.5;
+  Start("builtin:gyroid:96");
+  const std::filesystem::path bin = std::filesystem::path(test::kPalpated).parent_path();
+  const test::TemporaryFolder folder;
+  const std::string key(32, 'k'), port = std::to_string(test::FreePort());
+  std::ofstream(folder.path() / "key") << key << "\n";
+  std::ofstream(folder.path() / "index.html") << "a page";
+  test::Process gateway(
+      {bin / "palpate-web", "--socket", daemon_->socket(), "--listen", "127.0.0.1:" + port,
+       "--page", folder.path(), "--room-key-file", folder.path() / "key"},
+      std::chrono::hours(1));
+  ASSERT_TRUE(gateway.WaitFor("#room="));
+  std::vector<double> cores;
+  Run([&] {
+    auto guests = std::make_shared<test::Process>(
+        std::vector<std::string>{bin.parent_path() / "tests/web_guests", "127.0.0.1", port, key,
+                                 std::to_string(kGuests), std::to_string(counted_s), "2"},
+        std::chrono::hours(1));
+    const double before_s = ProcessorSeconds(gateway.pid());
+    return [&, guests, before_s](const Window& window) {
+      cores.push_back((ProcessorSeconds(gateway.pid()) - before_s) / window.seconds());
+      const auto report = nlohmann::json::parse(guests->Wait().output);
+      std::printf(
+          "%d guests: the least got %.1f poses/s, worst age p99 %.1f ms, gateway %.2f "
+          "cores, %d of 2 stalled were dropped\n",
+          kGuests, report["fewest_poses_a_second"].get<double>(),
+          report["worst_age_p99_ms"].get<double>(), cores.back(),
+          report["stalled_dropped"].get<int>());
+      EXPECT_EQ(report["lost"], 0);
+      EXPECT_GE(report["fewest_poses_a_second"], kFewestHz);
+      EXPECT_LE(report["worst_age_p99_ms"], kMostAgeMs);
+    };
+  });
+  EXPECT_LE(Percentile(cores, 0.5), kMostCores);
+  gateway.EndInOrder();
 }
 
 // A crowd that asks for more poses than there are to give: what the others get meanwhile, against
