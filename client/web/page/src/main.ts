@@ -1,5 +1,4 @@
 // Puts the page together.
-import type { Secret } from "./wire/room";
 import { State } from "./state";
 import type { View } from "./state";
 import { buildInterface } from "./ui/index";
@@ -25,7 +24,8 @@ state.whyNoPicture = Viewport.problem(canvas);
 const viewport = state.whyNoPicture === "" ? new Viewport(canvas, state, "target" in fragment.view) : null;
 copy.target = viewport;
 
-const hashNow = () => writeFragment(room.roomKey ?? fragment.room, fragment.budgetMiB, state.view);
+const isAimed = () => viewport?.isAimed || "target" in fragment.view;
+const hashNow = () => writeFragment(room.roomKey ?? fragment.room, fragment.budgetMiB, state.view, isAimed());
 
 async function savePng(): Promise<void> {
   const picture = await viewport?.png();
@@ -75,6 +75,4 @@ const palpate = {
   // Calls `listener` whenever a whole manifest is shown.
   onShown: (listener: (manifest: Manifest) => void) => copy.onShown(listener),
 };
-export type Palpate = typeof palpate;
-export type { Secret };
 Object.assign(window, { palpate });

@@ -53,19 +53,11 @@ export class PoseHistory {
 const kClockDrift = 1e-4;
 const kMaxEvents = 50;
 
-export class State {
-  hello: wire.HelloMessage | null = null;
-  connection: wire.ConnectionMessage | null = null;
-  volume: wire.VolumeMessage | null = null;
-  placement: wire.PlacementMessage | null = null;
-  copy: wire.CopyMessage | null = null;
-  manifest: wire.ManifestMessage | null = null;
-  settings: wire.SettingsMessage | null = null;
-  steering: wire.SteeringMessage | null = null;
-  series: wire.SeriesMessage | null = null;
-  recording: wire.RecordingMessage | null = null;
-  guests: wire.GuestsMessage | null = null;
+// The newest message of each topic; null: none yet.
+type Newest = { [T in wire.Topic]: wire.Messages[T] | null };
+export interface State extends Newest {}
 
+export class State {
   link: Link = "login";
   linkWhy = "";
   // What happened meanwhile, in plain words, newest last.
@@ -93,6 +85,10 @@ export class State {
   private clockOffsetMs = Infinity;
   private offsetTakenMs = 0;
 
+  constructor() {
+    for (const topic of kTopics) this[topic] = null;
+  }
+
   on(topic: StateTopic, listener: () => void): void {
     this.listeners.set(topic, [...(this.listeners.get(topic) ?? []), listener]);
   }
@@ -105,7 +101,7 @@ export class State {
   receive(message: { type: string }): boolean {
     const topic = kTopics.find((t) => t === message.type);
     if (!topic) return false;
-    (this as Record<wire.Topic, unknown>)[topic] = message;
+    Object.assign(this, { [topic]: message });
     this.emit(topic);
     return true;
   }

@@ -28,11 +28,12 @@ export function readFragment(hash: string): Fragment {
   return { room: parts.get("room") || null, budgetMiB: budget > 0 ? budget : null, view };
 }
 
-export function writeFragment(room: string | null, budgetMiB: number | null, view: View): string {
+// `isAimed`: the camera has been aimed at a volume, so where it looks is worth keeping.
+export function writeFragment(room: string | null, budgetMiB: number | null, view: View, isAimed: boolean): string {
   const { azimuthDeg, elevationDeg, distanceMm, target } = view;
   const parts = [];
   if (room !== null) parts.push(`room=${encodeURIComponent(room)}`);
-  parts.push(`view=${[azimuthDeg, elevationDeg, distanceMm, ...target].map(inDigits).join()}`);
+  if (isAimed) parts.push(`view=${[azimuthDeg, elevationDeg, distanceMm, ...target].map(inDigits).join()}`);
   if (view.veil !== null) parts.push(`veil=${inDigits(view.veil)}`);
   if (view.follow) parts.push("follow=1");
   if (view.slices) parts.push("slices=1");

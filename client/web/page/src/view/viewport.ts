@@ -112,6 +112,10 @@ export class Viewport implements VolumeTarget {
     this.next = null;
   }
 
+  get isAimed(): boolean {
+    return this.aimedAt !== "";
+  }
+
   eye(): Vec3 {
     return this.camera.eye();
   }
@@ -120,7 +124,7 @@ export class Viewport implements VolumeTarget {
     return (this.shown?.texture.bytes ?? 0) + (this.next?.texture.bytes ?? 0);
   }
 
-  // What is cast now; null: nothing to cast.
+  // What is to be cast; null: nothing yet.
   request(): CastRequest | null {
     const map = this.state.placement?.device_from_index;
     const bounds = this.volumeBounds([-1, -1, -1], 0);
