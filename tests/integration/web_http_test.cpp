@@ -213,6 +213,27 @@ TEST(WebHttp, OtherNamesAreNotServed) {
   EXPECT_EQ(browser.Receive().result_int(), 421u);
 }
 
+TEST(WebHttp, SeveralBlobsComeInOneAnswer) {
+  WebRig rig;
+  Browser browser(rig);
+  const std::string both = "/volume/" + kBlobName + "," + kBigBlobName;
+  const Fields zstd = {{"Accept-Encoding", "zstd"}};
+  EXPECT_EQ(browser.Get(both, zstd).result_int(), 401u);
+  browser.LogIn();
+  const WebResponse answer = browser.Get(both, zstd);
+  EXPECT_EQ(answer.result_int(), 200u);
+  EXPECT_EQ(answer["Content-Encoding"], "zstd");
+  EXPECT_EQ(answer.body(), browser.Get("/volume/" + kBlobName, zstd).body() +
+                               browser.Get("/volume/" + kBigBlobName, zstd).body());
+  // Browsers do not read several streams of gzip.
+  EXPECT_EQ(browser.Get(both, {{"Accept-Encoding", "gzip"}}).result_int(), 406u);
+  EXPECT_EQ(browser.Get(both + "," + std::string(32, 'b'), zstd).result_int(), 410u);
+  EXPECT_EQ(browser.Get(both + ",a", zstd).result_int(), 404u);
+  std::string many = "/volume/" + kBlobName;
+  for (int n = 1; n < 33; ++n) many += "," + kBlobName;
+  EXPECT_EQ(browser.Get(many, zstd).result_int(), 404u);
+}
+
 TEST(WebHttp, TheVolumeIsForThoseWhoLoggedIn) {
   WebRig rig;
   Browser browser(rig);

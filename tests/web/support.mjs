@@ -151,7 +151,7 @@ export function launch(...args) {
 
 // True in the page when `expression` is; it sees window.palpate as p.
 export function awaitPage(tab, expression) {
-  return tab.waitForFunction(`{ const p = window.palpate; p && (${expression}) }`, {
+  return tab.waitForFunction(`(() => { const p = window.palpate; return p && (${expression}); })()`, {
     timeout: PATIENCE_MS,
     polling: 50,
   });

@@ -8,6 +8,7 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <vector>
 
 #include "client/web/http/messages.h"
 
@@ -18,6 +19,7 @@ namespace asio = boost::asio;
 namespace http = boost::beast::http;
 
 constexpr std::string_view kCookie = "palpate_session";
+constexpr std::size_t kMostBlobs = 32;  // of one request
 
 std::string_view View(boost::beast::string_view text) { return {text.data(), text.size()}; }
 
@@ -75,7 +77,7 @@ class Router {
     if (!IsGet()) return WrongMethod("GET");
     if (path_ == "/stream") return Join();
     constexpr std::string_view kVolume = "/volume/";
-    if (path_.starts_with(kVolume)) return VolumeBlob(path_.substr(kVolume.size()));
+    if (path_.starts_with(kVolume)) return VolumeBlobs(path_.substr(kVolume.size()));
     return File();
   }
 
@@ -183,20 +185,39 @@ class Router {
     return answer;
   }
 
-  Answer VolumeBlob(std::string_view name) {
+  // A blob, or several with commas between their names: a volume has thousands, and each request
+  // costs a browser milliseconds.
+  Answer VolumeBlobs(std::string_view names) {
     const bool has_site = request_.find("Sec-Fetch-Site") != request_.end();
     if (has_site && Field("Sec-Fetch-Site") != "same-origin") return WrongOrigin();
     if (session_ == nullptr) return NoLogin();
-    const BlobPtr blob = IsBlobName(name) ? site_.hub.find_blob(name) : nullptr;
-    if (blob == nullptr) {
+    std::vector<BlobPtr> blobs;
+    bool are_names = true;
+    ForEach(names, ',', [&](std::string_view name) {
+      are_names = IsBlobName(name) && blobs.size() < kMostBlobs;
+      if (are_names) blobs.push_back(site_.hub.find_blob(name));
+      return !are_names || blobs.back() == nullptr;
+    });
+    if (!are_names || blobs.empty() || blobs.back() == nullptr) {
       // Not logged: pages ask so whenever the volume has changed meanwhile.
-      return TextAnswer(IsBlobName(name) ? http::status::gone : http::status::not_found,
+      return TextAnswer(are_names && !blobs.empty() ? http::status::gone : http::status::not_found,
                         "ask for what the newest manifest names");
     }
-    Answer answer = Encoded(*blob);
+    if (blobs.size() > 1 && ChooseEncoding(Field("Accept-Encoding")) != Encoding::kZstd) {
+      return TextAnswer(http::status::not_acceptable, "ask for one blob at a time");
+    }
+    Answer answer = Encoded(*blobs.front());
+    if (blobs.size() > 1) answer.body = Joined(blobs);
     answer.fields.emplace_back(http::field::cache_control, "private, max-age=31536000, immutable");
     answer.fields.emplace_back(http::field::vary, "Cookie, Accept-Encoding");
     return answer;
+  }
+
+  // Frames of zstd that follow each other are one stream. Nothing is compressed again.
+  static Body Joined(const std::vector<BlobPtr>& blobs) {
+    std::string frames;
+    for (const BlobPtr& blob : blobs) frames += *blob->Encoded(Encoding::kZstd);
+    return std::make_shared<const std::string>(std::move(frames));
   }
 
   static bool IsBlobName(std::string_view name) {

@@ -59,6 +59,13 @@ window.addEventListener("hashchange", () => location.reload());
 if (fragment.room !== null) room.start({ room: fragment.room });
 state.emit("view");
 
+// For those who measure: when the first pictures of the overview and of the whole volume were there.
+state.on("picture", () => {
+  if (!viewport?.caster.isCurrent) return;
+  const name = copy.contentHash === "" ? "palpate-overview" : "palpate-volume";
+  if (performance.getEntriesByName(name).length === 0) performance.mark(name);
+});
+
 // For tests and scripts.
 const palpate = {
   state,
@@ -68,6 +75,8 @@ const palpate = {
   caster: viewport?.caster ?? null,
   // Distances from the eye to the surface in mm of the picture that is shown, the top row first.
   distances: () => viewport?.caster.distances() ?? new Float32Array(0),
+  // The finest picture of what is wanted now is shown.
+  isFine: () => viewport !== null && viewport.isFine(),
   setView(view: Partial<View>): void {
     Object.assign(state.view, view);
     state.emit("view");

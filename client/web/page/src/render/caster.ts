@@ -104,9 +104,15 @@ export class Caster {
     return this.frontSubject?.request ?? null;
   }
 
-  // The fine picture of the last request is shown.
+  // A picture of the last request and of the volume as it is now is shown.
+  get isCurrent(): boolean {
+    const front = this.frontSubject;
+    return front !== null && front === this.wanted && front.version === front.volume.version;
+  }
+
+  // It is the fine one.
   get settled(): boolean {
-    return this.frontLevel === 1 && this.frontSubject === this.wanted;
+    return this.frontLevel === 1 && this.isCurrent;
   }
 
   // Call this once a frame. Returns true if the picture has changed: draw a frame then. Throws an Error with the

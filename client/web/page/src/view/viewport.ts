@@ -124,6 +124,14 @@ export class Viewport implements VolumeTarget {
     return (this.shown?.texture.bytes ?? 0) + (this.next?.texture.bytes ?? 0);
   }
 
+  // The finest picture of what is wanted now is shown; at once after a change of the view, too.
+  isFine(): boolean {
+    const { target, azimuthDeg, elevationDeg, distanceMm } = this.state.view;
+    this.camera.set(target, azimuthDeg, elevationDeg, distanceMm);
+    const text = (request: CastRequest | null) => JSON.stringify(request && { ...request, clipFromD: [...request.clipFromD] });
+    return this.caster.settled && text(this.caster.shown) === text(this.request());
+  }
+
   // What is to be cast; null: nothing yet.
   request(): CastRequest | null {
     const map = this.state.placement?.device_from_index;

@@ -4,7 +4,7 @@
 import type { Vec3, VolumeShape, Voxels } from "../render/types";
 import type { State } from "../state";
 import { apply, norm, subtract } from "../view/geometry";
-import { allDone, fetchBlob, forEachAtATime, Gone } from "./fetch";
+import { allDone, fetchBlob, fetchEqual, forEachAtATime, Gone, kMostTogether } from "./fetch";
 import { GroupedVolume } from "./grouped_volume";
 import type { Plane } from "./grouped_volume";
 import { bytesPerVoxel, groupPlace, kGroupEdge, kGroupVoxels, newVoxels, parseManifest, voxelsOf } from "./manifest";
@@ -230,13 +230,18 @@ export class VolumeCopy {
       put = performance.now();
       this.state.emit("picture");
     };
-    await forEachAtATime(names, async (name) => {
-      const bytes = await (await this.fetch(name)).arrayBuffer();
-      this.blobs.set(name, voxelsOf(manifest.shape.type, bytes, kGroupVoxels));
-      this.groupsLeft -= numbers.get(name)!.length;
+    const bytesEach = kGroupVoxels * bytesPerVoxel(manifest.shape.type);
+    const together: string[][] = [];
+    for (let n = 0; n < names.length; n += kMostTogether) together.push(names.slice(n, n + kMostTogether));
+    await forEachAtATime(together, async (some) => {
+      const blobs = await fetchEqual(some, bytesEach, this.abort.signal);
+      some.forEach((name, n) => {
+        this.blobs.set(name, voxelsOf(manifest.shape.type, blobs[n], kGroupVoxels));
+        this.groupsLeft -= numbers.get(name)!.length;
+      });
       this.state.emit("copyProgress");
       if (!comesFirst) return;
-      arrived.push(name);
+      arrived.push(...some);
       const now = performance.now();
       if (now - put > kPutMs) putArrived();
       if (now - begun > kRestartMs && this.state.manifest && this.state.manifest.name !== manifest.name) {
