@@ -10,9 +10,9 @@ import { Room, awaitPage, awaitWhole, freePort, runToEnd, sleep, until } from ".
 const TYPES = { uint8: "u1", int16: "<i2", uint16: "<u2", float32: "<f4" };
 const HASH = fileURLToPath(new URL("content_hash.py", import.meta.url));
 
-function contentHash({ type, size, background, voxels }) {
+function contentHash({ type, size, voxels }) {
   return new Promise((done, fail) => {
-    const program = spawn(process.env.PALPATE_PYTHON, [HASH, TYPES[type], ...size.map(String), String(background)]);
+    const program = spawn(process.env.PALPATE_PYTHON, [HASH, TYPES[type], ...size.map(String)]);
     let text = "";
     program.stdout.on("data", (part) => (text += part));
     program.stderr.on("data", (part) => (text += part));
@@ -36,7 +36,7 @@ function keepCopies(tab) {
       }
       window.kept.push({
         revision: copy.revision, hash: copy.contentHash, type: copy.shape.type,
-        size: copy.shape.size, background: copy.shape.background, voxels,
+        size: copy.shape.size, voxels,
       });
     };
     onShown(keep);
@@ -59,7 +59,7 @@ async function keptCopies(tab) {
 test("the copy equals the daemon's volume at each manifest that is shown", async (t) => {
   const room = new Room();
   t.after(() => room.end());
-  await room.startDaemon("builtin:gyroid:70");
+  await room.startDaemon("builtin:gyroid:72");
   await room.startGateway();
   const tab = await room.openBrowser({ width: 500, height: 400 });
   await awaitWhole(tab);
@@ -174,7 +174,7 @@ async function newUser(room, name, ...keys) {
     "user", name, ...keys.flatMap((key) => ["--may-steer", key]),
   ]);
   const lines = text.slice(text.indexOf("[[user]]"));
-  const token = /palpate_[A-Za-z0-9_-]+/.exec(text)[0];
+  const token = /again: (\S+)/.exec(text)[1];
   return { token, lines };
 }
 
@@ -188,7 +188,7 @@ test("a named user steers the isovalue, everyone sees who did; a guest cannot", 
   await awaitLive(guest);
   const steerer = await room.openBrowser({ width: 500, height: 400, link: link.split("#")[0] });
   await awaitPage(steerer, "p.state.link === 'login'");
-  await steerer.evaluate((token) => window.palpate.room.login(token), lecturer.token);
+  await steerer.evaluate((token) => window.palpate.room.login({ token }), lecturer.token);
   await awaitLive(steerer);
   assert.deepEqual(await steerer.evaluate(() => window.palpate.state.hello.may_steer), ["isovalue"]);
   const before = await revisionOfSettings(guest);

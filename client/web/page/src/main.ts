@@ -61,8 +61,9 @@ state.emit("view");
 
 // For those who measure: when the first pictures of the overview and of the whole volume were there.
 state.on("picture", () => {
-  if (!viewport?.caster.isCurrent) return;
-  const name = copy.contentHash === "" ? "palpate-overview" : "palpate-volume";
+  const isOverview = copy.contentHash === "" && viewport?.hasPicture;
+  if (!isOverview && !viewport?.caster.isCurrent) return;
+  const name = isOverview ? "palpate-overview" : "palpate-volume";
   if (performance.getEntriesByName(name).length === 0) performance.mark(name);
 });
 

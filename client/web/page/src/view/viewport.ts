@@ -12,6 +12,7 @@ import type { Pose } from "../wire/pose";
 import { boundsIn, Camera, uprightPatient } from "./camera";
 import type { Bounds, Size } from "./camera";
 import { add, compose, indexFromBlocks, norm, scale, subtract } from "./geometry";
+import { glance } from "./glance";
 import { followPointers } from "./pointer";
 import { PalpationScene } from "./scene";
 
@@ -22,6 +23,7 @@ const kPatientAngles = [20, 10]; // azimuth and elevation of the first look
 const kOtherAngles = [30, 20];
 const kMostPixelRatio = 2;
 const kFollowS = 0.15;
+const kFrameMs = 100; // the longest wait for a frame
 const kRestShare = 1e-3; // of the distance: a target that is this near is reached
 
 function looksDifferent(a: Pose | null, b: Pose | null): boolean {
@@ -40,6 +42,7 @@ export class Viewport implements VolumeTarget {
 
   private readonly gl: WebGL2RenderingContext;
   private readonly renderer: WebGLRenderer;
+  private readonly first = document.querySelector<HTMLCanvasElement>("#glance")!.getContext("2d")!;
   private readonly scene = new PalpationScene();
   private readonly background = new Color();
   private stage = ""; // the background as CSS
@@ -95,6 +98,23 @@ export class Viewport implements VolumeTarget {
     return VolumeTexture.problem(this.gl, shape, budgetBytes);
   }
 
+  async glance(shape: VolumeShape, blocks: Voxels, factor: number): Promise<void> {
+    this.takeSize();
+    const request = this.caster.shown ? null : this.request(factor);
+    if (!request) return;
+    const picture = glance(shape, blocks, request);
+    const { canvas } = this.first;
+    [canvas.width, canvas.height] = [picture.width, picture.height];
+    this.first.putImageData(picture, 0, 0);
+    canvas.hidden = false;
+    this.state.emit("picture");
+    // A tab in the background has no frames.
+    await new Promise((resolve) => {
+      requestAnimationFrame(() => setTimeout(resolve));
+      setTimeout(resolve, kFrameMs);
+    });
+  }
+
   prepare(shape: VolumeShape, factor: number): void {
     this.next?.texture.dispose();
     this.next = null;
@@ -110,6 +130,10 @@ export class Viewport implements VolumeTarget {
     this.shown?.texture.dispose();
     this.shown = this.next;
     this.next = null;
+  }
+
+  get hasPicture(): boolean {
+    return !this.first.canvas.hidden || this.caster.shown !== null;
   }
 
   get isAimed(): boolean {
@@ -133,18 +157,18 @@ export class Viewport implements VolumeTarget {
   }
 
   // What is to be cast; null: nothing yet.
-  request(): CastRequest | null {
+  request(factor = this.shown?.factor): CastRequest | null {
     const map = this.state.placement?.device_from_index;
     const bounds = this.volumeBounds([-1, -1, -1], 0);
     const isovalue = this.isovalue();
-    if (!this.shown || !map || !bounds || isovalue === null) return null;
+    if (!factor || !map || !bounds || isovalue === null) return null;
     const { veil, veilOpacity } = this.state.view;
     const size: Size = [this.canvas.width, this.canvas.height];
     return {
       size,
       eye: this.camera.eye(),
       clipFromD: this.camera.clipFromD(size, bounds),
-      deviceFromIndex: compose(map, indexFromBlocks(this.shown.factor)),
+      deviceFromIndex: compose(map, indexFromBlocks(factor)),
       isovalue,
       materialAbove: !(this.state.pose?.freeAbove ?? false),
       color: kSurfaceColor,
@@ -209,19 +233,16 @@ export class Viewport implements VolumeTarget {
     const seconds = Math.min((now - this.frameMs) / 1000, 0.1);
     this.frameMs = now;
     if (this.gl.isContextLost()) return;
-    const ratio = Math.min(devicePixelRatio, kMostPixelRatio);
-    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight].map((n) => Math.round(n * ratio));
-    if (width === 0 || height === 0) return;
-    if (this.canvas.width !== width || this.canvas.height !== height) {
-      this.renderer.setSize(width, height, false);
-      this.isDirty = true;
-    }
+    if (!this.takeSize()) return;
     this.followStylus(seconds);
     const { target, azimuthDeg, elevationDeg, distanceMm } = this.state.view;
     this.camera.set(target, azimuthDeg, elevationDeg, distanceMm);
     const request = this.request();
     const hasNewPicture = this.shown !== null && request !== null && this.cast(this.shown.texture, request);
-    if (hasNewPicture) this.state.emit("picture");
+    if (hasNewPicture) {
+      this.first.canvas.hidden = true;
+      this.state.emit("picture");
+    }
     if (hasNewPicture || this.isDirty) this.draw();
   }
 
@@ -238,6 +259,18 @@ export class Viewport implements VolumeTarget {
   private stop(why: string): void {
     this.state.whyNoPicture = why;
     this.state.emit("picture");
+  }
+
+  // False: the canvas is hidden.
+  private takeSize(): boolean {
+    const ratio = Math.min(devicePixelRatio, kMostPixelRatio);
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight].map((n) => Math.round(n * ratio));
+    if (width === 0 || height === 0) return false;
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      this.renderer.setSize(width, height, false);
+      this.isDirty = true;
+    }
+    return true;
   }
 
   private followStylus(seconds: number): void {

@@ -17,6 +17,8 @@ export type { Plane };
 export interface VolumeTarget {
   // Why a volume of this shape cannot be drawn; "": it can.
   problem(shape: VolumeShape, budgetBytes: number): string;
+  // A quick look at the overview, when nothing is shown yet. Resolves when it was painted.
+  glance(shape: VolumeShape, blocks: Voxels, factor: number): Promise<void>;
   // Begins a new volume beside the one that is shown, all background. A voxel has this many of the volume's
   // voxels along each edge. Throws if there is no memory for it.
   prepare(shape: VolumeShape, factor: number): void;
@@ -135,14 +137,14 @@ export class VolumeCopy {
     const manifest = parseManifest(name, await (await this.fetch(name)).text());
     this.whyOverview = this.problem(manifest);
     if (this.whyOverview !== "") {
-      this.showOverview(manifest, await this.fetchOverview(manifest));
+      await this.showOverview(manifest, await this.fetchOverview(manifest));
       this.blobs.clear();
       return this.shown(manifest);
     }
     const size = manifest.shape.size.join();
     if (this.isOverview || this.front?.shape.size.join() !== size) {
       const overview = await this.fetchOverview(manifest);
-      this.showOverview(manifest, overview);
+      await this.showOverview(manifest, overview);
       this.front = this.beginWhole(manifest, overview);
     }
     const front = this.front!;
@@ -177,8 +179,9 @@ export class VolumeCopy {
     return new OverviewVoxels(overview.size, overview.factor, shape.type, voxelsOf(shape.type, bytes, count));
   }
 
-  private showOverview(manifest: Manifest, overview: OverviewVoxels): void {
+  private async showOverview(manifest: Manifest, overview: OverviewVoxels): Promise<void> {
     const shape = { ...manifest.shape, size: overview.size };
+    await this.target?.glance(shape, overview.blocks, overview.factor);
     const front = GroupedVolume.fromDense(shape, overview.blocks);
     const isNew = !this.isOverview || this.front?.shape.size.join() !== shape.size.join() || this.front.shape.type !== shape.type;
     if (isNew) this.target?.prepare(shape, overview.factor);
