@@ -237,8 +237,10 @@ export class Viewport implements VolumeTarget {
     this.followStylus(seconds);
     const { target, azimuthDeg, elevationDeg, distanceMm } = this.state.view;
     this.camera.set(target, azimuthDeg, elevationDeg, distanceMm);
+    // The driver compiles three.js's programs at the first drawing: not before the first look is there.
+    if (!this.shown) return;
     const request = this.request();
-    const hasNewPicture = this.shown !== null && request !== null && this.cast(this.shown.texture, request);
+    const hasNewPicture = request !== null && this.cast(this.shown.texture, request);
     if (hasNewPicture) {
       this.first.canvas.hidden = true;
       this.state.emit("picture");
