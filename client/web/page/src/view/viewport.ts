@@ -23,6 +23,8 @@ const kPatientAngles = [20, 10]; // azimuth and elevation of the first look
 const kOtherAngles = [30, 20];
 const kMostPixelRatio = 2;
 const kFollowS = 0.15;
+const kLost = "the graphics card was lost: reload the page";
+const kPngMs = 5000;
 const kFrameMs = 100; // the longest wait for a frame
 const kRestShare = 1e-3; // of the distance: a target that is this near is reached
 
@@ -71,7 +73,7 @@ export class Viewport implements VolumeTarget {
     this.renderer.autoClear = false;
     this.renderer.debug.checkShaderErrors = false; // that waits for the driver
     followPointers(canvas, this.camera, () => [canvas.clientWidth, canvas.clientHeight], (panned) => this.moved(panned));
-    canvas.addEventListener("webglcontextlost", () => this.stop("the graphics card was lost: reload the page"));
+    canvas.addEventListener("webglcontextlost", () => this.stop(kLost));
     new ResizeObserver(() => (this.isDirty = true)).observe(canvas);
     for (const topic of ["volume", "placement"] as const) state.on(topic, () => this.takePlace());
     state.on("view", () => (this.isDirty = true));
@@ -89,13 +91,16 @@ export class Viewport implements VolumeTarget {
     this.moved(false);
   }
 
+  // The finest picture, if it comes within a few seconds.
   async png(): Promise<Blob | null> {
+    const end = performance.now() + kPngMs;
+    while (!this.isFine() && performance.now() < end) await new Promise((resolve) => setTimeout(resolve, kFrameMs));
     this.draw();
     return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
   }
 
   problem(shape: VolumeShape, budgetBytes: number): string {
-    return VolumeTexture.problem(this.gl, shape, budgetBytes);
+    return this.gl.isContextLost() ? kLost : VolumeTexture.problem(this.gl, shape, budgetBytes);
   }
 
   async glance(shape: VolumeShape, blocks: Voxels, factor: number): Promise<void> {

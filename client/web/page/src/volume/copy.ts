@@ -32,6 +32,8 @@ export interface VolumeTarget {
 
 export const kBudgetBytes = 256 * 2 ** 20;
 const kRetryMs = 1000;
+// While the overview alone is shown, it is taken up at most this often.
+const kOverviewMs = 500;
 // While a volume comes, newer manifests are taken up this often.
 const kRestartMs = 1000;
 // While a volume comes, the picture is drawn anew this often.
@@ -120,7 +122,7 @@ export class VolumeCopy {
       } catch (error) {
         if (error instanceof Restart) continue;
         if (!(error instanceof Gone)) console.warn("palpate: volume:", error);
-        if (newest === this.state.manifest?.name) await this.woken(kRetryMs);
+        if (newest === this.state.manifest?.name) await this.woken(this.state.link === "open" ? kRetryMs : Infinity);
       }
     }
   }
@@ -135,14 +137,17 @@ export class VolumeCopy {
 
   private async take(name: string): Promise<void> {
     const manifest = parseManifest(name, await (await this.fetch(name)).text());
+    this.forgetBlobs(new Set([...(manifest.groups ?? []), ...this.placed]));
     this.whyOverview = this.problem(manifest);
     if (this.whyOverview !== "") {
       await this.showOverview(manifest, await this.fetchOverview(manifest));
-      this.blobs.clear();
-      return this.shown(manifest);
+      this.placed = [];
+      this.shown(manifest);
+      return pause(kOverviewMs);
     }
-    const size = manifest.shape.size.join();
-    if (this.isOverview || this.front?.shape.size.join() !== size) {
+    const isSameShape = JSON.stringify(this.front?.shape) === JSON.stringify(manifest.shape);
+    const isSameSize = this.front?.shape.size.join() === manifest.shape.size.join();
+    if (this.isOverview || !isSameSize || (this.front?.overview && !isSameShape)) {
       const overview = await this.fetchOverview(manifest);
       await this.showOverview(manifest, overview);
       this.front = this.beginWhole(manifest, overview);
@@ -152,11 +157,13 @@ export class VolumeCopy {
       await allDone([this.fetchGroups(manifest, true), this.fillIn(front)]);
     } else {
       await this.fetchGroups(manifest, false);
-      if (JSON.stringify(front.shape) !== JSON.stringify(manifest.shape)) {
-        this.front = this.beginWhole(manifest, null);
-      }
+      if (!isSameShape) this.front = this.beginWhole(manifest, null);
     }
     this.showWhole(manifest);
+  }
+
+  private forgetBlobs(but: Set<string>): void {
+    for (const name of this.blobs.keys()) if (!but.has(name)) this.blobs.delete(name);
   }
 
   private fetch(name: string): Promise<Response> {
@@ -303,8 +310,7 @@ export class VolumeCopy {
     front.overview = null;
     this.overviewBytes = 0;
     this.target?.present();
-    const named = new Set(manifest.groups);
-    for (const name of this.blobs.keys()) if (!named.has(name)) this.blobs.delete(name);
+    this.forgetBlobs(new Set(manifest.groups));
     this.contentHash = manifest.contentHash;
     this.shown(manifest);
   }

@@ -154,9 +154,9 @@ export class Room {
   // Without palpated there are no poses, and the browser does not tell of the gateway's pings.
   private async mayBeSilent(socket: WebSocket): Promise<boolean> {
     const { pose, connection } = this.state;
-    if (!pose || connection?.state === "connected" || socket.readyState !== WebSocket.OPEN) return false;
+    if ((pose && connection?.state === "connected") || socket.readyState !== WebSocket.OPEN) return false;
     // A gateway that does not know this socket closes it.
-    socket.send(JSON.stringify({ type: "ack", sequence: pose.sequence }));
+    if (pose) socket.send(JSON.stringify({ type: "ack", sequence: pose.sequence }));
     return fetch("health", { signal: AbortSignal.timeout(kProbeMs) }).then(() => true, () => false);
   }
 
