@@ -7,14 +7,14 @@ const folder = process.argv[2];
 const PICTURES = [
   {
     name: "web-head", volume: "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", size: [1200, 750],
-    set: { veil: -300, veilOpacity: 0.3, slices: true, azimuthDeg: 35, elevationDeg: -15 },
+    isovalue: "300", set: { veil: -300, slices: true, azimuthDeg: 150, elevationDeg: 15 },
   },
-  { name: "web-lobster-phone", volume: "paper/lobster_301x324x56_uint8.nhdr", size: [390, 720], set: {} },
+  { name: "web-lobster-phone", volume: "paper/lobster_301x324x56_uint8.nhdr", size: [390, 720], isovalue: "60", set: {} },
 ];
 
-for (const { name, volume, size, set } of PICTURES) {
+for (const { name, volume, isovalue, size, set } of PICTURES) {
   const room = new Room();
-  await room.startDaemon(dataFile(volume));
+  await room.startDaemon(dataFile(volume), "--isovalue", isovalue);
   await room.startGateway();
   const tab = await room.openBrowser({ width: size[0], height: size[1] });
   await awaitWhole(tab);
