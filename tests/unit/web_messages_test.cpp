@@ -103,7 +103,6 @@ TEST(TopicTexts, TextsOfOthersAreHarmless) {
   EXPECT_EQ(volume["background"], -5.0);
   EXPECT_EQ(volume["patient"], true);
   EXPECT_EQ(volume["world_from_index"], (json{1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3}));
-  EXPECT_EQ(volume["overview_factor"], 4);
   EXPECT_EQ(json::parse(NoVolumeText("loading\nx"))["loading"], "loading x");
   EXPECT_FALSE(json::parse(NoVolumeText("")).contains("loading"));
 }

@@ -112,8 +112,7 @@ double PlainMean(const PlainVolume& plain, const Vec3i& block, int factor) {
 }
 
 void JudgeOverview(const GroupedVolume& volume, const json& overview, const PlainVolume& plain,
-                   LeafType type) {
-  int factor = 1;
+                   LeafType type, int factor = 1) {
   while ((plain.size().maxCoeff() + factor - 1) / factor > 128) factor *= 2;
   ASSERT_EQ(overview["factor"], factor);
   const auto size = overview["size"].get<std::vector<int>>();
@@ -305,7 +304,7 @@ TEST(GroupedVolume, WithoutGroupsThereIsTheOverviewAlone) {
     ASSERT_TRUE(info);
     const json manifest = json::parse(*volume.Find(info->name)->Encoded(Encoding::kIdentity));
     EXPECT_EQ(manifest["groups"], "");
-    JudgeOverview(volume, manifest["overview"], plain, LeafType::kUint8);
+    JudgeOverview(volume, manifest["overview"], plain, LeafType::kUint8, 4);
   }
   EXPECT_EQ(volume.Find(NameFor(0, PlainGroup(plain, {0, 0, 0}, LeafType::kUint8))), nullptr);
 }

@@ -74,7 +74,7 @@ function connect({ mayFeel = [], name = "head_ct_256.nrrd", patient = true } = {
   const counts = Array.from({ length: 128 }, (_, n) => Math.round(90000 * Math.exp(-(((n - 20) / 9) ** 2)) + 30000 * Math.exp(-(((n - 66) / 6) ** 2)) + 6000 * Math.exp(-n / 60)));
   receive("volume", { name, size: kSize, voxel_type: "int16", value_min: -1000, value_max: 1000, background: -1000, unit: "HU", patient,
     world_from_index: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1, -24], histogram: { low: -1000, high: 1000, counts },
-    suggested: [{ name: "skin", isovalue: -300, reason: "between air and soft tissue" }, { name: "bone", isovalue: 320, reason: "above soft tissue" }], overview_factor: 1 });
+    suggested: [{ name: "skin", isovalue: -300, reason: "between air and soft tissue" }, { name: "bone", isovalue: 320, reason: "above soft tissue" }] });
   receive("placement", { device_from_index: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1.4, -24], settings_revision: 1 });
   receive("copy", { bricks_left: 0, problem: "" });
   receive("settings", { revision: 1, values: { isovalue: 320, stiffness_n_per_mm: 0.6, friction: true, method: "trilinear" } });

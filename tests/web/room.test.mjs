@@ -210,5 +210,5 @@ test("with --no-volume only the overview leaves the gateway", async (t) => {
     return answer.json();
   });
   assert.equal(manifest.groups, "");
-  assert.deepEqual(manifest.overview.size, [48, 48, 48]);
+  assert.deepEqual(manifest.overview.size, [12, 12, 12]);
 });

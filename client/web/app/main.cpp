@@ -41,7 +41,7 @@ void AddOptions(arguments::Command& app, CommandLine& line) {
   app.add_option("--page", line.page, "Folder of the page [default: the one that was built]")
       ->option_text("FOLDER");
   app.add_flag("--no-volume", line.no_volume,
-               "Guests see an overview of the volume, at most 128 voxels an axis");
+               "Guests see an overview of the volume alone, not its voxels");
   app.add_option("--room-key-file", line.room_key_file,
                  "Holds the key of the room link [default: a new key at every start]")
       ->option_text("FILE");

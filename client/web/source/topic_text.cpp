@@ -142,8 +142,7 @@ std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& latt
                {"world_from_index", Rows(lattice.X_WI)},
                {"histogram",
                 {{"low", histogram.low}, {"high", histogram.high}, {"counts", histogram.counts}}},
-               {"suggested", suggested},
-               {"overview_factor", Overview::FactorFor(size)}});
+               {"suggested", suggested}});
 }
 
 std::string PlacementText(const VolumePlacement& placement) {

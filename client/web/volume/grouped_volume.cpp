@@ -59,7 +59,7 @@ void GroupedVolume::Begin(const VolumeLattice& lattice, Time now) {
   const Vec3i bricks = lattice.BrickCounts();
   group_count_ = {GroupCount(bricks.x()), GroupCount(bricks.y()), GroupCount(bricks.z())};
   groups_.assign(group_count_.cast<std::size_t>().prod(), {});
-  overview_ = Overview(lattice.size, background);
+  overview_ = Overview(lattice.size, background, with_groups_ ? 1 : kLeastFactorAlone);
   types_ = {};
   types_.at(static_cast<std::size_t>(groups_.front().type)) =
       static_cast<std::int64_t>(groups_.size());

@@ -42,6 +42,9 @@ class GroupedVolume {
  public:
   using Time = BlobShelf::Time;
 
+  // A small volume's overview must not be the volume itself if it is shown alone.
+  static constexpr int kLeastFactorAlone = 4;
+
   // Without groups: the overview alone.
   explicit GroupedVolume(bool with_groups) : with_groups_(with_groups) {}
 

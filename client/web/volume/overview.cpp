@@ -27,13 +27,9 @@ void ForEach(const Vec3i& begin, const Vec3i& end, Visit visit) {
 
 }  // namespace
 
-int Overview::FactorFor(const Vec3i& size) {
-  int factor = 1;
-  while (CeilDiv(size, factor).maxCoeff() > kMostBlocks) factor *= 2;
-  return factor;
-}
-
-Overview::Overview(const Vec3i& size, float background) : lattice_(size), factor_(FactorFor(size)) {
+Overview::Overview(const Vec3i& size, float background, int least_factor)
+    : lattice_(size), factor_(least_factor) {
+  while (CeilDiv(size, factor_).maxCoeff() > kMostBlocks) factor_ *= 2;
   cell_ = std::min(factor_, kGroupEdge);
   size_ = CeilDiv(size, factor_);
   cells_ = CeilDiv(size, cell_);

@@ -21,11 +21,11 @@ class Overview {
   static constexpr int kMostBlocks = 128;  // along an axis
 
   Overview() = default;
-  // Of a lattice of `size` voxels whose voxels have the value `background`.
-  Overview(const Vec3i& size, float background);
+  // Of a lattice of `size` voxels whose voxels have the value `background`. The factor is the
+  // smallest power of two, from `least_factor` on, with at most kMostBlocks blocks along every
+  // axis.
+  Overview(const Vec3i& size, float background, int least_factor);
 
-  // The smallest power of two with at most kMostBlocks blocks along every axis.
-  static int FactorFor(const Vec3i& size);
   int factor() const { return factor_; }
   const Vec3i& size() const { return size_; }  // blocks
 

@@ -54,7 +54,6 @@ export interface VolumeMessage {
   world_from_index?: number[]; // rows of the 3×4 map from voxel indices
   histogram?: { low: number; high: number; counts: number[] };
   suggested?: SuggestedIsovalue[];
-  overview_factor?: number;
 }
 
 // `device_from_index`: rows of the 3×4 map from voxel indices to D.
