@@ -143,6 +143,10 @@ class Losses(unittest.TestCase):
             daemon.end(signal.SIGKILL)
             guest.wait_for("connection", lambda message: message["state"] == "lost"
                            and message["why"])
+            # The log says where palpated was looked for, guests are not told.
+            self.assertTrue(wait_until(lambda: any(daemon.socket in line
+                                                   for line in gateway.said)))
+            self.assertNotIn(daemon.socket, json.dumps(guest.topics))
             self.assertTrue(wait_until(lambda: not guest.pose[1] & 16))
             self.assertEqual(gateway.ask("GET", "/health")[0], 503)
             # What guests saw last is still there.

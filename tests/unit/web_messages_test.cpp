@@ -107,6 +107,27 @@ TEST(TopicTexts, TextsOfOthersAreHarmless) {
   EXPECT_FALSE(json::parse(NoVolumeText("")).contains("loading"));
 }
 
+TEST(TopicTexts, GuestsAreNotToldWherePalpatedIs) {
+  const std::string secret = "no palpated at unix:/run/palpate/none.sock";
+  for (const auto state :
+       {client::ConnectionState::kConnecting, client::ConnectionState::kConnected}) {
+    EXPECT_EQ(PlainWhy(state), "");
+  }
+  EXPECT_NE(PlainWhy(client::ConnectionState::kLost), "");
+  EXPECT_EQ(PlainProblem({}), "");
+  const std::string problem = PlainProblem({.problem = secret});
+  EXPECT_NE(problem, "");
+  EXPECT_EQ(problem.find("none.sock"), std::string::npos);
+  EXPECT_EQ(PlainProblem({.problem = "40 %", .is_loading = true}), "40 %");
+  for (const ErrorKind kind : {ErrorKind::kInternal, ErrorKind::kUnavailable, ErrorKind::kCancelled,
+                               ErrorKind::kPermissionDenied, ErrorKind::kLoading}) {
+    const std::string refusal = PlainRefusal(Error(kind, secret));
+    EXPECT_NE(refusal, "");
+    EXPECT_EQ(refusal.find("none.sock"), std::string::npos);
+  }
+  EXPECT_EQ(PlainRefusal(Error(ErrorKind::kInvalidArgument, "at most 5")), "at most 5");
+}
+
 TEST(TopicTexts, HelloHasTheSettingsThatTheUserMaySteerAndTheIsovalue) {
   const auto keys = [](const std::vector<std::string>& may_steer) {
     const json hello =

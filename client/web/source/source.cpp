@@ -63,7 +63,7 @@ Source::Source(SourceOptions options, Hub& hub, Post post)
   client_ = std::make_unique<client::Client>(Options());
   client_->SetOnLoading([](const std::string&) { return false; });
   hub_.Put(Topic::kConnection,
-           ConnectionText(connection_, PlainName(*client_), connection_since_ms_));
+           ConnectionText(connection_.state, PlainName(*client_), connection_since_ms_));
   volume_ = std::make_unique<VolumeThread>(
       *client_, options_.with_groups,
       [this](const VolumeNews& news) { post_([this, news] { PutVolume(news); }); });
@@ -119,16 +119,17 @@ std::optional<double> Source::pose_age_s() const {
 
 void Source::PutConnection(const client::Connection& connection) {
   const bool is_other = connection.state != connection_.state;
+  const bool is_other_why = is_other || connection.why != connection_.why;
   if (is_other) connection_since_ms_ = NowMs();
   connection_ = connection;
   hub_.Put(Topic::kConnection,
-           ConnectionText(connection_, PlainName(*client_), connection_since_ms_));
+           ConnectionText(connection_.state, PlainName(*client_), connection_since_ms_));
   const bool is_connected = connection.state == client::ConnectionState::kConnected;
   // The last pose again, as an old one.
   if (is_other && !is_connected && hub_.pose()) PutPose(false);
   if (is_connected) {
     options_.log("connected to palpated at " + client_->name());
-  } else if (connection.state == client::ConnectionState::kLost) {
+  } else if (connection.state == client::ConnectionState::kLost && is_other_why) {
     options_.log("no palpated: " + OneLine(connection.why));
   }
 }
@@ -144,7 +145,7 @@ void Source::PutVolume(const VolumeNews& news) {
   }
   if (news.placement) hub_.Put(Topic::kPlacement, PlacementText(*news.placement));
   if (news.manifest) hub_.Put(Topic::kManifest, ManifestText(*news.manifest));
-  hub_.Put(Topic::kCopy, CopyText(news.status.bricks_left, news.status.problem));
+  hub_.Put(Topic::kCopy, CopyText(news.status.bricks_left, PlainProblem(news.status)));
   if (news.status.problem != problem_ && !news.status.problem.empty()) {
     options_.log("no voxels: " + OneLine(news.status.problem));
   }
@@ -187,15 +188,16 @@ void Source::Steer(const SteerRequest& request, std::function<void(std::string e
   }
   worker_->Put(request.key, [this, request, update, done = std::move(done)](bool is_replaced) {
     if (is_replaced) return done("");
-    std::string error;
+    std::string error, plain;
     try {
       client_->Set(*update);
     } catch (const Error& refusal) {
       error = refusal.what();
+      plain = PlainRefusal(refusal);
     }
-    post_([this, request, done, error] {
+    post_([this, request, done, error, plain] {
       PutSteered(request, error);
-      done(error);
+      done(plain);
     });
   });
 }

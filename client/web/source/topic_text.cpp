@@ -106,11 +106,33 @@ std::string HelloText(const HelloInfo& info) {
                {"server_time_ms", info.server_time_ms}});
 }
 
-std::string ConnectionText(const client::Connection& connection, const std::string& palpated,
+std::string PlainWhy(client::ConnectionState state) {
+  return state == client::ConnectionState::kLost ? "not reached" : "";
+}
+
+std::string PlainProblem(const client::VolumeStatus& status) {
+  if (status.is_loading || status.problem.empty()) return status.problem;
+  return "palpated sends no voxels";
+}
+
+std::string PlainRefusal(const Error& refusal) {
+  switch (refusal.kind()) {
+    case ErrorKind::kInvalidArgument:
+      return refusal.what();
+    case ErrorKind::kPermissionDenied:
+      return "palpated does not let the gateway change settings";
+    case ErrorKind::kUnavailable:
+      return "palpated is not reached";
+    default:
+      return "palpated does not take it now";
+  }
+}
+
+std::string ConnectionText(client::ConnectionState state, const std::string& palpated,
                            std::int64_t since_ms) {
   return Dump({{"type", "connection"},
-               {"state", NameOf(connection.state)},
-               {"why", OneLine(connection.why)},
+               {"state", NameOf(state)},
+               {"why", PlainWhy(state)},
                {"palpated", OneLine(palpated)},
                {"since_ms", since_ms}});
 }

@@ -16,7 +16,9 @@
 #include "client/sdk/series.h"
 #include "client/sdk/settings.h"
 #include "client/sdk/volume.h"
+#include "client/sdk/volume_update.h"
 #include "client/web/volume/grouped_volume.h"
+#include "common/error/error.h"
 
 namespace palpate::web {
 
@@ -29,8 +31,14 @@ struct HelloInfo {
 };
 std::string HelloText(const HelloInfo& info);
 
+// What guests may know of a loss and of a refusal: never the socket's path or an address, which the
+// reasons of the client library name. Empty: nothing is wrong.
+std::string PlainWhy(client::ConnectionState state);
+std::string PlainProblem(const client::VolumeStatus& status);
+std::string PlainRefusal(const Error& refusal);  // of a change of a setting
+
 // `palpated`: its name for people.
-std::string ConnectionText(const client::Connection& connection, const std::string& palpated,
+std::string ConnectionText(client::ConnectionState state, const std::string& palpated,
                            std::int64_t since_ms);
 
 // `loading`: how far palpated's first volume is; empty: none loads.
