@@ -97,6 +97,11 @@ class Volumes(WebTest):
         self.daemon.palpate("load", self.volume, "--discard")
 
 
+    def test_a_gateway_by_the_socket_is_warned_of(self):
+        self.assertTrue(wait_until(lambda: sum("warning" in line
+                                               for line in self.gateway.said) == 1))
+
+
 class WithoutVolume(WebTest):
     more = ("--no-volume",)
 

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/web/source/pose_bytes.h"
+#include "client/web/source/rights.h"
 #include "client/web/source/topic_text.h"
 
 namespace palpate::web {
@@ -105,6 +106,19 @@ TEST(TopicTexts, TextsOfOthersAreHarmless) {
   EXPECT_EQ(volume["world_from_index"], (json{1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3}));
   EXPECT_EQ(json::parse(NoVolumeText("loading\nx"))["loading"], "loading x");
   EXPECT_FALSE(json::parse(NoVolumeText("")).contains("loading"));
+}
+
+TEST(Rights, MoreThanTheGatewayNeedsAreWarnedOf) {
+  using client::Role;
+  for (const Role role : {Role::kUnknown, Role::kViewer}) EXPECT_EQ(RightsWarning(role, false), "");
+  for (const Role role : {Role::kUnknown, Role::kViewer, Role::kEditor}) {
+    EXPECT_EQ(RightsWarning(role, true), "");
+  }
+  EXPECT_NE(RightsWarning(Role::kEditor, false), "");
+  for (const Role role : {Role::kOperator, Role::kAdmin}) {
+    EXPECT_NE(RightsWarning(role, false), "");
+    EXPECT_NE(RightsWarning(role, true), "");
+  }
 }
 
 TEST(TopicTexts, GuestsAreNotToldWherePalpatedIs) {

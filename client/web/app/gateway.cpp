@@ -2,6 +2,7 @@
 
 #include <systemd/sd-daemon.h>
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
@@ -54,6 +55,8 @@ HttpEvents Events(Metrics& metrics) {
 SourceOptions OptionsOf(const Config& config, Metrics& metrics) {
   return {.server = config.palpated,
           .with_groups = config.with_groups,
+          .steers = std::any_of(config.users.begin(), config.users.end(),
+                                [](const User& user) { return !user.may_steer.empty(); }),
           .version = PALPATE_VERSION,
           .log = Log,
           .steered = [&metrics](bool is_accepted) {

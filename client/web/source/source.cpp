@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "client/web/source/pose_bytes.h"
+#include "client/web/source/rights.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"
 #include "common/wire/address.h"
@@ -129,9 +130,19 @@ void Source::PutConnection(const client::Connection& connection) {
   if (is_other && !is_connected && hub_.pose()) PutPose(false);
   if (is_connected) {
     options_.log("connected to palpated at " + client_->name());
+    CheckRights();
   } else if (connection.state == client::ConnectionState::kLost && is_other_why) {
     options_.log("no palpated: " + OneLine(connection.why));
   }
+}
+
+void Source::CheckRights() {
+  worker_->Put("rights", [this](bool is_replaced) {
+    if (is_replaced) return;
+    const auto daemon = AnswerOf([this] { return client_->GetDevice(); });
+    const std::string warning = daemon ? RightsWarning(daemon->role, options_.steers) : "";
+    if (!warning.empty()) post_([this, warning] { options_.log(warning); });
+  });
 }
 
 void Source::PutVolume(const VolumeNews& news) {

@@ -31,6 +31,7 @@ namespace palpate::web {
 struct SourceOptions {
   client::ServerChoice server{};
   bool with_groups = true;  // false: guests see the overview alone
+  bool steers = false;      // some user may change settings
   std::string version{};
   // On the network thread; one line each.
   std::function<void(const std::string& line)> log{};
@@ -66,6 +67,7 @@ class Source {
   void TakePoses(const client::PoseBatch& batch);
   void PutPose(bool is_fresh);
   void PutConnection(const client::Connection& connection);
+  void CheckRights();
   void PutVolume(const VolumeNews& news);
   void AskVolume();
   void PutVolumeInfo(const client::VolumeInfo& info);
