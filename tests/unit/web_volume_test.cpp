@@ -362,6 +362,66 @@ TEST(GroupedVolume, TheLastVolumeStaysUntilTheNextIsComplete) {
   EXPECT_EQ(volume.shelf().superseded_bytes(), 0u);
 }
 
+TEST(GroupedVolume, EditsKeepSupersededGroupsAndTwoSupersededOverviews) {
+  std::mt19937 random(4);
+  PlainVolume plain({64, 64, 64}, LeafType::kUint8, 0.0f);
+  GroupedVolume volume(true);
+  std::vector<std::string> overviews;
+  std::set<std::string> groups;
+  for (int n = 0; n < 6; ++n) {
+    plain.SetBrick(n, LeafType::kUint8, [&] { return RandomValue(LeafType::kUint8, random); });
+    const auto info = volume.Apply(plain.Take(), Time());
+    ASSERT_TRUE(info);
+    groups.merge(Judge(volume, *info, plain));
+    const json manifest = json::parse(*volume.Find(info->name)->Encoded(Encoding::kIdentity));
+    overviews.push_back(manifest["overview"]["name"]);
+  }
+  for (std::size_t n = 0; n < overviews.size(); ++n) {
+    EXPECT_EQ(volume.Find(overviews[n]) != nullptr, n >= 3) << n;
+  }
+  EXPECT_EQ(groups.size(), 6u);
+  for (const std::string& group : groups) EXPECT_TRUE(volume.Find(group));
+}
+
+TEST(GroupedVolume, OverviewAndManifestAreCompressedWhenAnnounced) {
+  PlainVolume plain({9, 9, 9}, LeafType::kUint8, 0.0f);
+  GroupedVolume volume(false);
+  const auto info = volume.Apply(plain.Take(), Time());
+  ASSERT_TRUE(info);
+  const std::size_t before = Blob::kept_bytes();
+  const BlobPtr manifest = volume.Find(info->name);
+  const json text = json::parse(*manifest->Encoded(Encoding::kIdentity));
+  manifest->Encoded(Encoding::kZstd);
+  volume.Find(text["overview"]["name"].get<std::string>())->Encoded(Encoding::kZstd);
+  EXPECT_EQ(Blob::kept_bytes(), before);
+}
+
+TEST(GroupedVolume, AfterAFailureTheLastManifestStaysAndTheNextUpdateMakesAllAnew) {
+  std::mt19937 random(6);
+  PlainVolume plain({64, 40, 40}, LeafType::kUint8, 0.0f);
+  const auto edit = [&] {
+    for (int m = 0; m < 9; ++m) EditBrick(plain, LeafType::kUint8, random);
+  };
+  edit();
+  GroupedVolume volume(true);
+  const auto first = volume.Apply(plain.Take(), Time());
+  ASSERT_TRUE(first);
+  const std::set<std::string> groups = Judge(volume, *first, plain);
+  edit();
+  client::VolumeUpdate impossible = plain.Take();  // more groups than a vector may have
+  impossible.all = true;
+  impossible.lattice->size = {1 << 30, 1 << 30, 1 << 15};
+  for (int n = 0; n < 2; ++n) EXPECT_ANY_THROW(volume.Apply(impossible, Time()));
+  EXPECT_TRUE(volume.Find(first->name));
+  for (const std::string& group : groups) EXPECT_TRUE(volume.Find(group));
+  edit();
+  client::VolumeUpdate next = plain.Take();
+  ASSERT_FALSE(next.all);
+  const auto second = volume.Apply(next, Time());
+  ASSERT_TRUE(second);
+  Judge(volume, *second, plain);
+}
+
 ContentHash HashNumber(std::uint64_t n) { return {n, n * 3}; }
 
 void Use(BlobShelf& shelf, std::uint64_t n, std::size_t bytes) {

@@ -13,7 +13,7 @@ namespace palpate::web {
 namespace {
 
 // Compressed bytes that blobs keep. A copy of a volume that does not compress must not double.
-std::atomic<std::size_t> kept_bytes{0};
+std::atomic<std::size_t> all_kept_bytes{0};
 
 std::string Gzip(const std::string& bytes) {
   z_stream stream{};
@@ -40,9 +40,11 @@ Blob::Blob(std::string name, std::string_view content_type, std::function<std::s
 
 Blob::~Blob() {
   for (const auto* kept : {&zstd_, &gzip_}) {
-    if (*kept) kept_bytes -= (*kept)->size();
+    if (*kept) all_kept_bytes -= (*kept)->size();
   }
 }
+
+std::size_t Blob::kept_bytes() { return all_kept_bytes; }
 
 std::shared_ptr<const std::string> Blob::Encoded(Encoding encoding) const {
   if (encoding == Encoding::kIdentity) return std::make_shared<const std::string>(bytes_());
@@ -52,8 +54,8 @@ std::shared_ptr<const std::string> Blob::Encoded(Encoding encoding) const {
   const std::string bytes = bytes_();
   auto made = std::make_shared<const std::string>(
       encoding == Encoding::kZstd ? CompressBytes(std::as_bytes(std::span(bytes))) : Gzip(bytes));
-  if (kept_bytes + made->size() <= kMaxKeptBytes) {
-    kept_bytes += made->size();
+  if (all_kept_bytes + made->size() <= kMaxKeptBytes) {
+    all_kept_bytes += made->size();
     kept = made;
   }
   return made;

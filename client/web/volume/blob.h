@@ -31,6 +31,7 @@ class Blob {
   std::shared_ptr<const std::string> Encoded(Encoding encoding) const;
 
   static constexpr std::size_t kMaxKeptBytes = std::size_t{512} << 20;
+  static std::size_t kept_bytes();  // compressed ones, of all blobs
 
  private:
   const std::string name_;

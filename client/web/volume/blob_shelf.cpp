@@ -33,6 +33,14 @@ void BlobShelf::Release(const ContentHash& hash, Time now) {
   superseded_.push_back({hash, held.superseded, now});
 }
 
+void BlobShelf::Drop(const ContentHash& hash) {
+  const std::lock_guard lock(mutex_);
+  const auto found = held_.find(hash);
+  if (found == held_.end() || found->second.uses > 0) return;
+  superseded_bytes_ -= found->second.bytes;
+  held_.erase(found);
+}
+
 void BlobShelf::Expire(Time now) {
   const std::lock_guard lock(mutex_);
   while (!superseded_.empty() && (superseded_.front().since + kKeptFor <= now ||

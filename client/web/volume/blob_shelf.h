@@ -33,6 +33,8 @@ class BlobShelf {
   void Use(const ContentHash& hash, std::size_t bytes, const std::function<BlobPtr()>& make);
   // The blob is in use once less.
   void Release(const ContentHash& hash, Time now);
+  // Drops the blob at once if it is superseded.
+  void Drop(const ContentHash& hash);
   // Drops what was superseded long ago, and the oldest while all that is superseded is too large.
   void Expire(Time now);
 

@@ -16,6 +16,7 @@ using Json = nlohmann::ordered_json;
 constexpr std::string_view kBytesType = "application/octet-stream";
 constexpr std::string_view kJsonType = "application/json";
 constexpr std::byte kManifestKind{255};
+constexpr std::size_t kMostOldOverviews = 2;
 
 std::span<const std::byte> AsBytes(std::string_view text) { return std::as_bytes(std::span(text)); }
 
@@ -26,6 +27,15 @@ Json ToJson(const Vec3i& v) { return {v.x(), v.y(), v.z()}; }
 }  // namespace
 
 std::optional<ManifestInfo> GroupedVolume::Apply(const client::VolumeUpdate& update, Time now) {
+  try {
+    return Take(update, now);
+  } catch (...) {
+    is_new_ = true;
+    throw;
+  }
+}
+
+std::optional<ManifestInfo> GroupedVolume::Take(const client::VolumeUpdate& update, Time now) {
   if (update.all) is_new_ = true;
   if (!is_new_) {
     for (const BrickRun& run : update.changed) Mark(run);
@@ -49,8 +59,9 @@ std::optional<ManifestInfo> GroupedVolume::Apply(const client::VolumeUpdate& upd
 }
 
 void GroupedVolume::Begin(const VolumeLattice& lattice, Time now) {
-  for (const Place& place : groups_) {
-    if (place.hash != ContentHash{}) shelf_.Release(place.hash, now);
+  for (Place& place : groups_) {
+    const ContentHash hash = std::exchange(place.hash, {});
+    if (hash != ContentHash{}) shelf_.Release(hash, now);
   }
   lattice_ = lattice;
   const float background = lattice.Background();
@@ -174,7 +185,14 @@ ContentHash GroupedVolume::Read(const BrickMap& bricks, const Vec3i& at, Uniform
 void GroupedVolume::PutOverview(Time now) {
   const std::string& bytes = overview_.Bytes(type_);
   const ContentHash hash = HashOfBytes(KindOf(type_), AsBytes(bytes));
-  if (overview_name_ != hash) Replace(overview_name_, hash, kBytesType, bytes, now);
+  if (overview_name_ == hash) return;
+  if (overview_name_) old_overviews_.push_back(*overview_name_);
+  Replace(overview_name_, hash, kBytesType, bytes, now);
+  std::erase(old_overviews_, hash);
+  while (old_overviews_.size() > kMostOldOverviews) {
+    shelf_.Drop(old_overviews_.front());
+    old_overviews_.pop_front();
+  }
 }
 
 void GroupedVolume::Replace(std::optional<ContentHash>& held, const ContentHash& hash,
@@ -187,6 +205,8 @@ void GroupedVolume::Replace(std::optional<ContentHash>& held, const ContentHash&
   });
   if (held) shelf_.Release(*held, now);
   held = hash;
+  // Every guest fetches it at once: not on the network thread.
+  shelf_.Find(NameOf(hash))->Encoded(Encoding::kZstd);
 }
 
 std::string GroupedVolume::Manifest(const client::VolumeUpdate& update) const {

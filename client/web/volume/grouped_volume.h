@@ -5,6 +5,8 @@
 // Only changed groups are read and hashed. Bricks are shared with the client's copy. A loaded
 // volume replaces the last one when its copy is complete; until then the last one stays.
 //
+// Of superseded overviews, two are kept: they are large, and would else push out superseded groups.
+//
 // Names: group and overview: HashOfBytes of the LeafType and the voxels; manifest: of 255 and the
 // text. A group that is all background has none.
 // Shape of the manifest:
@@ -14,12 +16,13 @@
 //    "overview": {"name", "size": [x, y, z], "factor"},
 //    "groups": base64 of 16 bytes per group; zeros: background. Empty without groups}
 //
-// Frame: I, voxel indices. Threads: Find on any; all else on one. Errors: none.
+// Frame: I, voxel indices. Threads: Find on any; all else on one. Errors: those of memory.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -48,7 +51,9 @@ class GroupedVolume {
   // Without groups: the overview alone.
   explicit GroupedVolume(bool with_groups) : with_groups_(with_groups) {}
 
-  // Takes every update of one client, in order. Returns the manifest if there is a new one.
+  // Takes every update of one client, in order. Returns the manifest if there is a new one. After
+  // an exception (memory is short) the last manifest stays, and the next update makes everything
+  // anew.
   std::optional<ManifestInfo> Apply(const client::VolumeUpdate& update, Time now);
   // Drops superseded blobs; Apply does so, too.
   void Expire(Time now) { shelf_.Expire(now); }
@@ -68,6 +73,7 @@ class GroupedVolume {
     ContentHash hash{};
   };
 
+  std::optional<ManifestInfo> Take(const client::VolumeUpdate& update, Time now);
   void Begin(const VolumeLattice& lattice, Time now);
   void Mark(const BrickRun& run);
   void MarkAll();
@@ -95,6 +101,7 @@ class GroupedVolume {
   LeafType type_ = LeafType::kUint8;
   Overview overview_;
   std::optional<ContentHash> overview_name_, manifest_name_;
+  std::deque<ContentHash> old_overviews_;   // superseded, oldest first
   std::optional<VolumeRevision> revision_;  // of the manifest
 };
 
