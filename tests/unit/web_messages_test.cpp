@@ -99,6 +99,8 @@ TEST(TopicTexts, TextsOfOthersAreHarmless) {
   lattice.X_WI.translation = {1, 2, 3};
   const json volume = json::parse(VolumeText(info, lattice));
   EXPECT_EQ(volume["name"], "<script>  \xef\xbf\xbd\"x.nrrd");
+  info.source = "/secret/series/";
+  EXPECT_EQ(json::parse(VolumeText(info, lattice))["name"], "series");
   EXPECT_EQ(volume["size"], (json{10, 20, 300}));
   EXPECT_EQ(volume["voxel_type"], "int16");
   EXPECT_EQ(volume["background"], -5.0);

@@ -35,5 +35,27 @@ TEST(Worker, TheNewestWorkOfAKeyReplacesWorkThatWaits) {
   EXPECT_EQ(done, (std::vector<std::string>{"a1", "a4", "b2"}));
 }
 
+TEST(Worker, WorkThatGoesLastIsDoneInOrder) {
+  std::vector<std::string> done;
+  std::promise<void> begun, go, end;
+  {
+    Worker worker;
+    worker.Put("first", [&](bool) {
+      begun.set_value();
+      go.get_future().wait();
+    });
+    begun.get_future().wait();
+    for (const char* const name : {"a1", "b1", "a2"}) {
+      worker.PutLast(std::string(1, name[0]), [&, name](bool is_replaced) {
+        if (!is_replaced) done.emplace_back(name);
+      });
+    }
+    worker.Put("end", [&](bool) { end.set_value(); });
+    go.set_value();
+    end.get_future().wait();
+  }
+  EXPECT_EQ(done, (std::vector<std::string>{"b1", "a2"}));
+}
+
 }  // namespace
 }  // namespace palpate::web

@@ -148,19 +148,24 @@ void Source::CheckRights() {
 void Source::PutVolume(const VolumeNews& news) {
   if (news.lattice) {
     lattice_ = news.lattice;
+    ++volumes_;
     has_info_ = false;
+    is_held_ = true;
     AskVolume();
   }
   if (!lattice_) {
     hub_.Put(Topic::kVolume, NoVolumeText(news.status.is_loading ? news.status.problem : ""));
   }
-  if (news.placement) hub_.Put(Topic::kPlacement, PlacementText(*news.placement));
-  if (news.manifest) hub_.Put(Topic::kManifest, ManifestText(*news.manifest));
+  if (news.placement) placement_ = PlacementText(*news.placement);
+  if (news.manifest) manifest_ = ManifestText(*news.manifest);
+  if (!is_held_) PutHeld();
   hub_.Put(Topic::kCopy, CopyText(news.status.bricks_left, PlainProblem(news.status)));
   if (news.status.problem != problem_ && !news.status.problem.empty()) {
     options_.log("no voxels: " + OneLine(news.status.problem));
   }
   problem_ = news.status.problem;
+  if (!news.failure.empty())
+    options_.log("a change of the volume waits for the next one: " + news.failure);
 }
 
 void Source::Poll() {
@@ -177,17 +182,29 @@ void Source::Poll() {
 }
 
 void Source::AskVolume() {
-  worker_->Put("volume", [this](bool is_replaced) {
+  worker_->Put("volume", [this, number = volumes_](bool is_replaced) {
     if (is_replaced) return;
     const auto info = AnswerOf([this] { return client_->GetVolume(); });
-    if (info) post_([this, info] { PutVolumeInfo(*info); });
+    post_([this, info, number] {
+      if (number == volumes_) PutVolumeInfo(info);
+    });
   });
 }
 
-void Source::PutVolumeInfo(const client::VolumeInfo& info) {
-  if (!lattice_ || lattice_->loaded_revision != info.loaded_revision) return;
-  has_info_ = true;
-  hub_.Put(Topic::kVolume, VolumeText(info, *lattice_));
+// Of a question that was asked since this volume came: a palpated that was started anew counts
+// revisions from the beginning, so the revision alone may be that of another volume.
+void Source::PutVolumeInfo(const std::optional<client::VolumeInfo>& info) {
+  if (info && lattice_ && lattice_->loaded_revision == info->loaded_revision) {
+    has_info_ = true;
+    hub_.Put(Topic::kVolume, VolumeText(*info, *lattice_));
+  }
+  is_held_ = false;
+  PutHeld();
+}
+
+void Source::PutHeld() {
+  if (!placement_.empty()) hub_.Put(Topic::kPlacement, std::exchange(placement_, {}));
+  if (!manifest_.empty()) hub_.Put(Topic::kManifest, std::exchange(manifest_, {}));
 }
 
 void Source::Steer(const SteerRequest& request, std::function<void(std::string error)> done) {
@@ -197,20 +214,21 @@ void Source::Steer(const SteerRequest& request, std::function<void(std::string e
     done(request.key + " does not take this value");
     return;
   }
-  worker_->Put(request.key, [this, request, update, done = std::move(done)](bool is_replaced) {
-    if (is_replaced) return done("");
-    std::string error, plain;
-    try {
-      client_->Set(*update);
-    } catch (const Error& refusal) {
-      error = refusal.what();
-      plain = PlainRefusal(refusal);
-    }
-    post_([this, request, done, error, plain] {
-      PutSteered(request, error);
-      done(plain);
-    });
-  });
+  worker_->PutLast(request.user + " " + request.key,
+                   [this, request, update, done = std::move(done)](bool is_replaced) {
+                     if (is_replaced) return done("");
+                     std::string error, plain;
+                     try {
+                       client_->Set(*update);
+                     } catch (const Error& refusal) {
+                       error = refusal.what();
+                       plain = PlainRefusal(refusal);
+                     }
+                     post_([this, request, done, error, plain] {
+                       PutSteered(request, error);
+                       done(plain);
+                     });
+                   });
 }
 
 void Source::PutSteered(const SteerRequest& request, const std::string& error) {

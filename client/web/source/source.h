@@ -51,8 +51,8 @@ class Source {
   void Poll();
   // What the hub needs; see its members of the same names.
   BlobPtr FindBlob(std::string_view name) const { return volume_->Find(name); }
-  // While palpated takes a change, the newest change of a key replaces one that waits; that is done
-  // then.
+  // While palpated takes a change, a user's newest change of a key replaces the same user's one
+  // that waits; that is done then.
   void Steer(const SteerRequest& request, std::function<void(std::string error)> done);
   std::string Health() const;
   std::string Hello(const std::string& user, const std::vector<std::string>& may_steer) const;
@@ -70,7 +70,8 @@ class Source {
   void CheckRights();
   void PutVolume(const VolumeNews& news);
   void AskVolume();
-  void PutVolumeInfo(const client::VolumeInfo& info);
+  void PutVolumeInfo(const std::optional<client::VolumeInfo>& info);
+  void PutHeld();
   void PutSteered(const SteerRequest& request, const std::string& error);
 
   const SourceOptions options_;
@@ -79,7 +80,12 @@ class Source {
   client::Connection connection_;
   std::int64_t connection_since_ms_ = 0;
   std::optional<VolumeLattice> lattice_;
-  bool has_info_ = false;  // of this lattice's volume
+  std::uint64_t volumes_ = 0;  // lattices that came
+  bool has_info_ = false;      // of this lattice's volume
+  // Until the first answer about another volume, so that its voxels do not come under the name of
+  // the last one; empty: nothing new.
+  bool is_held_ = false;
+  std::string placement_, manifest_;
   std::deque<SteeredChange> steered_;
   std::string problem_;
 

@@ -151,9 +151,11 @@ std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& latt
   }
   const client::ValueHistogram& histogram = info.histogram;
   const Vec3i& size = lattice.size;
+  std::filesystem::path source = info.source;
+  if (!source.has_filename()) source = source.parent_path();
   return Dump({{"type", "volume"},
                // Of a path no more than the file: guests need not know the daemon's folders.
-               {"name", OneLine(std::filesystem::path(info.source).filename().string())},
+               {"name", OneLine(source.filename().string())},
                {"size", {size.x(), size.y(), size.z()}},
                {"voxel_type", Name(lattice.type)},
                {"value_min", info.value_min},

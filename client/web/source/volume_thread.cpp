@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <utility>
 
 namespace palpate::web {
@@ -26,34 +27,44 @@ VolumeThread::~VolumeThread() {
   thread_.join();
 }
 
-// Looks instead of being told: a look without news costs next to nothing, and superseded blobs are
-// dropped and problems told in any case.
 void VolumeThread::Run() {
-  std::string problem;
   while (!stopping_) {
     const auto began = std::chrono::steady_clock::now();
-    const auto update = client_.TakeVolumeUpdate();
-    VolumeNews news;
-    if (update) {
-      news = NewsOf(*update);
-    } else {
-      volume_.Expire(began);
+    bool is_work = true;
+    try {
+      is_work = Look(began);
+    } catch (const std::exception& error) {
+      failure_ = error.what();
     }
-    news.status = client_.volume_status();
-    if (std::exchange(problem, news.status.problem) != news.status.problem || update)
-      on_news_(news);
     // A manifest of a large volume that changes throughout takes half of the time at most.
     const auto work = std::chrono::steady_clock::now() - began;
-    std::this_thread::sleep_for(news.manifest
+    std::this_thread::sleep_for(is_work
                                     ? std::max<std::chrono::nanoseconds>(kBetweenManifests, work)
                                     : std::chrono::nanoseconds(kBetweenLooks));
   }
 }
 
+// Looks instead of being told: a look without news costs next to nothing, and superseded blobs are
+// dropped and problems told in any case. Returns whether there is a manifest.
+bool VolumeThread::Look(std::chrono::steady_clock::time_point now) {
+  const auto update = client_.TakeVolumeUpdate();
+  VolumeNews news;
+  if (update) {
+    news = NewsOf(*update);
+  } else {
+    volume_.Expire(now);
+  }
+  news.status = client_.volume_status();
+  news.failure = std::exchange(failure_, {});
+  const bool is_other = std::exchange(problem_, news.status.problem) != news.status.problem;
+  if (is_other || update || !news.failure.empty()) on_news_(news);
+  return news.manifest.has_value();
+}
+
 VolumeNews VolumeThread::NewsOf(const client::VolumeUpdate& update) {
   VolumeNews news;
-  news.manifest = volume_.Apply(update, std::chrono::steady_clock::now());
   if (update.all) held_lattice_ = update.lattice;
+  news.manifest = volume_.Apply(update, std::chrono::steady_clock::now());
   has_manifest_ = has_manifest_ || news.manifest;
   const bool is_held = held_lattice_ && has_manifest_ && !news.manifest;
   if (is_held || !update.lattice) return news;

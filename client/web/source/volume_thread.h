@@ -7,8 +7,10 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <thread>
 
@@ -23,6 +25,8 @@ struct VolumeNews {
   std::optional<VolumePlacement> placement{};
   std::optional<ManifestInfo> manifest{};
   client::VolumeStatus status{};
+  // Why the change before was not taken: memory is short. The last manifest stays until the next.
+  std::string failure{};
 };
 
 class VolumeThread {
@@ -37,6 +41,7 @@ class VolumeThread {
 
  private:
   void Run();
+  bool Look(std::chrono::steady_clock::time_point now);
   VolumeNews NewsOf(const client::VolumeUpdate& update);
 
   client::Client& client_;
@@ -44,6 +49,7 @@ class VolumeThread {
   GroupedVolume volume_;
   std::optional<VolumeLattice> held_lattice_;  // not told yet
   bool has_manifest_ = false;
+  std::string problem_, failure_;
   std::atomic<bool> stopping_{false};
   std::thread thread_;
 };

@@ -13,7 +13,7 @@ Worker::~Worker() {
   thread_.join();
 }
 
-void Worker::Put(const std::string& key, Work work) {
+void Worker::Add(const std::string& key, Work work, bool goes_last) {
   {
     const std::lock_guard lock(mutex_);
     const auto same = std::find_if(waiting_.begin(), waiting_.end(),
@@ -22,6 +22,7 @@ void Worker::Put(const std::string& key, Work work) {
       waiting_.emplace_back(key, std::exchange(work, {}));
     } else {
       std::swap(same->second, work);
+      if (goes_last) std::rotate(same, same + 1, waiting_.end());
     }
   }
   wake_.notify_all();

@@ -25,9 +25,13 @@ class Worker {
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
-  void Put(const std::string& key, Work work);
+  // Replacing work takes the place of what it replaces.
+  void Put(const std::string& key, Work work) { Add(key, std::move(work), false); }
+  // Replacing work goes last: for work of several keys that has to be done in the order of Put.
+  void PutLast(const std::string& key, Work work) { Add(key, std::move(work), true); }
 
  private:
+  void Add(const std::string& key, Work work, bool goes_last);
   void Run();
 
   std::mutex mutex_;
