@@ -12,7 +12,6 @@ import json
 import os
 import pathlib
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -104,7 +103,9 @@ def make_files(folder):
         (folder / f"{name}.nrrd").write_bytes(
             nrrd(ball(size, number), np.diag([3, 3, 3]).tolist(), (-48, -48, -48)))
     for program in ("palpated", "palpate-web"):
-        shutil.copy(ROOT / f"deploy/config/{program}.toml", folder)
+        config = (ROOT / f"deploy/config/{program}.toml").read_text(encoding="utf-8")
+        (folder / f"{program}.toml").write_text(
+            config.replace("/usr/share/palpate/web", str(PROGRAMS.parent / "web")))
         (folder / f"{program}.toml").chmod(0o644)  # palpate-web refuses what others may write
 
 

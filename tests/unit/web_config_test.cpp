@@ -82,6 +82,7 @@ TEST_F(WebConfig, FaultsNameFileLineAndKey) {
       {"web.volume = 1", "web.volume"},
       {"web.max_guests = 0", "web.max_guests"},
       {"web.max_guests = 1.0", "web.max_guests"},
+      {"web.max_guests = 961", "web.max_guests"},
       {"room.key_file = ''", "room.key_file"},
       {"user = 'a'", "user"},
       {"[user]\nname = 'a'", "user"},
@@ -130,6 +131,41 @@ TEST_F(WebConfig, RoomKeysAreLongEnough) {
   EXPECT_THROW(ReadRoomKey(folder_.path() / "missing"), Error);
 }
 
+TEST_F(WebConfig, RoomKeysAreNotForAllAccounts) {
+  const auto key = Write("key", std::string(32, 'k'));
+  std::filesystem::permissions(key, std::filesystem::perms(0644));
+  EXPECT_THROW(ReadRoomKey(key), Error);
+}
+
+TEST_F(WebConfig, WhatCannotStartIsAFault) {
+  const std::filesystem::path missing = folder_.path() / "missing";
+  const auto file = Write("a.pem", "");
+  const std::function<void(Config&)> faults[] = {
+      [&](Config& c) { c.http.certificate_file = missing, c.http.key_file = file; },
+      [&](Config& c) { c.http.certificate_file = file, c.http.key_file = missing; },
+      [&](Config& c) { c.http.page_folder = missing; },
+      [&](Config& c) { c.http.page_folder = folder_.path(); },
+      [](Config& c) {
+        c.users = {{"a", kHash, {}}, {"b", kHash, {}}};
+      },
+      [](Config& c) {
+        c.http.listen.host = "palpate.example.org";
+        c.http.public_url = "https://palpate.example.org";
+        c.http.behind_proxy = true;
+      },
+  };
+  for (const auto& fault : faults) {
+    Config config;
+    fault(config);
+    EXPECT_EQ(CheckConfig(config).size(), 1u) << &fault - faults;
+  }
+  Config config;
+  Write("index.html", "");
+  config.http.page_folder = folder_.path();
+  config.http.certificate_file = config.http.key_file = file;
+  EXPECT_EQ(CheckConfig(config), std::vector<std::string>{});
+}
+
 TEST_F(WebConfig, OtherAddressesThanLoopbackNeedTlsOrAProxy) {
   Config config;
   EXPECT_EQ(CheckConfig(config).size(), 0u);
@@ -141,7 +177,7 @@ TEST_F(WebConfig, OtherAddressesThanLoopbackNeedTlsOrAProxy) {
     config.http.behind_proxy = true;
     EXPECT_EQ(CheckConfig(config).size(), 0u) << host;
     config.http.behind_proxy = false;
-    config.http.certificate_file = config.http.key_file = "/a.pem";
+    config.http.certificate_file = config.http.key_file = Write("a.pem", "");
     EXPECT_EQ(CheckConfig(config).size(), 0u) << host;
     config.http.key_file.clear();
     EXPECT_EQ(CheckConfig(config).size(), 1u) << "a certificate without its key";

@@ -48,6 +48,7 @@ Access::Access(AccessOptions options) : sessions_(options.session_life) {
     const Digest token = TokenOf(user);
     for (const Known& other : users_) {
       if (other.name == user.name) Refuse("user " + user.name + ": two users have this name");
+      if (other.token == token) Refuse("user " + user.name + ": " + other.name + " has this token");
     }
     users_.push_back({token, std::move(user.name), std::move(user.may_steer)});
   }

@@ -4,6 +4,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <boost/asio/ip/address.hpp>
 #include <fstream>
 #include <functional>
 #include <map>
@@ -72,6 +73,7 @@ std::string TokenHash(const toml::node& node) {
 Setters SettersOf(Config& c) {
   client::Address& address = c.palpated.address;
   client::Credentials& who = c.palpated.credentials;
+  const int most_guests = c.http.max_connections - c.http.max_strangers;
   return {
       {"palpated.profile", [&](auto& n) { c.palpated.profile = Text(n); }},
       {"palpated.socket", [&](auto& n) { address.socket_path = File(n); }},
@@ -87,7 +89,8 @@ Setters SettersOf(Config& c) {
       {"web.key", [&](auto& n) { c.http.key_file = File(n); }},
       {"web.behind_proxy", [&](auto& n) { c.http.behind_proxy = Flag(n); }},
       {"web.volume", [&](auto& n) { c.with_groups = Flag(n); }},
-      {"web.max_guests", [&](auto& n) { c.http.max_guests = Integer(n, 1, 10000); }},
+      {"web.max_guests",
+       [&c, most_guests](auto& n) { c.http.max_guests = Integer(n, 1, most_guests); }},
       {"room.key_file", [&](auto& n) { c.room_key_file = File(n); }},
       {"metrics.listen", [&](auto& n) { c.metrics = ParseHostPort(Text(n)); }},
   };
@@ -175,6 +178,27 @@ class Reader {
   std::vector<std::string> faults_;
 };
 
+void CheckListen(const HttpOptions& http) {
+  boost::system::error_code problem;
+  boost::asio::ip::make_address(http.listen.host, problem);
+  if (problem && http.listen.host != "localhost") {
+    Refuse("web.listen: " + http.listen.host + " is no IP address: give one, or localhost");
+  }
+}
+
+void CheckReadable(const char* key, const fs::path& file) {
+  if (!file.empty() && !std::ifstream(file)) {
+    Refuse(std::string(key) + ": cannot read " + file.string());
+  }
+}
+
+void CheckPage(const fs::path& folder) {
+  std::error_code error;
+  if (!folder.empty() && !fs::exists(folder / "index.html", error)) {
+    Refuse("web.page: " + folder.string() + " has no index.html");
+  }
+}
+
 // Why a file with keys, or what says who has them, cannot be trusted; empty: it can.
 std::string WriteFault(const fs::path& file) {
   struct stat info {};
@@ -206,6 +230,10 @@ std::vector<std::string> CheckConfig(const Config& config) {
   attempt([&] { Access({.room_key = NewSecret(128), .users = config.users}); });
   if (const std::string fault = WriteFault(http.key_file); !fault.empty()) faults.push_back(fault);
   attempt([&] { Origins(http, http.listen.port); });
+  attempt([&] { CheckListen(http); });
+  attempt([&] { CheckReadable("web.certificate", http.certificate_file); });
+  attempt([&] { CheckReadable("web.key", http.key_file); });
+  attempt([&] { CheckPage(http.page_folder); });
   if (http.certificate_file.empty() != http.key_file.empty()) {
     faults.emplace_back("web.certificate and web.key go together");
   }
@@ -225,6 +253,10 @@ void CheckSettingKey(const std::string& key) {
 
 std::string ReadRoomKey(const fs::path& file) {
   if (const std::string fault = WriteFault(file); !fault.empty()) Refuse(fault);
+  struct stat info {};
+  if (stat(file.c_str(), &info) == 0 && (info.st_mode & S_IROTH) != 0) {
+    Refuse("room.key_file: all accounts may read this file: chmod o-r " + file.string());
+  }
   std::ifstream stream(file);
   if (!stream) {
     std::error_code error;

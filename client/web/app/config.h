@@ -29,11 +29,11 @@ struct Config {
 std::vector<std::string> ReadConfig(const std::filesystem::path& file, Config& config);
 
 // Returns what makes a whole configuration useless; empty: nothing. An address that is not loopback
-// needs TLS or a proxy in front.
+// needs TLS or a proxy in front. Looks for the files that are named.
 std::vector<std::string> CheckConfig(const Config& config);
 
 // The key in the file, without white space at its ends. Errors: kNotFound, kPermissionDenied,
-// kInvalidArgument (others may write the file, the key is too short).
+// kInvalidArgument (others may write the file or all may read it, the key is too short).
 std::string ReadRoomKey(const std::filesystem::path& file);
 
 // Throws kInvalidArgument if no setting has this key.
