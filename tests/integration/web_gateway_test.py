@@ -3,6 +3,7 @@ are told is what the daemon does, and everything comes back after a loss. How th
 guests is tested in web_http_test.cpp, how groups are made in web_volume_test.cpp."""
 
 import json
+import resource
 import signal
 import struct
 import subprocess
@@ -91,6 +92,11 @@ class Volumes(WebTest):
                 guest.blob(message["name"]) or b'{"lattice": {"size": []}}')["lattice"]["size"]
                 == [size] * 3)
             self.assertTrue(self.require_equal_copy(guest, manifest["name"], {}))
+            # The first manifest of the volume came after its name.
+            said = [message for message in guest.heard if message["type"] in ("volume", "manifest")]
+            named = max(place for place, message in enumerate(said)
+                        if message.get("name") == volume)
+            self.assertEqual([message["type"] for message in said[named + 1:]], ["manifest"])
             info = self.conn.volume.info()
             placement = np.reshape(guest.wait_for("placement")["device_from_index"], (3, 4))
             np.testing.assert_allclose(placement, info.device_from_index[:3], atol=1e-12)
@@ -114,7 +120,10 @@ class WithoutVolume(WebTest):
 
 
 class Steering(WebTest):
-    token, config = made_user("lecturer-1", "isovalue", "force_shading") if PALPATE_WEB else ("", "")
+    if PALPATE_WEB:
+        token, config = made_user("lecturer-1", "isovalue", "force_shading")
+        other, more_config = made_user("lecturer-2", "isovalue")
+        config += more_config
 
     def test_a_user_steers_what_was_allowed_and_all_are_told(self):
         watcher, lecturer = self.guest(), self.guest(token=self.token)
@@ -137,7 +146,48 @@ class Steering(WebTest):
                                                for line in self.gateway.said)))
 
 
+    def test_changes_of_two_users_are_each_set_and_shown(self):
+        users = [self.guest(token=token) for token in (self.token, self.other)]
+        self.daemon.stand_still()
+        try:
+            for value in range(3):
+                for number, user in enumerate(users):
+                    user.send({"type": "steer", "id": 1, "key": "isovalue",
+                               "value": value / 10 + number / 20})
+        finally:
+            self.daemon.process.send_signal(signal.SIGCONT)
+        for user in users:
+            self.assertEqual(user.wait_for("steered")["error"], "")
+
+        def last(message):
+            return {change["user"]: change["value"] for change in message["changes"]}
+        users[0].wait_for("steering", lambda message: last(message) == {
+            "lecturer-1": 0.2, "lecturer-2": 0.25})
+
+
 class Losses(unittest.TestCase):
+    def test_a_key_that_is_in_a_file_is_not_printed(self):
+        with Daemon("builtin:sphere:20") as daemon:
+            file = daemon.folder / "room-key"
+            file.write_text("0123456789abcdef")
+            file.chmod(0o600)
+            with Gateway(daemon, ("--room-key-file", str(file))) as gateway:
+                self.assertNotIn("0123456789abcdef", gateway.link)
+                with self.assertRaises(RuntimeError):
+                    Guest(gateway, room="0123456789abcdee")
+                Guest(gateway, room="0123456789abcdef").close()
+
+    def test_the_gateway_raises_its_limit_of_files(self):
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        with Daemon("builtin:sphere:20") as daemon:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (min(256, hard), hard))
+            try:
+                gateway = self.enterContext(Gateway(daemon))
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+            self.assertEqual(resource.prlimit(gateway.process.pid, resource.RLIMIT_NOFILE),
+                             (hard, hard))
+
     def test_everything_comes_back_after_palpated_was_killed(self):
         with Daemon("builtin:sphere:20") as daemon, Gateway(daemon) as gateway, \
                 Guest(gateway) as guest:

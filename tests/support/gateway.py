@@ -45,7 +45,7 @@ class Gateway:
         self._reader = threading.Thread(target=lambda: self.said.extend(self.process.stderr),
                                         daemon=True)
         self._reader.start()
-        link = self.process.stdout.readline()
+        link = self.link = self.process.stdout.readline()
         if "#room=" not in link:
             self.end()
             raise RuntimeError("palpate-web did not start: " + "".join(self.said))
@@ -88,11 +88,12 @@ class Gateway:
 
 class Guest:
     """Logs in and follows /stream on a thread of its own: the newest text of each type in `topics`,
-    the newest pose, and all manifests' names."""
+    the newest pose, all manifests' names, and all texts."""
 
     def __init__(self, gateway, **login):
         self.gateway = gateway
         self.topics, self.manifests, self.pose, self.poses = {}, [], None, 0
+        self.heard = []
         status, headers, body = gateway.ask(
             "POST", "/login", json.dumps(login or {"room": gateway.room}), Origin=gateway.origin,
             Content_Type="application/json")
@@ -143,6 +144,7 @@ class Guest:
         if kind == 1:
             text = json.loads(message)
             self.topics[text["type"]] = text
+            self.heard.append(text)
             if text["type"] == "manifest":
                 self.manifests.append(text["name"])
         elif kind == 2:

@@ -99,15 +99,16 @@ export class Room {
   // `config`: TOML beside what every test needs. The same port and key each time.
   async startGateway(config = "", ...args) {
     this.port ??= await freePort();
-    const key = path.join(this.folder, "room-key");
-    if (!existsSync(key)) writeFileSync(key, "0123456789abcdef0123456789abcdef\n", { mode: 0o600 });
+    const key = "0123456789abcdef0123456789abcdef";
+    const keyFile = path.join(this.folder, "room-key");
+    if (!existsSync(keyFile)) writeFileSync(keyFile, `${key}\n`, { mode: 0o600 });
     const file = path.join(this.folder, "web.toml");
     writeFileSync(file, config, { mode: 0o600 });
     this.gateway = run(env.PALPATE_WEB, [
       "--config", file, "--socket", this.socket, "--listen", `127.0.0.1:${this.port}`,
-      "--page", env.PALPATE_PAGE, "--room-key-file", key, ...args,
+      "--page", env.PALPATE_PAGE, "--room-key-file", keyFile, ...args,
     ]);
-    this.link = (await this.gateway.waitFor(/http:\/\/\S+#room=\S+/))[0];
+    this.link = (await this.gateway.waitFor(/http:\/\/\S+#room=/))[0] + key;
     return this.link;
   }
   async palpate(...args) {

@@ -1,6 +1,8 @@
 #include "client/web/app/gateway.h"
 
+#include <sys/resource.h>
 #include <systemd/sd-daemon.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
@@ -87,7 +89,18 @@ std::string LinkOf(const Config& config, std::uint16_t port, const std::string& 
           std::to_string(port);
   }
   while (url.ends_with('/')) url.pop_back();
-  return url + "/#room=" + room_key;
+  url += "/#room=";
+  // A journal keeps what is printed, and more people may read it than the file.
+  const bool hides_key = !config.room_key_file.empty() && isatty(STDOUT_FILENO) == 0;
+  return hides_key ? url + " and the key in " + config.room_key_file.string() : url + room_key;
+}
+
+// Each guest is a file descriptor, and the usual soft limit is 1024.
+void RaiseFileLimit() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
 }
 
 // Once a second: questions to palpated, metrics, systemd's watchdog and its line of status.
@@ -123,6 +136,7 @@ class Heartbeat {
 }  // namespace
 
 void Serve(const Config& config) {
+  RaiseFileLimit();
   boost::asio::io_context io(1);
   boost::asio::signal_set signals(io, SIGINT, SIGTERM);
   const std::string room_key =
