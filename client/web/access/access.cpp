@@ -56,13 +56,11 @@ Access::Access(AccessOptions options) : sessions_(options.session_life) {
 
 Access::Login Access::LogIn(Secret kind, std::string_view secret, std::string_view address,
                             Time now) {
-  if (!attempts_.MayTry(address, now)) return {Result::kTooManyAttempts, {}, {}};
   const Digest digest = Sha256(secret);
   const Known* user = kind == Secret::kToken ? FindUser(digest) : nullptr;
   const bool is_guest = kind == Secret::kRoomKey && has_room_ && IsEqual(digest, room_key_);
   if (user == nullptr && !is_guest) {
-    attempts_.Failed(address, now);
-    return {Result::kWrong, {}, {}};
+    return {attempts_.IsFew(address, now) ? Result::kWrong : Result::kTooManyAttempts, {}, {}};
   }
   Sessions::Opened opened =
       user != nullptr ? sessions_.Open(user->name, user->may_steer, now)

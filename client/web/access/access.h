@@ -38,6 +38,7 @@ class Access {
   explicit Access(AccessOptions options);
 
   enum class Secret { kRoomKey, kToken };
+  // kTooManyAttempts: wrong, too. A right secret is always welcome.
   enum class Result { kWelcome, kWrong, kTooManyAttempts };
   struct Login {
     Result result = Result::kWrong;

@@ -2,22 +2,19 @@
 
 namespace palpate::web {
 
-bool LoginAttempts::MayTry(std::string_view address, Time now) {
-  BeginAnew(now);
-  const auto found = failed_.find(address);
-  if (found == failed_.end()) return failed_.size() < kMostAddresses;
-  return found->second < kMostAMinute;
-}
-
-void LoginAttempts::Failed(std::string_view address, Time now) {
-  BeginAnew(now);
-  ++failed_[std::string(address)];
-}
-
-void LoginAttempts::BeginAnew(Time now) {
-  if (now - begin_ < std::chrono::minutes(1)) return;
-  begin_ = now;
-  failed_.clear();
+bool LoginAttempts::IsFew(std::string_view address, Time now) {
+  if (now - begin_ >= std::chrono::minutes(1)) {
+    begin_ = now;
+    failed_.clear();
+  }
+  auto found = failed_.find(address);
+  if (found == failed_.end()) {
+    if (failed_.size() >= kMostAddresses) return false;
+    found = failed_.emplace(std::string(address), 0).first;
+  }
+  if (found->second >= kMostAMinute) return false;
+  ++found->second;
+  return true;
 }
 
 }  // namespace palpate::web

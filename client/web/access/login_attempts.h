@@ -1,6 +1,8 @@
-// Limits wrong logins per address, so that a short key cannot be found by trying.
+// Counts wrong logins per address, so that the gateway can answer a flood of them cheaply.
 //
-// Right logins do not count: a whole lecture hall may come from one address.
+// This is no protection against guessing, and right logins pass in any case: a lecture hall may
+// come from one address, and some there may have an old link. Guessing is hopeless by itself: a
+// room's key has at least 16 characters, and a token 256 random bits.
 //
 // Threads: one.
 #pragma once
@@ -18,17 +20,15 @@ namespace palpate::web {
 class LoginAttempts {
  public:
   static constexpr int kMostAMinute = 10;
-  // While so many addresses have failed within a minute, no further address may try.
+  // More addresses within a minute are not counted: their attempts are too many at once.
   static constexpr std::size_t kMostAddresses = 4096;
 
-  bool MayTry(std::string_view address, Time now);
-  void Failed(std::string_view address, Time now);
+  // Counts a wrong login. False: there were too many from this address within this minute.
+  bool IsFew(std::string_view address, Time now);
 
  private:
-  void BeginAnew(Time now);
-
   Time begin_{};                                    // of the minute that is counted
-  std::map<std::string, int, std::less<>> failed_;  // by address
+  std::map<std::string, int, std::less<>> failed_;  // by address; at most kMostAMinute
 };
 
 }  // namespace palpate::web

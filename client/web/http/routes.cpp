@@ -146,7 +146,7 @@ class Router {
         return Refuse(http::status::forbidden, "key", "wrong key");
       case Access::Result::kTooManyAttempts:
         return Refuse(http::status::too_many_requests, "attempts",
-                      "too many wrong keys from this address: try again in a minute");
+                      "wrong key, after too many from this address within a minute");
       case Access::Result::kWelcome:
         break;
     }
