@@ -93,6 +93,19 @@ TEST(WebHttp, RoomKeyOrTokenLogsIn) {
   }
 }
 
+TEST(WebHttp, LoginsByTokenAreAlwaysLogged) {
+  WebRig rig;
+  Browser browser(rig);
+  for (int n = 0; n < 5; ++n) {
+    browser.LogIn();
+    browser.LogInAsLecturer();
+  }
+  const std::string log = rig.log(), line = "127.0.0.1: lecturer logged in\n";
+  int lines = 0;
+  for (std::size_t at = log.find(line); at != log.npos; at = log.find(line, at + 1)) ++lines;
+  EXPECT_EQ(lines, 5) << log;
+}
+
 TEST(WebHttp, WrongKeysAreFew) {
   WebRig rig;
   Browser browser(rig);
@@ -360,6 +373,17 @@ TEST(WebHttp, KeysDoNotTravelUnprotected) {
                                 "https://user@a", "https://a:port", "https://a?b"}) {
     EXPECT_TRUE(refuses("127.0.0.1", bad, true, false)) << bad;
   }
+}
+
+TEST(WebHttp, APortInUseIsAConflict) {
+  WebRig rig;
+  asio::io_context io;
+  web::Hub hub;
+  web::HttpOptions options;
+  options.listen = {"127.0.0.1", rig.port()};
+  options.page_folder = rig.outside().parent_path();
+  EXPECT_EQ(testing::Refusal([&] { web::HttpServer(io, hub, options, {}, {}); }),
+            ErrorKind::kConflict);
 }
 
 TEST(WebHttp, PublicUrlIsTheOnlyOrigin) {

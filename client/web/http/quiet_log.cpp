@@ -23,7 +23,11 @@ void QuietLog::Note(std::string_view kind, const std::string& line, Time now) {
   const std::string more =
       budget.left_out == 0 ? "" : " (and " + std::to_string(budget.left_out) + " more since)";
   budget = {now, 0};
-  events_.log(OneLine(line.substr(0, 300)) + more);
+  Always(line.substr(0, 300) + more);
+}
+
+void QuietLog::Always(const std::string& line) {
+  if (events_.log) events_.log(OneLine(line));
 }
 
 }  // namespace palpate::web

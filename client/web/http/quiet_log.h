@@ -1,4 +1,5 @@
-// Logs refusals and logins: one line a second for each kind, so that a flood does not fill the log.
+// Logs refusals and guests' logins: one line a second for each kind, so that a flood does not fill
+// the log.
 //
 // Threads: one.
 #pragma once
@@ -20,6 +21,8 @@ class QuietLog {
   // `kind`: one word of few. `line` may have text of strangers in it.
   void Refused(std::string_view kind, const std::string& line, Time now);
   void Note(std::string_view kind, const std::string& line, Time now);
+  // For what no flood of strangers can bring.
+  void Always(const std::string& line);
 
  private:
   struct Kind {

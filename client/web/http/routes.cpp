@@ -150,7 +150,8 @@ class Router {
       case Access::Result::kWelcome:
         break;
     }
-    site_.log.Note("login", address_ + ": " + result.session->user + " logged in", now_);
+    const std::string note = address_ + ": " + result.session->user + " logged in";
+    login->token ? site_.log.Always(note) : site_.log.Note("login", note, now_);
     Answer answer;
     answer.content_type = "application/json";
     answer.body = std::make_shared<const std::string>(nlohmann::json{

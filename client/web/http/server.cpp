@@ -46,7 +46,8 @@ tcp::acceptor Listen(asio::io_context& io, const HostPort& listen) {
     acceptor.non_blocking(true);
     return acceptor;
   } catch (const boost::system::system_error& error) {
-    throw Error(ErrorKind::kUnavailable,
+    const bool is_in_use = error.code() == asio::error::address_in_use;
+    throw Error(is_in_use ? ErrorKind::kConflict : ErrorKind::kUnavailable,
                 "cannot listen on " + listen.ToString() + ": " + error.code().message());
   }
 }

@@ -4,7 +4,7 @@
 // guest.h and access.
 //
 // Threads: the one that runs `io`, which is the hub's, too. Errors: the constructor throws Error
-// (options that cannot be used, an address in use, unreadable files).
+// (options that cannot be used, kConflict: an address in use, unreadable files).
 #pragma once
 
 #include <boost/asio/io_context.hpp>
