@@ -246,6 +246,22 @@ TEST(WebGuests, WhoSaysTooMuchIsClosed) {
   EXPECT_EQ(guest.CloseCode(), websocket::close_code::policy_error);
 }
 
+// Frames of a message that never ends, all empty.
+TEST(WebGuests, WhoSaysNothingTooOftenIsClosed) {
+  web::HttpOptions options;
+  options.timeouts.sweep = milliseconds(500);
+  WebRig rig(options);
+  TestGuest guest(rig);
+  EXPECT_NE(guest.ReadUntil("hello"), "");
+  const std::string mask(4, '\0');
+  std::string frames = "\x01\x80" + mask;
+  for (int n = 0; n < 25000; ++n) frames += std::string("\0\x80", 2) + mask;
+  ErrorCode error;
+  asio::write(guest.tcp_socket(), asio::buffer(frames), error);
+  EXPECT_EQ(guest.CloseCode(), websocket::close_code::policy_error);
+  EXPECT_EQ(rig.refused("flood"), 1);
+}
+
 // Against a plain list.
 TEST(WebGuests, TheWindowCountsWhatIsNotAcknowledged) {
   std::mt19937 random(5);

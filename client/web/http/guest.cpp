@@ -52,6 +52,7 @@ void Guest::Start(const Request& request) {
   };
   PeerStream& peer = socket_.next_layer();
   peer.tcp().expires_never();
+  peer.tcp().rate_policy().Set(kMostBytes);
   ErrorCode ignored;
   peer.tcp().socket().set_option(asio::socket_base::send_buffer_size(kSendBufferBytes), ignored);
   // With pings, so that a guest whose network is gone is noticed where no poses flow.
@@ -204,8 +205,10 @@ void Guest::Check() {
     return Drop("poses are not acknowledged");
   }
   if (session_->IsOver(now)) return Leave("session", "the session is over: log in again");
-  if (messages_ > kMostMessages) return Leave("flood", "too many messages");
+  ReadBudget& budget = socket_.next_layer().tcp().rate_policy();
+  if (messages_ > kMostMessages || budget.IsUsedUp()) return Leave("flood", "too many messages");
   messages_ = 0;
+  budget.Set(kMostBytes);
 }
 
 std::size_t Guest::held_bytes() const {

@@ -50,6 +50,8 @@ class Guest final : public Subscriber, public std::enable_shared_from_this<Guest
  public:
   // Between two sweeps: more than a page sends in a second. Bounds the answers that wait, too.
   static constexpr int kMostMessages = 100;
+  // The same for bytes: frames without content are no messages.
+  static constexpr std::size_t kMostBytes = 64 << 10;
 
   Guest(std::shared_ptr<Site> site, PeerStream stream, std::unique_ptr<Connections::Ticket> ticket,
         SessionPtr session, std::string peer);

@@ -2,26 +2,49 @@
 // once.
 //
 // Asynchronous reads and writes as Boost.Asio's streams have; one of each at a time. Its time-out
-// is that of boost::beast::tcp_stream. Threads: the network thread.
+// is that of boost::beast::basic_stream. Threads: the network thread.
 #pragma once
 
-#include <boost/asio/bind_executor.hpp>
+#include <boost/asio/any_io_executor.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/ssl/context.hpp>
+#include <boost/beast/core/basic_stream.hpp>
 #include <boost/beast/core/error.hpp>
 #include <boost/beast/core/role.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/ssl/ssl_stream.hpp>
+#include <cstddef>
+#include <limits>
 #include <memory>
 #include <utility>
 #include <variant>
 
 namespace palpate::web {
 
+// How many bytes may still be read from a socket: a rate policy of Boost.Beast. At none, reads take
+// one byte a second.
+class ReadBudget {
+ public:
+  void Set(std::size_t bytes) { left_ = bytes; }
+  bool IsUsedUp() const { return left_ == 0; }
+
+ private:
+  friend class boost::beast::rate_policy_access;
+  static constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
+
+  std::size_t available_read_bytes() const { return left_; }
+  std::size_t available_write_bytes() const { return kNoLimit; }
+  void transfer_read_bytes(std::size_t bytes) { left_ -= bytes < left_ ? bytes : left_; }
+  void transfer_write_bytes(std::size_t) {}
+  void on_timer() {}
+
+  std::size_t left_ = kNoLimit;
+};
+
 class PeerStream {
  public:
-  using Tcp = boost::beast::tcp_stream;
+  using Tcp =
+      boost::beast::basic_stream<boost::asio::ip::tcp, boost::asio::any_io_executor, ReadBudget>;
   using Tls = boost::beast::ssl_stream<Tcp>;
   using executor_type = Tcp::executor_type;
 
