@@ -217,6 +217,23 @@ TEST(WebSteering, OnlyValuesInRange) {
   }
 }
 
+// In all sessions of a user together, and again one second later.
+TEST(WebAccess, TenChangesASecond) {
+  Access access(Options());
+  const SessionPtr sessions[] = {access.LogIn(Access::Secret::kToken, kToken, "a", kStart).session,
+                                 access.LogIn(Access::Secret::kToken, kToken, "b", kStart).session};
+  const auto made = [&](Time now) {
+    int count = 0;
+    for (int n = 0; n < 60; ++n) {
+      count += access.SteeringRefusal(*sessions[n % 2], "isovalue", n, now).empty() ? 1 : 0;
+    }
+    return count;
+  };
+  EXPECT_EQ(made(kStart), 10);
+  EXPECT_EQ(made(kStart + milliseconds(999)), 0);
+  EXPECT_EQ(made(kStart + seconds(1)), 10);
+}
+
 // At random times: never more than ten within a second, and never fewer than may be.
 TEST(WebSteering, TenASecondOfAUser) {
   SteeringRules rules;
