@@ -243,9 +243,47 @@ TEST(WebHttp, SeveralBlobsComeInOneAnswer) {
   EXPECT_EQ(browser.Get(both, {{"Accept-Encoding", "gzip"}}).result_int(), 406u);
   EXPECT_EQ(browser.Get(both + "," + std::string(32, 'b'), zstd).result_int(), 410u);
   EXPECT_EQ(browser.Get(both + ",a", zstd).result_int(), 404u);
-  std::string many = "/volume/" + kBlobName;
-  for (int n = 1; n < 33; ++n) many += "," + kBlobName;
-  EXPECT_EQ(browser.Get(many, zstd).result_int(), 404u);
+  EXPECT_EQ(browser.Get("/volume/" + kBlobName + "," + kBlobName, zstd).result_int(), 404u);
+  EXPECT_EQ(browser.Get("/volume/" + kBlobName + "," + kManifestName, zstd).result_int(), 406u);
+  EXPECT_EQ(browser.Get("/volume/" + kManifestName, zstd).result_int(), 200u);
+}
+
+TEST(WebHttp, BundlesAreBounded) {
+  WebRig rig;
+  Browser browser(rig);
+  browser.LogIn();
+  const auto get = [](Browser& from, int first, int count) {
+    std::string path = "/volume/" + NoiseName(first);
+    for (int n = first + 1; n < first + count; ++n) path += "," + NoiseName(n);
+    return from.Get(path, {{"Accept-Encoding", "zstd"}}).result_int();
+  };
+  EXPECT_EQ(get(browser, 0, 2), 200u);
+  EXPECT_EQ(get(browser, 0, 3), 406u);
+
+  web::HttpOptions options;
+  options.max_held_bytes = kNoiseBytes * 3 / 2;
+  WebRig small(options);
+  Browser there(small);
+  there.LogIn();
+  EXPECT_EQ(get(there, 0, 2), 406u);
+  EXPECT_EQ(get(there, 0, 1), 200u);
+}
+
+TEST(WebHttp, UpToThirtyTwoBlobsComeTogether) {
+  WebRig rig;
+  rig.OnNetwork([&] {
+    rig.hub().find_blob = [](std::string_view name) {
+      return std::make_shared<const web::Blob>(std::string(name), "application/octet-stream",
+                                               [] { return std::string(1000, 'v'); });
+    };
+  });
+  Browser browser(rig);
+  browser.LogIn();
+  std::string path = "/volume/" + NoiseName(0);
+  for (int n = 1; n < 32; ++n) path += "," + NoiseName(n);
+  EXPECT_EQ(browser.Get(path, {{"Accept-Encoding", "zstd"}}).result_int(), 200u);
+  path += "," + NoiseName(32);
+  EXPECT_EQ(browser.Get(path, {{"Accept-Encoding", "zstd"}}).result_int(), 404u);
 }
 
 TEST(WebHttp, TheVolumeIsForThoseWhoLoggedIn) {

@@ -19,6 +19,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <random>
 #include <string>
 #include <thread>
 #include <type_traits>
@@ -41,6 +42,17 @@ inline const std::string kToken = "the-token-of-the-lecturer";
 inline const std::string kBlobName(32, 'a');
 constexpr std::size_t kBigBlobBytes = std::size_t{7} << 20;
 inline const std::string kBigBlobName(32, 'c');  // more than the system keeps for a socket
+inline const std::string kManifestName(32, 'f');
+constexpr std::size_t kNoiseBytes = std::size_t{3} << 20;
+
+// A blob that does not compress. `n`: 0 to 99.
+inline std::string NoiseName(int n) { return std::to_string(100 + n) + std::string(29, 'e'); }
+inline std::string Noise() {
+  std::string bytes(kNoiseBytes, '\0');
+  std::mt19937 random(3);
+  for (char& byte : bytes) byte = static_cast<char>(random());
+  return bytes;
+}
 
 using Fields = std::map<std::string, std::string>;
 using WebResponse = http::response<http::string_body>;
@@ -122,10 +134,18 @@ class WebRig {
  private:
   void FillHub() {
     hub_.find_blob = [](std::string_view name) -> web::BlobPtr {
-      if (name != kBlobName && name != kBigBlobName) return nullptr;
-      const std::size_t bytes = name == kBlobName ? 32768 : kBigBlobBytes;
-      return std::make_shared<const web::Blob>(std::string(name), "application/octet-stream",
-                                               [bytes] { return std::string(bytes, 'v'); });
+      const auto bytes_of = [name]() -> std::function<std::string()> {
+        if (name == kBlobName) return [] { return std::string(32768, 'v'); };
+        if (name == kBigBlobName) return [] { return std::string(kBigBlobBytes, 'v'); };
+        if (name == kManifestName) return [] { return std::string("{}"); };
+        if (name.ends_with(std::string(29, 'e'))) return Noise;
+        return nullptr;
+      };
+      const std::function<std::string()> bytes = bytes_of();
+      if (bytes == nullptr) return nullptr;
+      return std::make_shared<const web::Blob>(
+          std::string(name),
+          name == kManifestName ? "application/json" : "application/octet-stream", bytes);
     };
     hub_.steer = [this](web::SteerRequest request, std::function<void(std::string)> done) {
       steered_.push_back(std::move(request));

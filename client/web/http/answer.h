@@ -51,6 +51,7 @@ class HeldBodies {
   bool Hold(const Body& body);
   void Release(const Body& body);
   std::size_t bytes() const { return bytes_; }
+  std::size_t left() const { return most_bytes_ - bytes_; }
 
  private:
   const std::size_t most_bytes_;

@@ -19,7 +19,10 @@ namespace asio = boost::asio;
 namespace http = boost::beast::http;
 
 constexpr std::string_view kCookie = "palpate_session";
+constexpr std::string_view kBinary = "application/octet-stream";
 constexpr std::size_t kMostBlobs = 32;  // of one request
+// Of several blobs together. The page asks for 16 groups of at most 128 KiB.
+constexpr std::size_t kMostBundleBytes = std::size_t{8} << 20;
 
 std::string_view View(boost::beast::string_view text) { return {text.data(), text.size()}; }
 
@@ -195,7 +198,9 @@ class Router {
     std::vector<BlobPtr> blobs;
     bool are_names = true;
     ForEach(names, ',', [&](std::string_view name) {
-      are_names = IsBlobName(name) && blobs.size() < kMostBlobs;
+      are_names = IsBlobName(name) && blobs.size() < kMostBlobs &&
+                  std::none_of(blobs.begin(), blobs.end(),
+                               [&](const BlobPtr& blob) { return blob->name() == name; });
       if (are_names) blobs.push_back(site_.hub.find_blob(name));
       return !are_names || blobs.back() == nullptr;
     });
@@ -204,21 +209,34 @@ class Router {
       return TextAnswer(are_names && !blobs.empty() ? http::status::gone : http::status::not_found,
                         "ask for what the newest manifest names");
     }
-    if (blobs.size() > 1 && ChooseEncoding(Field("Accept-Encoding")) != Encoding::kZstd) {
-      return TextAnswer(http::status::not_acceptable, "ask for one blob at a time");
-    }
-    Answer answer = Encoded(*blobs.front());
-    if (blobs.size() > 1) answer.body = Joined(blobs);
+    Answer answer = blobs.size() == 1 ? Encoded(*blobs.front()) : Bundle(blobs);
+    if (answer.status != http::status::ok) return answer;
     answer.fields.emplace_back(http::field::cache_control, "private, max-age=31536000, immutable");
     answer.fields.emplace_back(http::field::vary, "Cookie, Accept-Encoding");
     return answer;
   }
 
-  // Frames of zstd that follow each other are one stream. Nothing is compressed again.
-  static Body Joined(const std::vector<BlobPtr>& blobs) {
-    std::string frames;
-    for (const BlobPtr& blob : blobs) frames += *blob->Encoded(Encoding::kZstd);
-    return std::make_shared<const std::string>(std::move(frames));
+  // Frames of zstd that follow each other are one stream. A blob may not keep what it compressed:
+  // each is asked once.
+  Answer Bundle(const std::vector<BlobPtr>& blobs) {
+    const Answer refusal = TextAnswer(http::status::not_acceptable, "ask for one blob at a time");
+    if (ChooseEncoding(Field("Accept-Encoding")) != Encoding::kZstd) return refusal;
+    const std::size_t most = std::min(kMostBundleBytes, site_.bodies.left());
+    std::size_t bytes = 0;
+    std::vector<Body> frames;
+    for (const BlobPtr& blob : blobs) {
+      if (blob->content_type() != kBinary) return refusal;
+      bytes += frames.emplace_back(blob->Encoded(Encoding::kZstd))->size();
+      if (bytes > most) return refusal;
+    }
+    std::string joined;
+    joined.reserve(bytes);
+    for (const Body& frame : frames) joined += *frame;
+    Answer answer;
+    answer.content_type = kBinary;
+    answer.body = std::make_shared<const std::string>(std::move(joined));
+    answer.fields = {{http::field::content_encoding, "zstd"}};
+    return answer;
   }
 
   static bool IsBlobName(std::string_view name) {
