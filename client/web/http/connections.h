@@ -1,7 +1,8 @@
 // The open sockets, and how many there may be.
 //
 // Sockets without a login are few: for a new one, the oldest of them is closed. So a flood of
-// connections costs a bounded amount, and a guest still gets in.
+// connections costs a bounded amount, and a guest still gets in. If all sockets are taken, the
+// session that has the most loses one that it does not use.
 //
 // Threads: one.
 #pragma once
@@ -10,6 +11,8 @@
 #include <functional>
 #include <list>
 #include <memory>
+
+#include "client/web/access/sessions.h"
 
 namespace palpate::web {
 
@@ -22,7 +25,10 @@ class Connections {
     Ticket(const Ticket&) = delete;
     Ticket& operator=(const Ticket&) = delete;
 
-    void LoggedIn();
+    void LoggedIn(SessionPtr session);
+    // An idle socket waits for a request: its browser loses nothing if it is closed.
+    enum class Use { kIdle, kRequest, kWebSocket };
+    Use use = Use::kIdle;
     // Closes the socket. The socket then no longer counts.
     std::function<void()> close;
 
@@ -33,12 +39,15 @@ class Connections {
 
     Connections* connections_;  // null: does not count
     std::list<Ticket*>::iterator place_;
-    bool is_stranger_ = true;
+    SessionPtr session_;  // null: a stranger
   };
 
   Connections(int most, int most_strangers);
 
-  // Null: there are as many as may be, all of them logged in.
+  // More than a browser opens, besides WebSockets: a session's next ones need not be idle.
+  static constexpr int kMostInUse = 16;
+
+  // Null: there are as many as may be, all of them logged in and in use.
   std::unique_ptr<Ticket> Admit();
   void CloseAll();
 
@@ -47,6 +56,7 @@ class Connections {
 
  private:
   bool CloseOldestStranger();
+  bool CloseOneOfTheGreediest();
   static void Close(Ticket& ticket);
 
   const int most_, most_strangers_;

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <utility>
 #include <variant>
+#include <vector>
 
 namespace palpate::web {
 namespace {
@@ -45,7 +46,9 @@ Guest::Guest(std::shared_ptr<Site> site, PeerStream stream,
 
 void Guest::Start(const Request& request) {
   const HttpTimeouts& timeouts = site_->options.timeouts;
-  site_->guests.insert(this);
+  MakeRoom();
+  site_->guests.push_back(this);
+  ticket_->use = Connections::Ticket::Use::kWebSocket;
   write_began_ = site_->now;
   ticket_->close = [weak = weak_from_this()] {
     if (const auto self = weak.lock()) self->End("stop");
@@ -65,6 +68,16 @@ void Guest::Start(const Request& request) {
   socket_.read_message_max(kMaxMessageBytes);
   socket_.async_accept(request,
                        [self = shared_from_this()](ErrorCode error) { self->OnJoined(error); });
+}
+
+// Ends the session's oldest guest if there are as many as may be. Without goodbye: one that waits
+// for an answer would hold a socket.
+void Guest::MakeRoom() {
+  std::vector<Guest*> others = site_->guests;
+  std::erase_if(others, [&](const Guest* other) { return other->session_ != session_; });
+  if (others.size() < kMostOfASession) return;
+  site_->log.Refused("tabs", peer_ + ": " + session_->user + ": too many tabs", site_->now);
+  others.front()->End("tabs");
 }
 
 void Guest::OnJoined(ErrorCode error) {
@@ -240,7 +253,7 @@ void Guest::End(std::string_view kind) {
   const bool had_joined = state_ != State::kJoining;
   if (state_ == State::kOpen) site_->hub.Unsubscribe(this);
   state_ = State::kEnded;
-  site_->guests.erase(this);
+  std::erase(site_->guests, this);
   ticket_.reset();
   socket_.next_layer().Close();
   if (had_joined && site_->events.left) site_->events.left(kind);

@@ -48,6 +48,8 @@ class PoseWindow {
 
 class Guest final : public Subscriber, public std::enable_shared_from_this<Guest> {
  public:
+  // Of one session, in several tabs: for one more, the oldest ends.
+  static constexpr std::size_t kMostOfASession = 4;
   // Between two sweeps: more than a page sends in a second. Bounds the answers that wait, too.
   static constexpr int kMostMessages = 100;
   // The same for bytes: frames without content are no messages.
@@ -71,6 +73,7 @@ class Guest final : public Subscriber, public std::enable_shared_from_this<Guest
  private:
   using ErrorCode = boost::beast::error_code;
 
+  void MakeRoom();
   void OnJoined(ErrorCode error);
   void Read();
   void OnMessage(ErrorCode error);

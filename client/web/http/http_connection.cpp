@@ -78,6 +78,7 @@ void HttpConnection::Start() {
 }
 
 void HttpConnection::Read(std::chrono::milliseconds patience) {
+  ticket_->use = Connections::Ticket::Use::kIdle;
   parser_.emplace();
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(kMaxBodyBytes);
@@ -88,6 +89,7 @@ void HttpConnection::Read(std::chrono::milliseconds patience) {
 }
 
 void HttpConnection::OnRequest(ErrorCode error) {
+  ticket_->use = Connections::Ticket::Use::kRequest;
   if (error) return RefuseMalformed(error);
   const auto& request = parser_->get();
   Answer answer;
@@ -97,7 +99,7 @@ void HttpConnection::OnRequest(ErrorCode error) {
     site_->log.Refused("internal", problem.what(), site_->now);
     answer = TextAnswer(http::status::internal_server_error, "internal error: see the log");
   }
-  if (answer.session) ticket_->LoggedIn();
+  if (answer.session) ticket_->LoggedIn(answer.session);
   if (answer.joins && buffer_.size() == 0) return Join(answer.session);
   if (answer.joins) answer = TextAnswer(http::status::bad_request, "wait for the answer");
   Write(std::move(answer), request.version(), request.keep_alive());

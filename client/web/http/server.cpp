@@ -142,7 +142,7 @@ class HttpServer::Listener : public std::enable_shared_from_this<Listener> {
 
   void Sweep() {
     site_->now = std::chrono::steady_clock::now();
-    const std::vector<Guest*> guests(site_->guests.begin(), site_->guests.end());
+    const std::vector<Guest*> guests = site_->guests;
     for (Guest* const guest : guests) guest->Check();
     sweep_.expires_after(site_->options.timeouts.sweep);
     sweep_.async_wait([self = shared_from_this()](ErrorCode) {

@@ -3,9 +3,9 @@
 // Threads: the network thread.
 #pragma once
 
-#include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "client/web/access/access.h"
 #include "client/web/http/answer.h"
@@ -40,7 +40,7 @@ struct Site {
   Connections connections;
   QuietLog log{events};
   HeldBodies bodies{options.max_held_bytes};
-  std::set<Guest*> guests;
+  std::vector<Guest*> guests;  // oldest first
   // As of the last sweep: for what need not be exact.
   Time now = std::chrono::steady_clock::now();
 };
