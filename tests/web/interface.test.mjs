@@ -111,6 +111,14 @@ pageTest("login by keyboard: a refusal in words, then the room", {}, async (page
   assert.equal(await page.$eval("#login-secret", (input) => input.value), "");
 });
 
+pageTest("the login stays, however often Escape is pressed", {}, async (page) => {
+  await until(page, () => document.getElementById("login").open);
+  await page.evaluate(() => document.getElementById("login").addEventListener("close", () => (window.wasClosed = true)));
+  for (let n = 0; n < 5; ++n) await page.keyboard.press("Escape");
+  await until(page, () => window.wasClosed);
+  await until(page, () => document.getElementById("login").open && document.activeElement.id === "login-secret");
+});
+
 pageTest("a personal token goes as a token", {}, async (page) => {
   await until(page, () => document.getElementById("login").open);
   await page.click("#login-by-token");

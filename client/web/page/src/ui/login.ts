@@ -57,6 +57,7 @@ export function showLogin(root: HTMLElement, state: State, room: Room): void {
   });
   // There is nothing behind the form.
   dialog.addEventListener("cancel", (event) => event.preventDefault());
+  dialog.addEventListener("close", update); // browsers close it after the third Escape all the same
   state.on("link", update);
   // The page may log in by its link first.
   requestAnimationFrame(update);
