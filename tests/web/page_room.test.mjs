@@ -70,8 +70,11 @@ test("a refused login says why and is not tried again", async () => {
   const state = new State();
   await assert.rejects(new Room(state).login({ token: "T" }), /wrong key/);
   assert.deepEqual([state.link, sockets.length], ["login", 0]);
-  new Room(state).start({ room: "OLD" });
+  const room = new Room(state);
+  room.start({ room: "OLD" });
+  assert.equal(room.roomKey, "OLD");
   await until(() => state.link === "login");
+  assert.equal(room.roomKey, null); // nobody shares a wrong key
   assert.match(state.linkWhy, /wrong key/);
   assert.equal(logins.length, 2);
 });

@@ -25,7 +25,7 @@ const viewport = state.whyNoPicture === "" ? new Viewport(canvas, state, "target
 copy.target = viewport;
 
 const isAimed = () => viewport?.isAimed || "target" in fragment.view;
-const hashNow = () => writeFragment(room.roomKey ?? fragment.room, fragment.budgetMiB, state.view, isAimed());
+const hashNow = () => writeFragment(room.roomKey, fragment.budgetMiB, state.view, isAimed());
 
 async function savePng(): Promise<void> {
   const picture = await viewport?.png();
@@ -47,12 +47,14 @@ buildInterface(document.body, state, room, copy, {
 });
 
 let fragmentTimer = 0;
-state.on("view", () => {
+const writeAddress = () => {
   fragmentTimer ||= window.setTimeout(() => {
     fragmentTimer = 0;
     history.replaceState(null, "", hashNow());
   }, kFragmentMs);
-});
+};
+state.on("view", writeAddress);
+state.on("link", writeAddress); // the room's key may be another one
 // A link to the same page with another room or view.
 window.addEventListener("hashchange", () => location.reload());
 
