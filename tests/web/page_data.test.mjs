@@ -246,12 +246,18 @@ test("what happened meanwhile is said", () => {
   const link = (value) => { state.link = value; state.emit("link"); };
   const connection = (value) => state.receive({ type: "connection", state: value });
   const pose = (tick, isovalue) => state.receivePose(decodePose(poseBytes({ tick, isovalue })));
-  link("open"); connection("connected"); volume("head.nrrd"); pose(1000, 10);
+  const settings = (isovalue) => state.receive({ type: "settings", revision: 1, values: { isovalue } });
+  link("open"); connection("connected"); volume("head.nrrd"); settings(10); pose(1000, 10);
   assert.deepEqual(state.events, []);
   connection("lost"); connection("connected"); pose(1010, 10);
   assert.equal(state.events.length, 1);
   assert.match(state.events[0], /^palpated/);
-  link("lost"); link("open"); connection("connected"); volume("<b>lobster.nrrd"); pose(5, 12.5);
+  link("lost"); link("open"); connection("connected"); pose(5, 0); // palpated has no volume yet
+  state.receive({ type: "volume" }); settings(0); pose(6, 0);
+  assert.doesNotMatch(state.events.join(), /isovalue/);
+  settings(12.7); pose(7, 0); volume("<b>lobster.nrrd"); pose(8, 0); pose(9, Math.fround(12.7));
   const told = state.events.slice(1).join("\n");
-  for (const word of [/connection lost \d+ s/, /restarted/, /10 to 12\.5/, /<b>lobster\.nrrd/]) assert.match(told, word);
+  for (const word of [/connection lost \d+ s/, /restarted/, /10 to 12\.7/, /<b>lobster\.nrrd/]) assert.match(told, word);
+  settings(20); pose(10, 20); // not meanwhile
+  assert.equal(state.events.length, 5);
 });

@@ -1,10 +1,9 @@
 // Says in plain words what happened while the page or the gateway was cut off, and when a new volume comes.
 import type { State } from "../state";
-import type { Pose } from "./pose";
 
 interface Away {
   sinceMs: number;
-  pose: Pose | null; // the last one before
+  tick: number; // the last one before
   gateway: boolean; // the gateway was lost, not only palpated
 }
 
@@ -15,6 +14,7 @@ export class Meanwhile {
   private wasWell = false;
   private heardMs = 0; // of the newest pose
   private volume: string | null = null;
+  private isovalueBefore: number | null = null; // until it is compared
 
   constructor(private readonly state: State) {
     state.on("link", () => this.look());
@@ -27,30 +27,48 @@ export class Meanwhile {
     return this.state.link === "open" && this.state.connection?.state === "connected";
   }
 
+  private isovalue(): number | null {
+    const isovalue = this.state.settings?.values["isovalue"];
+    return typeof isovalue === "number" ? isovalue : null;
+  }
+
   private look(): void {
     if (this.isWell()) {
       this.wasWell = true;
       return;
     }
     if (!this.wasWell) return;
-    this.away ??= { sinceMs: this.heardMs, pose: this.state.pose, gateway: false };
+    this.away ??= { sinceMs: this.heardMs, tick: this.state.pose?.tick ?? 0, gateway: false };
+    this.isovalueBefore ??= this.isovalue();
     if (this.state.link === "lost") this.away.gateway = true;
   }
 
   // All is well again with the first fresh pose.
   private compare(): void {
     const now = this.state.pose!;
-    if (!this.away) this.heardMs = performance.now();
-    if (!this.away || !now.fresh || !this.isWell()) return;
-    const { sinceMs, pose: before, gateway } = this.away;
+    if (!this.away) {
+      this.heardMs = performance.now();
+      this.compareIsovalue();
+      return;
+    }
+    if (!now.fresh || !this.isWell()) return;
+    const { sinceMs, tick, gateway } = this.away;
     this.away = null;
     const seconds = Math.max(1, Math.round((performance.now() - sinceMs) / 1000));
     this.state.tell(gateway ? `connection lost ${seconds} s` : `palpated was away for ${seconds} s`);
-    if (before && now.tick < before.tick) this.state.tell("palpated was restarted");
+    if (now.tick < tick) this.state.tell("palpated was restarted");
     this.lookAtVolume();
-    if (before && now.isovalue !== before.isovalue) {
-      this.state.tell(`isovalue changed from ${inDigits(before.isovalue)} to ${inDigits(now.isovalue)}`);
-    }
+    this.compareIsovalue();
+  }
+
+  // A palpated that was restarted has no isovalue until its volume is there, and the settings here are those
+  // from before until it sends its own: both are right where they agree.
+  private compareIsovalue(): void {
+    const [before, now] = [this.isovalueBefore, this.isovalue()];
+    if (before === null || now === null || !this.state.volume?.size) return;
+    if (Math.fround(now) !== this.state.pose?.isovalue) return;
+    this.isovalueBefore = null;
+    if (now !== before) this.state.tell(`isovalue changed from ${inDigits(before)} to ${inDigits(now)}`);
   }
 
   private lookAtVolume(): void {
