@@ -277,7 +277,7 @@ pageTest("the progress of the volume, and why there is the overview alone", {}, 
     Object.assign(harness.copy, { factor: 4, groupsLeft: 0, whyOverview: "1 GiB is more than this page holds" });
     harness.state.emit("copyProgress");
   });
-  await says("every 4th voxel.*1 GiB is more");
+  await says("4 × 4 × 4 voxels.*1 GiB is more");
   await page.evaluate(() => {
     Object.assign(harness.copy, { factor: 1, isOverview: false, whyOverview: "" });
     harness.state.emit("copyProgress");

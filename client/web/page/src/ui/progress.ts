@@ -9,8 +9,6 @@ export interface Progress {
   share: number | null; // of the groups; null: there is nothing to wait for
 }
 
-const kOrdinals: Record<number, string> = { 2: "2nd", 3: "3rd" };
-
 export function progressOf(state: State, copy: VolumeCopy): Progress {
   const { volume } = state;
   if (volume?.loading) return { words: `palpated loads: ${volume.loading}`, share: null };
@@ -22,8 +20,8 @@ export function progressOf(state: State, copy: VolumeCopy): Progress {
     return { words: `the gateway waits for ${grouped(state.copy!.bricks_left)} bricks`, share: null };
   }
   if (copy.whyOverview) {
-    const factor = `every ${kOrdinals[copy.factor] ?? `${copy.factor}th`} voxel`;
-    return { words: `shown from the overview (${factor}): ${copy.whyOverview}`, share: null };
+    const points = `each point is the mean of ${[copy.factor, copy.factor, copy.factor].join(" × ")} voxels`;
+    return { words: `shown from the overview (${points}): ${copy.whyOverview}`, share: null };
   }
   if (copy.groupsLeft > 0) {
     const here = copy.groupsAll - copy.groupsLeft;
