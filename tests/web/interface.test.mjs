@@ -94,10 +94,10 @@ pageTest("the help has no serious finding, keeps the focus, and Esc leaves it", 
 
 pageTest("login by keyboard: a refusal in words, then the room", {}, async (page) => {
   await until(page, () => document.activeElement?.id === "login-secret");
-  await page.evaluate(() => (harness.room.refusal = "wrong room key"));
+  await page.evaluate(() => (harness.room.refusal = "wrong key"));
   await page.keyboard.type("first");
   await page.keyboard.press("Enter");
-  await until(page, () => document.getElementById("login-error").textContent === "wrong room key");
+  await until(page, () => document.getElementById("login-error").textContent.includes("Ask your host"));
   await page.keyboard.press("Escape");
   assert.ok(await page.$eval("#login", (dialog) => dialog.open));
   await page.evaluate(() => (harness.room.refusal = ""));
@@ -117,6 +117,16 @@ pageTest("the login stays, however often Escape is pressed", {}, async (page) =>
   for (let n = 0; n < 5; ++n) await page.keyboard.press("Escape");
   await until(page, () => window.wasClosed);
   await until(page, () => document.getElementById("login").open && document.activeElement.id === "login-secret");
+});
+
+pageTest("a link with a wrong key leads to the login, with an error", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.connect();
+    Object.assign(harness.state, { link: "login", linkWhy: "wrong key" });
+    harness.state.emit("link");
+  });
+  await until(page, () => document.getElementById("login").open);
+  assert.match(await text(page, "#login-error"), /Ask your host/);
 });
 
 pageTest("a personal token goes as a token", {}, async (page) => {

@@ -3,11 +3,15 @@ import type { State } from "../state";
 import type { Room } from "../wire/room";
 import { find, setText } from "./dom";
 
+// What the gateway says (client/web/http/routes.cpp), for guests.
+function inWords(why: string): string {
+  return why === "wrong key" ? "This key is wrong. Ask your host for a new link." : why;
+}
+
 export function showLogin(root: HTMLElement, state: State, room: Room): void {
   const dialog = find<HTMLDialogElement>(root, "login");
   const secret = find<HTMLInputElement>(root, "login-secret");
   const error = find(root, "login-error");
-  const why = find(root, "login-why");
   const go = find<HTMLButtonElement>(root, "login-go");
   const isToken = find<HTMLInputElement>(root, "login-by-token");
   const visible = find<HTMLInputElement>(root, "login-visible");
@@ -15,9 +19,8 @@ export function showLogin(root: HTMLElement, state: State, room: Room): void {
 
   const update = () => {
     const isShown = isBusy || state.link === "login";
-    setText(why, state.linkWhy);
-    why.hidden = !state.linkWhy || isBusy;
     if (isShown && !dialog.open) {
+      if (state.linkWhy) setText(error, inWords(state.linkWhy));
       dialog.showModal();
       secret.focus();
     }
@@ -40,7 +43,7 @@ export function showLogin(root: HTMLElement, state: State, room: Room): void {
     try {
       await room.login(isToken.checked ? { token: typed } : { room: typed });
     } catch (refusal) {
-      setText(error, refusal instanceof Error ? refusal.message : String(refusal));
+      setText(error, inWords(refusal instanceof Error ? refusal.message : String(refusal)));
     }
     isBusy = false;
     go.disabled = false;

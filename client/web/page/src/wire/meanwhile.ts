@@ -55,7 +55,7 @@ export class Meanwhile {
     const { sinceMs, tick, gateway } = this.away;
     this.away = null;
     const seconds = Math.max(1, Math.round((performance.now() - sinceMs) / 1000));
-    this.state.tell(gateway ? `connection lost ${seconds} s` : `palpated was away for ${seconds} s`);
+    this.state.tell(gateway ? `The connection was lost for ${seconds} s` : `palpated was away for ${seconds} s`);
     if (now.tick < tick) this.state.tell("palpated was restarted");
     this.lookAtVolume();
     this.compareIsovalue();
