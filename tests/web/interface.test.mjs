@@ -230,6 +230,20 @@ pageTest("controls by the kind of the setting; a refusal is said beside", {}, as
   await until(page, () => document.getElementById("steer-stiffness_n_per_mm").value === "0.6");
 });
 
+pageTest("an isovalue that palpated refused does not stay in the field", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.connect({ mayFeel: ["isovalue"] });
+    harness.room.refusal = "beyond the volume's range";
+  });
+  const field = "#isovalue input[type=number]";
+  await page.click(field, { count: 3 });
+  await page.keyboard.type("99999");
+  await page.keyboard.press("Enter");
+  await until(page, () => document.querySelector("#isovalue .error").textContent !== "");
+  await page.focus("#viewport");
+  assert.equal(await page.$eval(field, (input) => input.value), "320");
+});
+
 pageTest("text from outside stays text", {}, async (page) => {
   const script = '<img src=x onerror="window.hacked = 1"><script>window.hacked = 1</script>';
   await page.evaluate((name) => {

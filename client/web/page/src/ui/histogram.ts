@@ -169,6 +169,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   typed.addEventListener("change", () => {
     if (typed.value !== "" && Number.isFinite(typed.valueAsNumber)) setIsovalue(typed.valueAsNumber);
   });
+  typed.addEventListener("blur", update); // palpated's value is back if it refused the typed one
   veilOn.addEventListener("change", () => toggleVeil(state));
   opacity.addEventListener("input", () => {
     state.view.veilOpacity = opacity.valueAsNumber;
