@@ -341,6 +341,21 @@ pageTest("the first Tab leads to the panels, and the link of the room stays", { 
   assert.deepEqual(await page.evaluate(() => [document.activeElement.id, document.activeElement.hidden, location.hash]), ["panel", false, "#room=KEY"]);
 });
 
+pageTest("Shift and an arrow move the camera along the picture", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.connect();
+    // From the front: anterior is +z, superior is up.
+    Object.assign(harness.state.view, { azimuthDeg: 0, elevationDeg: 0, target: [0, 0, 0], follow: true });
+  });
+  await page.focus("#viewport");
+  await page.keyboard.down("Shift");
+  for (const key of ["ArrowRight", "ArrowUp", "ArrowUp"]) await page.keyboard.press(key);
+  await page.keyboard.up("Shift");
+  const { target: [x, y, z], azimuthDeg, elevationDeg, follow } = await page.evaluate(() => harness.state.view);
+  assert.ok(x > 1 && Math.abs(y) < 1e-9 && Math.abs(z - 2 * x) < 1e-9, `${[x, y, z]}`);
+  assert.deepEqual([azimuthDeg, elevationDeg, follow], [0, 0, false]);
+});
+
 pageTest("keys of the picture turn and zoom it; letters can be switched off", {}, async (page) => {
   await page.evaluate(() => harness.connect());
   await page.focus("#viewport");

@@ -1,5 +1,6 @@
 // Keys of one letter, and those of the picture while it has the focus.
 import type { State } from "../state";
+import { Camera, uprightPatient } from "../view/camera";
 import { find, make } from "./dom";
 
 export interface Key {
@@ -10,22 +11,23 @@ export interface Key {
 }
 
 const kTurnDeg = 5;
-const kMostElevationDeg = 89;
+const kPanPx = 40;
 const kZoom = 1.15;
-const kTurns: Record<string, [number, number]> = {
-  ArrowLeft: [-kTurnDeg, 0], ArrowRight: [kTurnDeg, 0], ArrowUp: [0, kTurnDeg], ArrowDown: [0, -kTurnDeg],
+const kSteps: Record<string, [number, number]> = {
+  ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1],
 };
 
-function turn(state: State, key: string): void {
-  const { view } = state;
-  view.azimuthDeg += kTurns[key][0];
-  const elevation = view.elevationDeg + kTurns[key][1];
-  view.elevationDeg = Math.max(-kMostElevationDeg, Math.min(kMostElevationDeg, elevation));
-  state.emit("view");
-}
-
-function zoom(state: State, key: string): void {
-  state.view.distanceMm *= key === "-" ? kZoom : 1 / kZoom;
+// Moves the camera of the view as src/view/viewport.ts would.
+function move(state: State, change: (camera: Camera) => void): void {
+  const { volume, placement, view } = state;
+  const camera = new Camera();
+  if (placement && volume?.patient && volume.world_from_index) {
+    camera.upright = uprightPatient(placement.device_from_index, volume.world_from_index);
+  }
+  camera.set(view.target, view.azimuthDeg, view.elevationDeg, view.distanceMm);
+  change(camera);
+  const { target, azimuthDeg, elevationDeg, distanceMm } = camera;
+  Object.assign(view, { target, azimuthDeg, elevationDeg, distanceMm });
   state.emit("view");
 }
 
@@ -36,14 +38,27 @@ function isTyping(target: EventTarget | null): boolean {
 
 export function listenToKeys(root: HTMLElement, state: State, letters: Key[]): void {
   const picture = find(root, "viewport");
+  const turn = (key: string) => {
+    const [right, up] = kSteps[key];
+    move(state, (camera) => camera.orbit(kTurnDeg * right, kTurnDeg * up));
+  };
+  const pan = (key: string) => {
+    const [right, up] = kSteps[key.replace("Shift+", "")];
+    state.view.follow = false;
+    move(state, (camera) => camera.pan(-kPanPx * right, kPanPx * up, [picture.clientWidth, picture.clientHeight]));
+  };
+  const zoom = (key: string) => move(state, (camera) => camera.zoom(key === "-" ? 1 / kZoom : kZoom));
+  const arrows = Object.keys(kSteps);
   const pictureKeys: Key[] = [
-    { keys: Object.keys(kTurns), shown: "← → ↑ ↓", what: "turn the focused picture", act: (k) => turn(state, k) },
-    { keys: ["+", "=", "-"], shown: "+ −", what: "zoom the focused picture", act: (key) => zoom(state, key) },
+    { keys: arrows, shown: "← → ↑ ↓", what: "turn the focused picture", act: turn },
+    { keys: arrows.map((key) => `Shift+${key}`), shown: "Shift+arrow", what: "move the focused picture", act: pan },
+    { keys: ["+", "=", "-"], shown: "+ −", what: "zoom the focused picture", act: zoom },
   ];
   const isOn = find<HTMLInputElement>(root, "keys-on");
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
-    const pressed = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const shift = event.shiftKey && event.key in kSteps ? "Shift+" : "";
+    const pressed = event.key.length === 1 ? event.key.toLowerCase() : shift + event.key;
     const keys = [...(event.target === picture ? pictureKeys : []), ...(isOn.checked ? letters : [])];
     const found = keys.find((key) => key.keys.includes(pressed));
     if (!found) return;
