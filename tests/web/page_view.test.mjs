@@ -57,13 +57,14 @@ test("letters stand at the nearest faces, whatever the order and the spacings of
 });
 
 test("an address keeps the room and the view", () => {
-  const view = { ...new State().view, azimuthDeg: -123.456, elevationDeg: 7, distanceMm: 250.5, target: [1, -2, 3.25], follow: true, veil: -300, slices: true };
+  const view = { ...new State().view, azimuthDeg: -123.456, elevationDeg: 7, distanceMm: 250.5, target: [1, -2, 3.25], follow: true, veil: -300, veilOpacity: 0.45, slices: true };
   const { room, budgetMiB, view: read } = readFragment(writeFragment("a&b=c#d%", 512, view, true));
   assert.equal(room, "a&b=c#d%");
   assert.equal(budgetMiB, 512);
-  const { azimuthDeg, elevationDeg, distanceMm, target, follow, veil, slices } = view;
-  assert.deepEqual(read, { azimuthDeg, elevationDeg, distanceMm, target, follow, veil, slices });
-  assert.deepEqual(readFragment(writeFragment(null, null, view, false)), { room: null, budgetMiB: null, view: { follow, veil, slices } });
+  const { azimuthDeg, elevationDeg, distanceMm, target, follow, veil, veilOpacity, slices } = view;
+  assert.deepEqual(read, { azimuthDeg, elevationDeg, distanceMm, target, follow, veil, veilOpacity, slices });
+  assert.deepEqual(readFragment(writeFragment(null, null, view, false)), { room: null, budgetMiB: null, view: { follow, veil, veilOpacity, slices } });
+  assert.deepEqual(readFragment("#veil=-300,7").view, { veil: -300 });
 });
 
 test("a broken address changes nothing", () => {

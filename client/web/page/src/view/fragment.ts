@@ -1,5 +1,5 @@
-// The state of the view in the URL's fragment: room=KEY&view=AZ,EL,DISTANCE,X,Y,Z&veil=VALUE&follow=1&slices=1, and
-// budget=MIB for the memory that the volume may take.
+// The state of the view in the URL's fragment: room=KEY&view=AZ,EL,DISTANCE,X,Y,Z&veil=VALUE,OPACITY&follow=1&slices=1,
+// and budget=MIB for the memory that the volume may take.
 import type { View } from "../state";
 import type { Vec3 } from "../wire/messages";
 
@@ -20,8 +20,9 @@ export function readFragment(hash: string): Fragment {
     [view.azimuthDeg, view.elevationDeg, view.distanceMm] = look;
     view.target = look.slice(3) as Vec3;
   }
-  const [veil] = numbers("veil");
+  const [veil, opacity] = numbers("veil");
   if (Number.isFinite(veil)) view.veil = veil;
+  if (Number.isFinite(veil) && opacity > 0 && opacity <= 1) view.veilOpacity = opacity;
   if (parts.get("follow") === "1") view.follow = true;
   if (parts.get("slices") === "1") view.slices = true;
   const [budget] = numbers("budget");
@@ -34,7 +35,7 @@ export function writeFragment(room: string | null, budgetMiB: number | null, vie
   const parts = [];
   if (room !== null) parts.push(`room=${encodeURIComponent(room)}`);
   if (isAimed) parts.push(`view=${[azimuthDeg, elevationDeg, distanceMm, ...target].map(inDigits).join()}`);
-  if (view.veil !== null) parts.push(`veil=${inDigits(view.veil)}`);
+  if (view.veil !== null) parts.push(`veil=${[view.veil, view.veilOpacity].map(inDigits).join()}`);
   if (view.follow) parts.push("follow=1");
   if (view.slices) parts.push("slices=1");
   if (budgetMiB !== null) parts.push(`budget=${budgetMiB}`);
