@@ -159,6 +159,13 @@ pageTest("the veil by keyboard", {}, async (page) => {
   assert.equal(await page.evaluate(() => harness.state.view.veil), null);
 });
 
+pageTest("suggestions say why, and take the veil there", {}, async (page) => {
+  await page.evaluate(() => harness.connect());
+  assert.match(await page.$eval(".suggestions", (element) => element.innerText), /between air and soft tissue/);
+  await page.click(".suggestions button");
+  assert.equal(await page.evaluate(() => harness.state.view.veil), -300);
+});
+
 pageTest("guests see the isovalue and who set it, and cannot move it", {}, async (page) => {
   await page.evaluate(() => harness.connect());
   assert.match(await text(page, "#isovalue"), /320 HU.*lecturer-1/s);

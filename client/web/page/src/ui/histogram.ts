@@ -108,7 +108,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   const who = make("span", { class: "note" });
   const error = make("p", { class: "error", role: "alert" });
   const typed = make("input", { type: "number", step: "any", "aria-label": "Isovalue, for everyone" });
-  const suggestions = make("div", { class: "chips" });
+  const suggestions = make("div", { class: "suggestions" });
   const veilOn = make("input", { type: "checkbox" });
   const veilValue = make("strong", { class: "veil" });
   const opacity = make("input", { type: "range", min: 0.05, max: 0.9, step: 0.05 });
@@ -155,14 +155,13 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   // Guests put the veil at a suggestion, users who may steer the isovalue.
   const updateSuggestions = () => {
     const unit = state.volume?.unit ?? "";
-    const button = ({ name, isovalue, reason }: SuggestedIsovalue) => {
-      const what = maySteer() ? "Isovalue" : "Veil";
-      const title = `${what} at ${name}, ${valueText(isovalue, unit)}: ${reason}`;
+    const suggestion = ({ name, isovalue, reason }: SuggestedIsovalue) => {
+      const title = `${maySteer() ? "Isovalue" : "Veil"} at ${name}, ${valueText(isovalue, unit)}`;
       const made = make("button", { type: "button", title, "aria-label": title }, `${name} ${valueText(isovalue)}`);
       made.addEventListener("click", () => (maySteer() ? setIsovalue(isovalue) : setVeil(isovalue)));
-      return made;
+      return make("p", { class: "reading" }, made, make("span", { class: "note" }, reason));
     };
-    suggestions.replaceChildren(...(state.volume?.suggested ?? []).map(button));
+    suggestions.replaceChildren(...(state.volume?.suggested ?? []).map(suggestion));
     update();
   };
 
