@@ -32,7 +32,7 @@ beforeEach(() => {
   globalThis.fetch = async (url, { body }) => {
     assert.equal(url, "login");
     logins.push(JSON.parse(body));
-    return new Response(answer.text ?? "{}", { status: answer.status });
+    return (answer.response = new Response(answer.text ?? "{}", { status: answer.status }));
   };
 });
 
@@ -62,6 +62,7 @@ test("a login opens the stream", async () => {
   assert.equal(sockets[0].url, "wss://palpate.example.org/stream");
   assert.equal(state.link, "open");
   assert.equal(room.roomKey, "KEY");
+  assert.ok(answer.response.bodyUsed);
   end();
 });
 
