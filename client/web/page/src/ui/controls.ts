@@ -68,7 +68,9 @@ function addControl(body: HTMLElement, setting: SettingInfo, state: State, room:
   });
   const helpText = make("span", { id: `help-${key}` }, help);
   body.append(make("div", { class: "field" }, ...control.parts, make("p", { class: "help" }, helpText, who), error));
-  find(body, `steer-${key}`).setAttribute("aria-describedby", helpText.id);
+  const input = find(body, `steer-${key}`);
+  input.setAttribute("aria-describedby", helpText.id);
+  input.addEventListener("blur", () => update()); // palpated's value is back if it refused the typed one
   const update = () => {
     const value = state.settings?.values[key];
     if (value !== undefined && steered.own === null) control.show(value);
