@@ -129,6 +129,14 @@ pageTest("a link with a wrong key leads to the login, with an error", {}, async 
   assert.match(await text(page, "#login-error"), /Ask your host/);
 });
 
+test("a refused key leaves the address, and what else is there stays", { timeout: 120_000 }, async () => {
+  const page = await browser.newPage();
+  await page.goto(`${server.url}whole/#room=OLD&view=1,2,3,4,5,6`);
+  await until(page, () => document.getElementById("login").open);
+  await until(page, () => location.hash === "#view=1,2,3,4,5,6");
+  await page.close();
+});
+
 pageTest("a personal token goes as a token", {}, async (page) => {
   await until(page, () => document.getElementById("login").open);
   await page.click("#login-by-token");

@@ -108,21 +108,25 @@ const kPolicy = "default-src 'none'; script-src 'self'; style-src 'self'; img-sr
 export async function bundle(contents, format) {
   const { outputFiles } = await build({
     stdin: { contents, resolveDir: pageFolder, loader: "ts" }, bundle: true, write: false, format, logLevel: "warning",
+    alias: { shading: resolve(pageFolder, "../../shading") }, loader: { ".glsl": "text" },
   });
   return outputFiles[0].text;
 }
 
-// Returns { url, close }.
+// Returns { url, close }. Under whole/ is the page as guests get it; its gateway refuses every key.
 export async function serve() {
   const files = new Map([
     ["/", ["text/html; charset=utf-8", await readFile(resolve(pageFolder, "index.html"))]],
     ["/style.css", ["text/css", await readFile(resolve(pageFolder, "style.css"))]],
     ["/app.js", ["text/javascript", await bundle(kEntry, "esm")]],
+    ["/whole/app.js", ["text/javascript", await bundle('import "./src/main";', "esm")]],
   ]);
+  for (const name of ["", "style.css"]) files.set(`/whole/${name}`, files.get(`/${name}`));
   const server = createServer((request, response) => {
     const file = files.get(request.url);
-    response.writeHead(file ? 200 : 404, { "Content-Type": file?.[0] ?? "text/plain", "Content-Security-Policy": kPolicy });
-    response.end(file?.[1]);
+    const isLogin = request.url === "/whole/login";
+    response.writeHead(isLogin ? 403 : file ? 200 : 404, { "Content-Type": file?.[0] ?? "text/plain", "Content-Security-Policy": kPolicy });
+    response.end(isLogin ? "wrong key" : file?.[1]);
   });
   await new Promise((resume) => server.listen(0, "127.0.0.1", resume));
   return { url: `http://127.0.0.1:${server.address().port}/`, close: () => server.close() };
