@@ -122,7 +122,7 @@ export class VolumeCopy {
       } catch (error) {
         if (error instanceof Restart) continue;
         if (!(error instanceof Gone)) console.warn("palpate: volume:", error);
-        if (newest === this.state.manifest?.name) await this.woken(this.state.link === "open" ? kRetryMs : Infinity);
+        if (newest === this.state.manifest?.name) await this.woken(this.state.link === "lost" ? Infinity : kRetryMs);
       }
     }
   }
