@@ -116,7 +116,7 @@ class WithoutVolume(WebTest):
         manifest = json.loads(guest.blob(guest.wait_for("manifest")["name"]))
         self.assertEqual(manifest["groups"], "")
         self.assertFalse(guest.wait_for("hello")["volume"])
-        self.assertEqual(len(guest.blob(manifest["overview"]["name"])), 4 * 48 ** 3)
+        self.assertEqual(len(guest.blob(manifest["overview"]["name"])), 4 * 12 ** 3)
 
 
 class Steering(WebTest):
