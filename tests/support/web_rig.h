@@ -76,6 +76,8 @@ class WebRig {
       feed_.reset();
     });
     keep_.reset();
+    // Timers of Boost.Beast may still wait.
+    io_.stop();
     thread_.join();
   }
   WebRig(const WebRig&) = delete;
