@@ -79,7 +79,8 @@ const revisionOfSettings = (tab) => tab.evaluate(() => window.palpate.state.sett
 const awaitLive = (tab) =>
   awaitPage(tab, "p.state.link === 'open' && p.state.connection?.state === 'connected' && p.state.pose?.fresh");
 
-test("the gateway is killed and comes back: the page follows without a reload", async (t) => {
+// A room with a guest whose page is not to be loaded again.
+async function watchedRoom(t) {
   const room = new Room();
   t.after(() => room.end());
   await room.startDaemon("builtin:bumps:48");
@@ -87,6 +88,11 @@ test("the gateway is killed and comes back: the page follows without a reload", 
   const tab = await room.openBrowser({ width: 500, height: 400 });
   await awaitWhole(tab);
   await tab.evaluate(() => (window.isTheSamePage = true));
+  return [room, tab];
+}
+
+test("the gateway is killed and comes back: the page follows without a reload", async (t) => {
+  const [room, tab] = await watchedRoom(t);
   await room.gateway.end("SIGKILL");
   await awaitPage(tab, "p.state.link === 'lost'");
   await room.palpate("set", "isovalue", "0.3");
@@ -99,13 +105,7 @@ test("the gateway is killed and comes back: the page follows without a reload", 
 });
 
 test("palpated is killed and comes back with another volume: the page says so and shows it", async (t) => {
-  const room = new Room();
-  t.after(() => room.end());
-  await room.startDaemon("builtin:bumps:48");
-  await room.startGateway();
-  const tab = await room.openBrowser({ width: 500, height: 400 });
-  await awaitWhole(tab);
-  await tab.evaluate(() => (window.isTheSamePage = true));
+  const [room, tab] = await watchedRoom(t);
   await room.daemon.end("SIGKILL");
   await awaitPage(tab, "p.state.connection.state === 'lost'");
   assert.equal(await tab.evaluate(() => window.palpate.state.link), "open");
