@@ -22,7 +22,7 @@
 #include "client/web/app/metrics.h"
 #include "client/web/http/server.h"
 #include "client/web/hub/hub.h"
-#include "client/web/source/source.h"
+#include "client/web/source/palpated_source.h"
 #include "common/error/one_line.h"
 
 namespace palpate::web {
@@ -54,7 +54,7 @@ HttpEvents Events(Metrics& metrics) {
           .skipped = [&metrics] { metrics.Count(Metric::kSkipped); }};
 }
 
-SourceOptions OptionsOf(const Config& config, Metrics& metrics) {
+PalpatedOptions OptionsOf(const Config& config, Metrics& metrics) {
   return {.server = config.palpated,
           .with_groups = config.with_groups,
           .steers = std::any_of(config.users.begin(), config.users.end(),
@@ -143,7 +143,7 @@ void Serve(const Config& config) {
       config.room_key_file.empty() ? NewSecret(128) : ReadRoomKey(config.room_key_file);
   Metrics metrics(config.metrics);
   Hub hub;
-  Source source(OptionsOf(config, metrics), hub, [&io](std::function<void()> function) {
+  PalpatedSource source(OptionsOf(config, metrics), hub, [&io](std::function<void()> function) {
     boost::asio::post(io, std::move(function));
   });
   Join(hub, source, metrics);

@@ -76,7 +76,7 @@ class Hub {
 
   // What the rest of the program offers to guests' connections. Set before the first of them; all
   // are called on the network thread.
-  // The blob of this name; null: it is not kept (any more).
+  // The blob of this name; null: it is not kept (any more). May be called on any thread.
   std::function<BlobPtr(std::string_view name)> find_blob;
   // `done` is called on the network thread, once; "" if the setting has the value now.
   std::function<void(SteerRequest, std::function<void(std::string error)> done)> steer;

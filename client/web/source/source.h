@@ -1,102 +1,42 @@
-// palpated as the source of what guests see: follows it by the client library, and puts everything
-// new into the hub.
+// Where what guests see comes from: palpated, or a room of a NATS server. A source puts everything
+// new into the hub, which does not know which source it is.
 //
 // After a loss everything comes back by itself; the hub keeps the last state meanwhile.
 //
-// Threads: methods on the network thread, unless stated. `post` runs a function on the network
-// thread; none runs before the constructor has returned. The source must live until no posted
-// function runs any more. Ownership: borrows the hub.
-// Errors: those of client::Client's constructor.
+// Threads: methods on the network thread, unless stated. Errors: none.
 #pragma once
 
-#include <atomic>
-#include <cstdint>
-#include <deque>
 #include <functional>
-#include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "client/sdk/client.h"
 #include "client/web/hub/hub.h"
-#include "client/web/source/topic_text.h"
-#include "client/web/source/volume_thread.h"
-#include "client/web/source/worker.h"
 
 namespace palpate::web {
 
-struct SourceOptions {
-  client::ServerChoice server{};
-  bool with_groups = true;  // false: guests see the overview alone
-  bool steers = false;      // some user may change settings
-  std::string version{};
-  // On the network thread; one line each.
-  std::function<void(const std::string& line)> log{};
-  std::function<void(bool is_accepted)> steered{};
-};
+// Runs a function on the network thread.
+using Post = std::function<void(std::function<void()>)>;
 
 class Source {
  public:
-  using Post = std::function<void(std::function<void()>)>;
+  virtual ~Source() = default;
 
-  Source(SourceOptions options, Hub& hub, Post post);
-  ~Source();
-  Source(const Source&) = delete;
-  Source& operator=(const Source&) = delete;
+  // Asks for what is not told by itself. Call it once a second.
+  virtual void Poll() = 0;
 
-  // Asks for what palpated does not stream. Call it once a second.
-  void Poll();
-  // What the hub needs; see its members of the same names.
-  BlobPtr FindBlob(std::string_view name) const { return volume_->Find(name); }
-  // While palpated takes a change, a user's newest change of a key replaces the same user's one
-  // that waits; that is done then.
-  void Steer(const SteerRequest& request, std::function<void(std::string error)> done);
-  std::string Health() const;
-  std::string Hello(const std::string& user, const std::vector<std::string>& may_steer) const;
+  // What the hub needs; see its members of the same names. Any thread.
+  virtual BlobPtr FindBlob(std::string_view name) const = 0;
+  virtual void Steer(const SteerRequest& request, std::function<void(std::string error)> done) = 0;
+  virtual std::string Health() const = 0;
+  virtual std::string Hello(const std::string& user,
+                            const std::vector<std::string>& may_steer) const = 0;
 
   // For metrics. Any thread.
   // Age of the newest pose [s]; none before the first. Of another machine: since it came.
-  std::optional<double> pose_age_s() const;
-  bool is_copy_complete() const { return client_->volume_status().complete; }
-
- private:
-  client::ClientOptions Options();
-  void TakePoses(const client::PoseBatch& batch);
-  void PutPose(bool is_fresh);
-  void PutConnection(const client::Connection& connection);
-  void CheckRights();
-  void PutVolume(const VolumeNews& news);
-  void AskVolume();
-  void PutVolumeInfo(const std::optional<client::VolumeInfo>& info);
-  void PutHeld();
-  void PutSteered(const SteerRequest& request, const std::string& error);
-
-  const SourceOptions options_;
-  Hub& hub_;
-  const Post post_;
-  client::Connection connection_;
-  std::int64_t connection_since_ms_ = 0;
-  std::optional<VolumeLattice> lattice_;
-  std::uint64_t volumes_ = 0;  // lattices that came
-  bool has_info_ = false;      // of this lattice's volume
-  // Until the first answer about another volume, so that its voxels do not come under the name of
-  // the last one; empty: nothing new.
-  bool is_held_ = false;
-  std::string placement_, manifest_;
-  std::deque<SteeredChange> steered_;
-  std::string problem_;
-
-  std::mutex pose_mutex_;
-  client::Pose pose_;            // the newest
-  bool is_pose_posted_ = false;  // PutPose will run
-  std::atomic<std::int64_t> pose_time_ns_{0};
-
-  std::unique_ptr<client::Client> client_;
-  std::unique_ptr<VolumeThread> volume_;
-  std::unique_ptr<Worker> worker_;
+  virtual std::optional<double> pose_age_s() const = 0;
+  virtual bool is_copy_complete() const = 0;
 };
 
 }  // namespace palpate::web

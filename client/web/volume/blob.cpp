@@ -33,10 +33,22 @@ std::string Gzip(const std::string& bytes) {
   return gzip;
 }
 
+std::string Plain(std::string_view zstd) {
+  std::string bytes(CountValues(zstd, 1, Blob::kMostBytes), '\0');
+  DecompressBytes(zstd, std::as_writable_bytes(std::span(bytes)));
+  return bytes;
+}
+
 }  // namespace
 
 Blob::Blob(std::string name, std::string_view content_type, std::function<std::string()> bytes)
     : name_(std::move(name)), content_type_(content_type), bytes_(std::move(bytes)) {}
+
+Blob::Blob(std::string name, std::string_view content_type, std::shared_ptr<const std::string> zstd)
+    : Blob(std::move(name), content_type, [zstd] { return Plain(*zstd); }) {
+  all_kept_bytes += zstd->size();
+  zstd_ = std::move(zstd);
+}
 
 Blob::~Blob() {
   for (const auto* kept : {&zstd_, &gzip_}) {

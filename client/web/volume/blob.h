@@ -1,7 +1,7 @@
 // Bytes that browsers fetch under a name that is a hash of them, so that they never change: groups
 // of voxels, overviews, manifests.
 //
-// Threads: any, at once. Errors: kInternal (bytes that cannot be compressed).
+// Threads: any, at once. Errors: kInternal (bytes that cannot be compressed), and as stated.
 #pragma once
 
 #include <functional>
@@ -19,6 +19,9 @@ class Blob {
   // `bytes` makes the plain bytes, the same ones at every call, on any thread.
   // `content_type`: a literal.
   Blob(std::string name, std::string_view content_type, std::function<std::string()> bytes);
+  // Of bytes that are already compressed, which it keeps. Encoded() throws kInvalidArgument if they
+  // are not, or hold more than kMostBytes.
+  Blob(std::string name, std::string_view content_type, std::shared_ptr<const std::string> zstd);
   ~Blob();
   Blob(const Blob&) = delete;
   Blob& operator=(const Blob&) = delete;
@@ -30,6 +33,7 @@ class Blob {
   // at most kMaxKeptBytes. Never null.
   std::shared_ptr<const std::string> Encoded(Encoding encoding) const;
 
+  static constexpr std::size_t kMostBytes = std::size_t{64} << 20;
   static constexpr std::size_t kMaxKeptBytes = std::size_t{512} << 20;
   static std::size_t kept_bytes();  // compressed ones, of all blobs
 

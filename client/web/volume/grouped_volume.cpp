@@ -2,27 +2,17 @@
 
 #include <algorithm>
 #include <memory>
-#include <nlohmann/json.hpp>
-#include <span>
 #include <utility>
 
 #include "client/web/volume/blob_name.h"
+#include "client/web/volume/manifest.h"
 
 namespace palpate::web {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 constexpr std::string_view kBytesType = "application/octet-stream";
 constexpr std::string_view kJsonType = "application/json";
-constexpr std::byte kManifestKind{255};
 constexpr std::size_t kMostOldOverviews = 2;
-
-std::span<const std::byte> AsBytes(std::string_view text) { return std::as_bytes(std::span(text)); }
-
-std::byte KindOf(LeafType type) { return static_cast<std::byte>(type); }
-
-Json ToJson(const Vec3i& v) { return {v.x(), v.y(), v.z()}; }
 
 }  // namespace
 
@@ -50,8 +40,8 @@ std::optional<ManifestInfo> GroupedVolume::Take(const client::VolumeUpdate& upda
   ReadTypes(*update.bricks);
   ReadVoxels(*update.bricks, now);
   PutOverview(now);
-  std::string text = Manifest(update);
-  const ContentHash hash = HashOfBytes(kManifestKind, AsBytes(text));
+  std::string text = ManifestOf(update);
+  const ContentHash hash = HashOfManifest(text);
   Replace(manifest_name_, hash, kJsonType, std::move(text), now);
   revision_ = update.complete;
   shelf_.Expire(now);
@@ -173,7 +163,7 @@ ContentHash GroupedVolume::Read(const BrickMap& bricks, const Vec3i& at, Uniform
   const std::string bytes = group.Bytes(type_);
   if (!only || !only->is_constant()) overview_.PutGroup(at, type_, bytes);
   if (!with_groups_ || AreAll(bytes, type_, (*background_)[0])) return {};
-  const ContentHash hash = HashOfBytes(KindOf(type_), AsBytes(bytes));
+  const ContentHash hash = HashOfVoxels(type_, bytes);
   shelf_.Use(hash, bytes.size(), [&] {
     return std::make_shared<Blob>(NameOf(hash), kBytesType,
                                   [group, type = type_] { return group.Bytes(type); });
@@ -184,7 +174,7 @@ ContentHash GroupedVolume::Read(const BrickMap& bricks, const Vec3i& at, Uniform
 
 void GroupedVolume::PutOverview(Time now) {
   const std::string& bytes = overview_.Bytes(type_);
-  const ContentHash hash = HashOfBytes(KindOf(type_), AsBytes(bytes));
+  const ContentHash hash = HashOfVoxels(type_, bytes);
   if (overview_name_ == hash) return;
   if (overview_name_) old_overviews_.push_back(*overview_name_);
   Replace(overview_name_, hash, kBytesType, bytes, now);
@@ -209,31 +199,23 @@ void GroupedVolume::Replace(std::optional<ContentHash>& held, const ContentHash&
   shelf_.Find(NameOf(hash))->Encoded(Encoding::kZstd);
 }
 
-std::string GroupedVolume::Manifest(const client::VolumeUpdate& update) const {
-  std::string groups;
+std::string GroupedVolume::ManifestOf(const client::VolumeUpdate& update) const {
+  Manifest manifest{.size = lattice_->size,
+                    .type = type_,
+                    .background = (*background_)[0],
+                    .value_min = lattice_->value_min,
+                    .value_max = lattice_->value_max,
+                    .revision = *update.complete,
+                    .content_hash = update.content_hash,
+                    .overview = *overview_name_,
+                    .overview_size = overview_.size(),
+                    .overview_factor = overview_.factor(),
+                    .groups = {}};
   if (with_groups_) {
-    groups.reserve(groups_.size() * 16);
-    for (const Place& place : groups_) {
-      const auto bytes = BytesOf(place.hash);
-      groups.append(bytes.data(), bytes.size());
-    }
+    manifest.groups.reserve(groups_.size());
+    for (const Place& place : groups_) manifest.groups.push_back(place.hash);
   }
-  return Json{{"lattice",
-               {{"size", ToJson(lattice_->size)},
-                {"voxel_type", Name(type_)},
-                {"background", (*background_)[0]},
-                {"value_min", lattice_->value_min},
-                {"value_max", lattice_->value_max},
-                {"factor", 1}}},
-              {"revision", update.complete->volume_revision},
-              {"daemon_id", std::to_string(update.complete->daemon_id)},
-              {"content_hash", NameOf(update.content_hash)},
-              {"overview",
-               {{"name", NameOf(*overview_name_)},
-                {"size", ToJson(overview_.size())},
-                {"factor", overview_.factor()}}},
-              {"groups", Base64(groups)}}
-      .dump();
+  return ToJson(manifest);
 }
 
 }  // namespace palpate::web

@@ -1,20 +1,11 @@
 // The volume as browsers fetch it: groups of voxels by content hash, an overview, and a manifest
-// that names them all (`Shape of the manifest` below).
+// that names them all (manifest.h).
 //
 // A manifest is made of complete copies only, so its groups are one state of the daemon's volume.
 // Only changed groups are read and hashed. Bricks are shared with the client's copy. A loaded
 // volume replaces the last one when its copy is complete; until then the last one stays.
 //
 // Of superseded overviews, two are kept: they are large, and would else push out superseded groups.
-//
-// Names: group and overview: HashOfBytes of the LeafType and the voxels; manifest: of 255 and the
-// text. A group that is all background has none.
-// Shape of the manifest:
-//   {"lattice": {"size": [x, y, z], "voxel_type", "background", "value_min", "value_max",
-//                "factor": 1},
-//    "revision", "daemon_id": text, "content_hash": 32 hex digits, of the daemon's,
-//    "overview": {"name", "size": [x, y, z], "factor"},
-//    "groups": base64 of 16 bytes per group; zeros: background. Empty without groups}
 //
 // Frame: I, voxel indices. Threads: Find on any; all else on one. Errors: those of memory.
 #pragma once
@@ -85,7 +76,7 @@ class GroupedVolume {
   LeafType VolumeType() const;
   Vec3i PlaceOf(std::size_t number) const;
   void PutOverview(Time now);
-  std::string Manifest(const client::VolumeUpdate& update) const;
+  std::string ManifestOf(const client::VolumeUpdate& update) const;
   void Replace(std::optional<ContentHash>& held, const ContentHash& hash,
                std::string_view content_type, std::string bytes, Time now);
 

@@ -1,4 +1,4 @@
-#include "client/web/source/source.h"
+#include "client/web/source/palpated_source.h"
 
 #include <unistd.h>
 
@@ -56,7 +56,7 @@ std::string PlainName(const client::Client& palpated) {
 
 }  // namespace
 
-Source::Source(SourceOptions options, Hub& hub, Post post)
+PalpatedSource::PalpatedSource(PalpatedOptions options, Hub& hub, Post post)
     : options_(std::move(options)), hub_(hub), post_(std::move(post)) {
   connection_since_ms_ = NowMs();
   hub_.Put(Topic::kVolume, NoVolumeText(""));
@@ -71,9 +71,9 @@ Source::Source(SourceOptions options, Hub& hub, Post post)
   worker_ = std::make_unique<Worker>();
 }
 
-Source::~Source() { client_->EndCalls(); }
+PalpatedSource::~PalpatedSource() { client_->EndCalls(); }
 
-client::ClientOptions Source::Options() {
+client::ClientOptions PalpatedSource::Options() {
   client::ClientOptions options{.profile = options_.server.profile,
                                 .address = options_.server.address,
                                 .credentials = options_.server.credentials,
@@ -90,7 +90,7 @@ client::ClientOptions Source::Options() {
 }
 
 // The pose thread. A network thread that is late gets the newest pose once.
-void Source::TakePoses(const client::PoseBatch& batch) {
+void PalpatedSource::TakePoses(const client::PoseBatch& batch) {
   {
     const std::lock_guard lock(pose_mutex_);
     pose_ = batch.poses.back();
@@ -99,7 +99,7 @@ void Source::TakePoses(const client::PoseBatch& batch) {
   post_([this] { PutPose(true); });
 }
 
-void Source::PutPose(bool is_fresh) {
+void PalpatedSource::PutPose(bool is_fresh) {
   client::Pose pose;
   {
     const std::lock_guard lock(pose_mutex_);
@@ -112,13 +112,13 @@ void Source::PutPose(bool is_fresh) {
   hub_.PutPose(EncodePose(pose, {now_ns, shares_clock, is_fresh}));
 }
 
-std::optional<double> Source::pose_age_s() const {
+std::optional<double> PalpatedSource::pose_age_s() const {
   const std::int64_t time_ns = pose_time_ns_;
   if (time_ns == 0) return std::nullopt;
   return 1e-9 * static_cast<double>(MonotonicNs() - time_ns);
 }
 
-void Source::PutConnection(const client::Connection& connection) {
+void PalpatedSource::PutConnection(const client::Connection& connection) {
   const bool is_other = connection.state != connection_.state;
   const bool is_other_why = is_other || connection.why != connection_.why;
   if (is_other) connection_since_ms_ = NowMs();
@@ -136,7 +136,7 @@ void Source::PutConnection(const client::Connection& connection) {
   }
 }
 
-void Source::CheckRights() {
+void PalpatedSource::CheckRights() {
   worker_->Put("rights", [this](bool is_replaced) {
     if (is_replaced) return;
     const auto daemon = AnswerOf([this] { return client_->GetDevice(); });
@@ -145,7 +145,7 @@ void Source::CheckRights() {
   });
 }
 
-void Source::PutVolume(const VolumeNews& news) {
+void PalpatedSource::PutVolume(const VolumeNews& news) {
   if (news.lattice) {
     lattice_ = news.lattice;
     ++volumes_;
@@ -168,7 +168,7 @@ void Source::PutVolume(const VolumeNews& news) {
     options_.log("a change of the volume waits for the next one: " + news.failure);
 }
 
-void Source::Poll() {
+void PalpatedSource::Poll() {
   worker_->Put("poll", [this](bool is_replaced) {
     if (is_replaced) return;
     const auto series = AnswerOf([this] { return client_->GetSeries(); });
@@ -181,7 +181,7 @@ void Source::Poll() {
   if (lattice_ && !has_info_) AskVolume();
 }
 
-void Source::AskVolume() {
+void PalpatedSource::AskVolume() {
   worker_->Put("volume", [this, number = volumes_](bool is_replaced) {
     if (is_replaced) return;
     const auto info = AnswerOf([this] { return client_->GetVolume(); });
@@ -193,7 +193,7 @@ void Source::AskVolume() {
 
 // Of a question that was asked since this volume came: a palpated that was started anew counts
 // revisions from the beginning, so the revision alone may be that of another volume.
-void Source::PutVolumeInfo(const std::optional<client::VolumeInfo>& info) {
+void PalpatedSource::PutVolumeInfo(const std::optional<client::VolumeInfo>& info) {
   if (info && lattice_ && lattice_->loaded_revision == info->loaded_revision) {
     has_info_ = true;
     hub_.Put(Topic::kVolume, VolumeText(*info, *lattice_));
@@ -202,12 +202,13 @@ void Source::PutVolumeInfo(const std::optional<client::VolumeInfo>& info) {
   PutHeld();
 }
 
-void Source::PutHeld() {
+void PalpatedSource::PutHeld() {
   if (!placement_.empty()) hub_.Put(Topic::kPlacement, std::exchange(placement_, {}));
   if (!manifest_.empty()) hub_.Put(Topic::kManifest, std::exchange(manifest_, {}));
 }
 
-void Source::Steer(const SteerRequest& request, std::function<void(std::string error)> done) {
+void PalpatedSource::Steer(const SteerRequest& request,
+                           std::function<void(std::string error)> done) {
   const auto update = UpdateOf(request.key, request.value);
   if (!update) {
     options_.steered(false);
@@ -231,7 +232,7 @@ void Source::Steer(const SteerRequest& request, std::function<void(std::string e
                    });
 }
 
-void Source::PutSteered(const SteerRequest& request, const std::string& error) {
+void PalpatedSource::PutSteered(const SteerRequest& request, const std::string& error) {
   options_.steered(error.empty());
   std::string line = request.user + " sets " + request.key + " to " + std::to_string(request.value);
   if (!error.empty()) {
@@ -244,7 +245,7 @@ void Source::PutSteered(const SteerRequest& request, const std::string& error) {
   hub_.Put(Topic::kSteering, SteeringText(steered_));
 }
 
-std::string Source::Health() const {
+std::string PalpatedSource::Health() const {
   switch (connection_.state) {
     case client::ConnectionState::kConnected:
       return "";
@@ -256,8 +257,8 @@ std::string Source::Health() const {
   return "palpated is not reached";
 }
 
-std::string Source::Hello(const std::string& user,
-                          const std::vector<std::string>& may_steer) const {
+std::string PalpatedSource::Hello(const std::string& user,
+                                  const std::vector<std::string>& may_steer) const {
   return HelloText({.version = options_.version,
                     .user = user,
                     .may_steer = may_steer,

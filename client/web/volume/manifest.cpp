@@ -1,0 +1,127 @@
+#include "client/web/volume/manifest.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+
+#include "client/web/volume/blob_name.h"
+#include "client/web/volume/group.h"
+#include "common/error/error.h"
+
+namespace palpate::web {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::byte kManifestKind{255};
+constexpr std::size_t kHashBytes = 16;
+constexpr double kMostVoxels = 0x1p36;
+
+std::span<const std::byte> AsBytes(std::string_view text) { return std::as_bytes(std::span(text)); }
+
+Json RowOf(const Vec3i& v) { return {v.x(), v.y(), v.z()}; }
+
+Vec3i SizeOf(const Json& row) {
+  if (row.size() != 3) Refuse("no size");
+  const Vec3i size(row.at(0).get<int>(), row.at(1).get<int>(), row.at(2).get<int>());
+  if (size.minCoeff() < 1 || size.cast<double>().prod() > kMostVoxels) Refuse("no size");
+  return size;
+}
+
+ContentHash NameIn(const Json& text) {
+  const auto hash = ParseName(text.get<std::string>());
+  if (!hash) Refuse("no name");
+  return *hash;
+}
+
+LeafType TypeIn(const Json& text) {
+  for (const LeafType type : kLeafTypes) {
+    if (Name(type) == text.get<std::string>()) return type;
+  }
+  Refuse("no voxel type");
+}
+
+std::size_t GroupsOf(const Vec3i& size) {
+  std::size_t groups = 1;
+  for (const int voxels : size) groups *= GroupCount(BrickCount(voxels));
+  return groups;
+}
+
+std::vector<ContentHash> GroupsIn(const std::string& base64, std::size_t count) {
+  const std::string bytes = FromBase64(base64);
+  if (!bytes.empty() && bytes.size() != count * kHashBytes) Refuse("other groups than voxels");
+  std::vector<ContentHash> groups;
+  groups.reserve(bytes.size() / kHashBytes);
+  for (std::size_t at = 0; at < bytes.size(); at += kHashBytes) {
+    groups.push_back(HashOf(std::string_view(bytes).substr(at, kHashBytes)));
+  }
+  return groups;
+}
+
+Manifest Parse(std::string_view text) {
+  const Json json = Json::parse(text);
+  const Json& lattice = json.at("lattice");
+  const Json& overview = json.at("overview");
+  Manifest manifest{.size = SizeOf(lattice.at("size")),
+                    .type = TypeIn(lattice.at("voxel_type")),
+                    .background = lattice.at("background").get<float>(),
+                    .value_min = lattice.at("value_min").get<double>(),
+                    .value_max = lattice.at("value_max").get<double>(),
+                    .revision = {},
+                    .content_hash = NameIn(json.at("content_hash")),
+                    .overview = NameIn(overview.at("name")),
+                    .overview_size = SizeOf(overview.at("size")),
+                    .overview_factor = overview.at("factor").get<int>(),
+                    .groups = {}};
+  manifest.revision.volume_revision = json.at("revision").get<std::uint64_t>();
+  manifest.revision.daemon_id = std::stoull(json.at("daemon_id").get<std::string>());
+  manifest.groups = GroupsIn(json.at("groups").get<std::string>(), GroupsOf(manifest.size));
+  return manifest;
+}
+
+}  // namespace
+
+std::string ToJson(const Manifest& manifest) {
+  std::string groups;
+  groups.reserve(manifest.groups.size() * kHashBytes);
+  for (const ContentHash& hash : manifest.groups) {
+    const auto bytes = BytesOf(hash);
+    groups.append(bytes.data(), bytes.size());
+  }
+  return Json{{"lattice",
+               {{"size", RowOf(manifest.size)},
+                {"voxel_type", Name(manifest.type)},
+                {"background", manifest.background},
+                {"value_min", manifest.value_min},
+                {"value_max", manifest.value_max},
+                {"factor", 1}}},
+              {"revision", manifest.revision.volume_revision},
+              {"daemon_id", std::to_string(manifest.revision.daemon_id)},
+              {"content_hash", NameOf(manifest.content_hash)},
+              {"overview",
+               {{"name", NameOf(manifest.overview)},
+                {"size", RowOf(manifest.overview_size)},
+                {"factor", manifest.overview_factor}}},
+              {"groups", Base64(groups)}}
+      .dump();
+}
+
+Manifest ParseManifest(std::string_view json) {
+  try {
+    return Parse(json);
+  } catch (const std::exception& error) {
+    throw Error(ErrorKind::kInvalidArgument, std::string("no manifest: ") + error.what());
+  }
+}
+
+ContentHash HashOfManifest(std::string_view json) {
+  return HashOfBytes(kManifestKind, AsBytes(json));
+}
+
+ContentHash HashOfVoxels(LeafType type, std::string_view bytes) {
+  return HashOfBytes(static_cast<std::byte>(type), AsBytes(bytes));
+}
+
+}  // namespace palpate::web
