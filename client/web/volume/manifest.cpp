@@ -2,6 +2,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <exception>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
@@ -60,15 +62,20 @@ std::vector<ContentHash> GroupsIn(const std::string& base64, std::size_t count) 
   return groups;
 }
 
+// JSON has no NaN.
+double NumberIn(const Json& number) {
+  return number.is_null() ? std::numeric_limits<double>::quiet_NaN() : number.get<double>();
+}
+
 Manifest Parse(std::string_view text) {
   const Json json = Json::parse(text);
   const Json& lattice = json.at("lattice");
   const Json& overview = json.at("overview");
   Manifest manifest{.size = SizeOf(lattice.at("size")),
                     .type = TypeIn(lattice.at("voxel_type")),
-                    .background = lattice.at("background").get<float>(),
-                    .value_min = lattice.at("value_min").get<double>(),
-                    .value_max = lattice.at("value_max").get<double>(),
+                    .background = static_cast<float>(NumberIn(lattice.at("background"))),
+                    .value_min = NumberIn(lattice.at("value_min")),
+                    .value_max = NumberIn(lattice.at("value_max")),
                     .revision = {},
                     .content_hash = NameIn(json.at("content_hash")),
                     .overview = NameIn(overview.at("name")),
