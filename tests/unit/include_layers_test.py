@@ -83,6 +83,9 @@ LAYERS = {
                         "client/web/volume"],
     "client/web/source": ["common/bricks", "common/error", "common/geometry", "common/wire",
                           "client/sdk", "client/web/hub", "client/web/volume"],
+    "client/web/nats": ["common/bricks", "common/error", "common/geometry", "common/wire",
+                        "client/sdk", "client/web/access", "client/web/hub", "client/web/source",
+                        "client/web/volume"],
     "client/web/app": ["common/arguments", "common/error", "common/wire", "client/options",
                        "client/sdk", "client/web/access", "client/web/http", "client/web/hub",
                        "client/web/source", "client/web/volume"],
@@ -120,6 +123,7 @@ LIBRARIES = {
     "TBB": (r"tbb/", ["server/volume", "server/app", "server/lab"]),
     "OpenGL": (r"epoxy/|GL/", ["client/view/render", "client/view/app"]),
     "GLFW, Dear ImGui, libpng": (r"GLFW/|imgui|backends/imgui|png", ["client/view/app"]),
+    "libnats": (r"nats/", ["client/web/nats"]),
     "zstd and xxHash": (r"zstd|xxhash", ["common/bricks", "server/recording"]),
 }
 

@@ -13,11 +13,10 @@
 // constructor (no room); bad messages are dropped.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -87,8 +86,8 @@ class RoomCopy {
   struct Parted {
     Kept::Kind kind;
     ContentHash held{};  // the newest whole one; zeros: none
-    PartsAssembler parts;
-    std::set<std::uint16_t> asked;  // numbers of parts
+    PartsAssembler parts{};
+    std::map<std::uint16_t, Ask> asked{};  // by number of the part
   };
   struct Group {
     ContentHash held{};  // zeros: background, or not known
@@ -96,24 +95,24 @@ class RoomCopy {
   };
   struct Volume {
     Shown texts;
-    ContentHash manifest{};
+    ContentHash manifest{};  // zeros: none
   };
 
   News Take(std::string_view subject, std::string_view bytes, bool is_live, Time now);
-  bool IsNews(Text& text, bool is_live);
+  bool IsNewest(const Kept& kept, bool is_live);
+  static std::optional<Volume> VolumeOf(std::string_view bytes);
   void TakeVolume(std::string_view bytes, News& news);
   void TakePart(Parted& parted, std::uint32_t number, std::string_view bytes, bool is_live,
                 Time now);
   void Hold(Parted& parted, const Part& part, std::string zstd, Time now);
   void TakeGroup(std::uint32_t number, std::string_view bytes, bool is_live, Time now);
-  bool HoldGroup(const Part& part);
-  void SetGroup(std::uint32_t number, const ContentHash& hash, Time now);
+  bool UseGroup(const Part& part);
+  void Replace(ContentHash& held, const ContentHash& hash, Time now);
   bool IsMissing(std::uint32_t number) const;
   void Compare(Time now);
-  void ListMissing();
-  void Show(Time now, News& news);
+  void ShowNext(Time now, News& news);
   void UseShown(Time now);
-  void AskParts(const Parted& parted, const ContentHash& wanted, std::vector<std::uint16_t>& parts);
+  std::vector<std::uint16_t> PartsToAsk(const Parted& parted, const ContentHash& wanted) const;
 
   const Subjects subjects_;
   BlobShelf shelf_;
@@ -123,7 +122,7 @@ class RoomCopy {
   Manifest newest_;                    // of manifest_.held
   std::vector<Group> groups_;          // by number
   std::size_t missing_ = 0;            // groups that newest_ names and groups_ lacks
-  std::vector<std::uint32_t> to_ask_;  // of these
+  std::vector<std::uint32_t> to_ask_;  // of these; the next one last
   std::optional<Volume> next_;         // the newest volume, if it is not shown
   Manifest shown_;                     // the newest manifest shown
   ContentHash shown_name_{};           // its name; zeros: none
