@@ -8,12 +8,15 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <deque>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <set>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/web/nats/room_copy.h"
@@ -78,8 +81,7 @@ struct PlainVolumeState {
   std::string manifest, name, message;
 
   std::uint32_t count() const {
-    const Vec3i groups = (size + Vec3i::Constant(31)) / 32;
-    return static_cast<std::uint32_t>(groups.prod());
+    return static_cast<std::uint32_t>(((size + Vec3i::Constant(31)) / 32).prod());
   }
 
   void Make() {
@@ -190,6 +192,7 @@ class Rig {
   // No more of what is bad: one publisher says everything anew.
   void Heal() {
     line_ = {};
+    shown_revision_ = 0;
     waiting_.at(0).clear();
     waiting_.at(1).clear();
     PlainVolumeState none;
@@ -231,8 +234,6 @@ class Rig {
   }
 
   int shows() const { return shows_; }
-  std::uint64_t newest_published() const { return newest_; }
-  std::uint64_t newest_shown() const { return shown_revision_; }
 
  private:
   void Publish(std::size_t who) {
@@ -247,7 +248,6 @@ class Rig {
 
   // The server: keeps it and sends it to subscribers.
   void Keep(const std::pair<std::string, std::string>& message) {
-    if (message.first == subjects_.volume()) ++newest_;
     kept_[message.first] = message.second;
     live_.push_back(message);
   }
@@ -335,7 +335,7 @@ class Rig {
   std::deque<std::pair<std::string, std::string>> live_, answers_;
   std::deque<std::string> asked_;
   std::string shown_;
-  std::uint64_t newest_ = 0, shown_revision_ = 0;
+  std::uint64_t shown_revision_ = 0;
   int shows_ = 0;
 };
 
@@ -357,6 +357,360 @@ TEST_P(Lines, OnlyWhatWasPublishedWholeIsShownAndTheNewestComesAfterwards) {
     if (HasFatalFailure() || HasFailure()) return;
   }
   EXPECT_GT(shows, 12);
+}
+
+// What the copy answers when everything that it asks for comes at once.
+std::vector<RoomCopy::Shown> AnswerAll(RoomCopy& copy,
+                                       const std::map<std::string, std::string>& kept,
+                                       std::vector<std::string>* asked = nullptr) {
+  std::vector<RoomCopy::Shown> shown;
+  for (auto asks = copy.Asks(64); !asks.empty(); asks = copy.Asks(64)) {
+    for (const std::string& subject : asks) {
+      const auto found = kept.find(subject);
+      const auto news = copy.TakeAnswer(subject, found == kept.end() ? "" : found->second, {});
+      if (news.shown) shown.push_back(*news.shown);
+      if (asked) asked->push_back(subject);
+    }
+  }
+  return shown;
+}
+
+std::string VolumeMessage(const std::string& name, const std::string& text) {
+  const std::string manifest =
+      name.empty() ? "" : json{{"type", "manifest"}, {"name", name}}.dump();
+  return json{{"volume", json{{"type", "volume"}, {"name", text}}.dump()},
+              {"placement", ""},
+              {"manifest", manifest}}
+      .dump();
+}
+
+class RoomCopies : public testing::Test {
+ protected:
+  RoomCopies() {
+    state_.size = {90, 90, 40};
+    state_ = Edited(state_, random_);
+  }
+  Messages Publish() {
+    const PlainVolumeState before = std::exchange(state_, Edited(state_, random_));
+    const Messages messages = MessagesOf(state_, before, subjects_, random_);
+    for (const auto& [subject, bytes] : messages) kept_[subject] = bytes;
+    return messages;
+  }
+  // All groups are published.
+  void Begin() {
+    PlainVolumeState none;
+    for (const auto& [subject, bytes] : MessagesOf(state_, none, subjects_, random_)) {
+      kept_[subject] = bytes;
+    }
+  }
+
+  Random random_{5};
+  const Subjects subjects_{"r"};
+  PlainVolumeState state_;
+  std::map<std::string, std::string> kept_;
+  RoomCopy copy_{"r"};
+};
+
+TEST_F(RoomCopies, AsksForEachMessageOnceAndThenForNothing) {
+  Begin();
+  EXPECT_FALSE(copy_.is_complete());
+  std::vector<std::string> asked;
+  const auto shown = AnswerAll(copy_, kept_, &asked);
+  ASSERT_EQ(shown.size(), 1U);
+  EXPECT_TRUE(copy_.is_complete());
+  std::set<std::string> expected;
+  for (const Topic topic : kTextTopics) expected.insert(subjects_.text(topic));
+  for (const auto& [subject, bytes] : kept_) {
+    if (bytes != BackgroundPart()) expected.insert(subject);
+  }
+  EXPECT_EQ(asked.size(), expected.size());
+  EXPECT_EQ(std::set<std::string>(asked.begin(), asked.end()), expected);
+  for (int n = 0; n < 50; ++n) {
+    int shows = 0;
+    for (const auto& [subject, bytes] : Publish()) {
+      shows += copy_.TakeLive(subject, bytes, {}).shown ? 1 : 0;
+      EXPECT_TRUE(copy_.Asks(64).empty()) << subject;
+      EXPECT_EQ(copy_.missing_groups(), 0U);
+    }
+    EXPECT_EQ(shows, 1);
+    EXPECT_TRUE(copy_.is_complete());
+  }
+}
+
+TEST_F(RoomCopies, WhileGroupsAreSupersededTheNextVolumeIsCompleteWhenItComes) {
+  Begin();
+  for (const std::string& subject : copy_.Asks(64)) copy_.TakeAnswer(subject, kept_[subject], {});
+  const auto groups = copy_.Asks(3);
+  ASSERT_FALSE(groups.empty());
+  int shows = 0;
+  for (int n = 0; n < 4; ++n) {  // answers bring groups that no manifest here names yet
+    const Messages messages = Publish();
+    AnswerAll(copy_, kept_);
+    for (const auto& [subject, bytes] : messages) {
+      shows += copy_.TakeLive(subject, bytes, {}).shown ? 1 : 0;
+    }
+  }
+  for (const std::string& subject : groups) copy_.TakeAnswer(subject, kept_[subject], {});
+  for (const auto& [subject, bytes] : Publish()) copy_.TakeLive(subject, bytes, {});
+  EXPECT_TRUE(copy_.is_complete());
+}
+
+TEST_F(RoomCopies, ATextThatCameLiveIsNotReplacedByAnOlderAnswer) {
+  const std::string subject = subjects_.text(Topic::kSettings);
+  const std::string old = R"({"type":"settings","n":1})", next = R"({"type":"settings","n":2})";
+  EXPECT_TRUE(copy_.TakeAnswer(subject, old, {}).texts.empty()) << "nobody asked";
+  copy_.Asks(64);
+  const auto live = copy_.TakeLive(subject, next, {});
+  ASSERT_EQ(live.texts.size(), 1U);
+  EXPECT_EQ(live.texts[0], std::pair(Topic::kSettings, next));
+  EXPECT_TRUE(copy_.TakeAnswer(subject, old, {}).texts.empty());
+  copy_.AskAnew(true);
+  copy_.Asks(64);
+  EXPECT_EQ(copy_.TakeAnswer(subject, next, {}).texts.size(), 1U);
+
+  copy_.TakeLive(subjects_.volume(), VolumeMessage("", "new"), {});
+  EXPECT_FALSE(copy_.TakeAnswer(subjects_.volume(), VolumeMessage("", "old"), {}).shown);
+}
+
+TEST_F(RoomCopies, AVolumeWithoutAManifestOrWithTheShownOneIsShownAtOnce) {
+  const auto first = copy_.TakeLive(subjects_.volume(), VolumeMessage("", "loading"), {}).shown;
+  ASSERT_TRUE(first);
+  EXPECT_TRUE(first->has_groups && first->manifest.empty());
+  Manifest alone;
+  alone.size = {9, 9, 9};
+  alone.overview = HashOf(HashBytes(0, "x"));
+  alone.overview_size = {1, 1, 1};
+  const std::string text = ToJson(alone), hash = HashBytes(255, text);
+  copy_.TakeLive(subjects_.overview(0), PlainParts(0, HashBytes(0, "x"), Zip("x"), 1)[0], {});
+  copy_.TakeLive(subjects_.manifest(0), PlainParts(255, hash, Zip(text), 1)[0], {});
+  for (const char* const name : {"one", "renamed"}) {
+    const auto shown = copy_.TakeLive(subjects_.volume(), VolumeMessage(Hex(hash), name), {}).shown;
+    ASSERT_TRUE(shown);
+    EXPECT_FALSE(shown->has_groups);
+  }
+  const auto last = copy_.TakeLive(subjects_.volume(), VolumeMessage("", "loading"), {}).shown;
+  ASSERT_TRUE(last);
+  EXPECT_FALSE(last->has_groups);
+  EXPECT_TRUE(copy_.Find(Hex(hash)));
+}
+
+TEST_F(RoomCopies, BadTextsAreDropped) {
+  const std::string name = std::string(31, '0') + "1";
+  const json good = json::parse(VolumeMessage("", "x"));
+  const auto with = [&](const char* key, const json& value) {
+    json bad = good;
+    bad[key] = value;
+    return bad.dump();
+  };
+  const std::string bad[] = {
+      "",
+      "{",
+      "[]",
+      "null",
+      "{}",
+      std::string(100000, '['),
+      with("volume", ""),
+      with("volume", 5),
+      with("volume", R"({"type":"settings"})"),
+      with("placement", R"({"type":"volume"})"),
+      with("manifest", R"({"type":"manifest"})"),
+      with("manifest", R"({"type":"manifest","name":5})"),
+      with("manifest", R"({"type":"manifest","name":"xyz"})"),
+      with("manifest", json{{"type", "manifest"}, {"name", std::string(32, '0')}}.dump()),
+      with("volume", json{{"type", "volume"}, {"a", std::string(1 << 20, 'a')}}.dump())};
+  for (const std::string& text : bad) {
+    EXPECT_FALSE(copy_.TakeLive(subjects_.volume(), text, {}).shown) << text.substr(0, 90);
+    EXPECT_TRUE(copy_.TakeLive(subjects_.text(Topic::kSeries), text, {}).texts.empty());
+  }
+  EXPECT_TRUE(copy_.TakeLive(subjects_.volume(), good.dump(), {}).shown);
+  EXPECT_TRUE(
+      copy_.TakeLive("palpate.other.kept.text.series", R"({"type":"series"})", {}).texts.empty());
+}
+
+TEST_F(RoomCopies, FalseBlobsAreNotHeld) {
+  const std::string group = RandomGroup(random_), hash = HashBytes(0, group), zstd = Zip(group);
+  const std::string bomb(std::size_t{65} << 20, 'a'), small(9, 'a');
+  const auto part = [](unsigned char kind, const std::string& name, const std::string& bytes) {
+    return PlainParts(kind, name, bytes, 1)[0];
+  };
+  const std::string false_groups[] = {part(0, hash, Zip(RandomGroup(random_))),  // other bytes
+                                      part(1, hash, zstd),                       // another kind
+                                      part(255, HashBytes(255, group), zstd),    // a manifest
+                                      part(0, hash, zstd.substr(0, zstd.size() / 2)),
+                                      part(0, hash, zstd + "x"),
+                                      part(0, hash, group),
+                                      part(0, HashBytes(0, small), Zip(small)),  // no 32^3 voxels
+                                      part(0, HashBytes(0, bomb), Zip(bomb)),
+                                      PlainParts(0, hash, zstd, 2)[0],
+                                      "\2" + part(0, hash, zstd).substr(1),
+                                      part(0, std::string(16, '\0'), zstd)};
+  for (const std::string& bytes : false_groups) {
+    copy_.TakeLive(subjects_.group(0), bytes, {});
+    EXPECT_EQ(copy_.shelf().size(), 0U);
+  }
+  copy_.TakeLive(subjects_.group(RoomCopy::kMostGroups), part(0, hash, zstd), {});
+  copy_.TakeLive(subjects_.overview(0), part(0, HashBytes(0, bomb), Zip(bomb)), {});
+  copy_.TakeLive(subjects_.overview(0), part(255, HashBytes(255, group), zstd), {});
+  copy_.TakeLive(subjects_.manifest(0), part(255, HashBytes(255, "{}"), Zip("{}")), {});
+  copy_.TakeLive(subjects_.manifest(0), part(0, hash, zstd), {});
+  EXPECT_EQ(copy_.shelf().size(), 0U);
+  copy_.TakeLive(subjects_.group(0), part(0, hash, zstd), {});
+  EXPECT_TRUE(copy_.Find(Hex(hash)));
+}
+
+TEST_F(RoomCopies, PartsOfTwoCompressionsOfOneBlobAreNotMixed) {
+  const std::string bytes(5000, 'a'), hash = HashBytes(0, bytes), one = Zip(bytes);
+  const std::string other = one.substr(0, 4) + "???" + one.substr(7);
+  const auto good = PlainParts(0, hash, one, 2), mixed = PlainParts(0, hash, other, 2);
+  copy_.TakeLive(subjects_.overview(0), mixed[0], {});
+  copy_.TakeLive(subjects_.overview(1), good[1], {});
+  EXPECT_FALSE(copy_.Find(Hex(hash)));
+  copy_.TakeLive(subjects_.overview(0), good[0], {});
+  copy_.TakeLive(subjects_.overview(1), good[1], {});
+  EXPECT_TRUE(copy_.Find(Hex(hash)));
+}
+
+TEST(Parts, AreThoseOfTheTable) {
+  Random random(8);
+  std::string zstd(2 * kMostSlice + 1, '\0');
+  for (char& c : zstd) c = static_cast<char>(random());
+  const std::string name = HashBytes(3, "name");
+  const auto parts = PartsOf(3, HashOf(name), zstd);
+  ASSERT_EQ(parts.size(), 3U);
+  std::string whole;
+  for (std::size_t n = 0; n < 3; ++n) {
+    const std::string header{1, 3, static_cast<char>(n), 0, 3, 0};
+    EXPECT_EQ(parts[n].substr(0, 22), header + name);
+    const auto part = DecodePart(parts[n]);
+    ASSERT_TRUE(part);
+    EXPECT_EQ(part->number, n);
+    EXPECT_EQ(NameOf(part->hash), Hex(name));
+    whole += part->slice;
+  }
+  EXPECT_EQ(whole, zstd);
+  EXPECT_EQ(BackgroundPart(), std::string({1, 0, 0, 0, 1, 0}) + std::string(16, '\0'));
+  EXPECT_ANY_THROW(PartsOf(0, HashOf(name), std::string((kMostParts + 1) * kMostSlice, 'a')));
+  std::string bad = parts[0];
+  for (const auto& [at, value] :
+       {std::pair(0, 0), {0, 2}, {1, 4}, {1, 254}, {2, 3}, {4, 0}, {5, 1}}) {
+    bad = parts[0];
+    bad[static_cast<std::size_t>(at)] = static_cast<char>(value);
+    EXPECT_FALSE(DecodePart(bad)) << at << " " << value;
+  }
+  for (const std::size_t size : {0, 1, 21, 22}) EXPECT_FALSE(DecodePart(parts[0].substr(0, size)));
+  EXPECT_FALSE(DecodePart(parts[0] + "x")) << "too long";
+}
+
+TEST(RoomSubjects, AreReadBack) {
+  const Subjects subjects("hall-1");
+  EXPECT_EQ(subjects.group(17), "palpate.hall-1.kept.group.17");
+  EXPECT_EQ(subjects.text(Topic::kSeries), "palpate.hall-1.kept.text.series");
+  EXPECT_EQ(subjects.direct_get(subjects.volume()),
+            "$JS.API.DIRECT.GET.PALPATE_hall-1.palpate.hall-1.kept.volume");
+  std::vector<Kept> all{{.kind = Kept::Kind::kVolume}};
+  for (const Topic topic : kTextTopics) all.push_back({.topic = topic});
+  for (const auto kind : {Kept::Kind::kManifest, Kept::Kind::kOverview, Kept::Kind::kGroup}) {
+    for (const std::uint32_t number : {0U, 7U, 4294967295U}) {
+      all.push_back({.kind = kind, .number = number});
+    }
+  }
+  for (const Kept& kept : all) {
+    const std::string subject = subjects.SubjectOf(kept);
+    EXPECT_EQ(subjects.ParseKept(subject), kept) << subject;
+    EXPECT_FALSE(Subjects("hall").ParseKept(subject)) << subject;
+  }
+  for (const char* const wrong :
+       {"", "group.", "group.01", "group.-1", "group.+1", "group.4294967296", "group.1.2",
+        "volume.", "text.", "text.guests", "text.copy", "text.volume", "manifest", "other.1",
+        "1"}) {
+    EXPECT_FALSE(subjects.ParseKept(std::string("palpate.hall-1.kept.") + wrong)) << wrong;
+  }
+  EXPECT_EQ(subjects.ParseSteer(subjects.steer("Site_2")), "Site_2");
+  for (const char* const wrong : {"palpate.hall-1.steer.", "palpate.hall-1.steer.a.b",
+                                  "palpate.hall.steer.a", "palpate.hall-1.kept.volume"}) {
+    EXPECT_FALSE(subjects.ParseSteer(wrong)) << wrong;
+  }
+}
+
+TEST(RoomSubjects, NamesAreSingleTokens) {
+  EXPECT_TRUE(IsRoom("a") && IsRoom("hall_2-x") && IsRoom(std::string(32, 'a')));
+  EXPECT_TRUE(IsNatsUser("Site-2_x") && IsNatsUser(std::string(64, 'A')));
+  for (const std::string& wrong :
+       {std::string(), std::string("a.b"), std::string("*"), std::string(">"), std::string("a b"),
+        std::string("\xc3\xa4"), std::string("a\0", 2), std::string(65, 'a')}) {
+    EXPECT_FALSE(IsRoom(wrong) || IsNatsUser(wrong)) << wrong;
+    EXPECT_ANY_THROW(Subjects{wrong});
+    EXPECT_ANY_THROW(PermissionsOf("room", wrong, true));
+  }
+  EXPECT_FALSE(IsRoom("Hall") || IsRoom(std::string(33, 'a')));
+}
+
+using Patterns = std::vector<std::string>;
+
+TEST(RoomSubjects, UsersMayUseTheirRoomAlone) {
+  const auto guest = PermissionsOf("r", "site", false);
+  EXPECT_EQ(guest.publish,
+            (Patterns{"$JS.API.DIRECT.GET.PALPATE_r.palpate.r.kept.>", "palpate.r.steer.site"}));
+  EXPECT_EQ(guest.subscribe, (Patterns{"palpate.r.live.>", "palpate.r.kept.>", "_INBOX_site.>"}));
+  EXPECT_FALSE(guest.allows_responses);
+  const auto publisher = PermissionsOf("r", "main", true);
+  EXPECT_EQ(publisher.publish,
+            (Patterns{"palpate.r.kept.>", "palpate.r.live.>", "$JS.API.STREAM.CREATE.PALPATE_r",
+                      "$JS.API.STREAM.INFO.PALPATE_r"}));
+  EXPECT_EQ(publisher.subscribe,
+            (Patterns{"palpate.r.live.beat", "palpate.r.steer.*", "_INBOX_main.>"}));
+  EXPECT_TRUE(publisher.allows_responses);
+}
+
+// Prints what a large volume costs; judges only that it is shown.
+TEST(RoomCopyCost, OfALargeVolume) {
+  using Clock = std::chrono::steady_clock;
+  const auto since = [](Clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  };
+  Random random(3);
+  const Subjects subjects("r");
+  PlainVolumeState state;
+  state.size = Vec3i::Constant(512);
+  const auto draw = [&] {  // as noisy scans: incompressible
+    std::string bytes(kGroupBytes, '\0');
+    for (std::size_t n = 0; n < bytes.size(); n += 4) {
+      const auto value = static_cast<std::uint32_t>(random());
+      std::memcpy(&bytes[n], &value, 4);
+    }
+    return bytes;
+  };
+  for (std::uint32_t n = 0; n < 4096; ++n) state.groups[n] = draw();
+  state.overview = "overview";
+  state.Make();
+  std::map<std::string, std::string> kept;
+  for (const auto& [subject, bytes] : MessagesOf(state, {}, subjects, random)) {
+    kept[subject] = bytes;
+  }
+  RoomCopy copy("r");
+  auto start = Clock::now();
+  EXPECT_EQ(AnswerAll(copy, kept).size(), 1U);
+  std::printf("join of 4096 groups of 32 KiB: %.0f ms\n", since(start));
+
+  double total = 0.0, last = 0.0;
+  constexpr int kStates = 10;
+  for (int n = 0; n < kStates; ++n) {
+    const PlainVolumeState before = state;
+    for (int m = 0; m < 200; ++m) state.groups[random() % 4096] = draw();
+    ++state.revision;
+    state.Make();
+    bool is_shown = false;
+    for (const auto& [subject, bytes] : MessagesOf(state, before, subjects, random)) {
+      start = Clock::now();
+      is_shown = copy.TakeLive(subject, bytes, {}).shown.has_value();
+      total += since(start);
+      if (is_shown) last += since(start);
+    }
+    EXPECT_TRUE(is_shown);
+  }
+  std::printf(
+      "200 changed groups and their manifest: %.2f ms, of it the volume's message %.2f ms\n",
+      total / kStates, last / kStates);
 }
 
 }  // namespace
