@@ -230,6 +230,12 @@ class Rig {
     if (random_() % 300 == 0) Reconnect();
     if (random_() % 50 == 0 && !copy_.is_complete()) copy_.AskAnew(false);
     Deliver();
+    // What is shown stays there for long.
+    if (random_() % 50 == 0) {
+      now_ += std::chrono::hours(1);
+      copy_.Expire(now_);
+      if (published_.count(shown_) > 0) JudgeShown(published_[shown_]);
+    }
   }
 
   int shows() const { return shows_; }
@@ -567,6 +573,24 @@ TEST_F(RoomCopies, PartsOfTwoCompressionsOfOneBlobAreNotMixed) {
   copy_.TakeLive(subjects_.overview(0), good[0], {});
   copy_.TakeLive(subjects_.overview(1), good[1], {});
   EXPECT_TRUE(copy_.Find(Hex(hash)));
+}
+
+TEST_F(RoomCopies, AnswersOfOlderBlobsDoNotReplaceNewerOnes) {
+  const std::string old = RandomGroup(random_), next = RandomGroup(random_);
+  const auto was = PlainParts(0, HashBytes(0, old), Zip(old), 2);
+  const auto is = PlainParts(0, HashBytes(0, next), Zip(next), 2);
+  copy_.Asks(64);
+  copy_.TakeAnswer(subjects_.overview(0), was[0], {});
+  EXPECT_EQ(copy_.Asks(64), std::vector<std::string>{subjects_.overview(1)});
+  copy_.TakeLive(subjects_.overview(0), is[0], {});
+  copy_.TakeAnswer(subjects_.overview(1), was[1], {});
+  copy_.TakeLive(subjects_.overview(1), is[1], {});
+  EXPECT_TRUE(copy_.Find(Hex(HashBytes(0, next))));
+
+  const std::string third = RandomGroup(random_);
+  copy_.TakeLive(subjects_.group(0), PlainParts(0, HashBytes(0, third), Zip(third), 1)[0], {});
+  copy_.TakeAnswer(subjects_.group(0), PlainParts(0, HashBytes(0, old), Zip(old), 1)[0], {});
+  EXPECT_FALSE(copy_.Find(Hex(HashBytes(0, old))));
 }
 
 TEST(Parts, AreThoseOfTheTable) {
