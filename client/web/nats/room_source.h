@@ -1,0 +1,99 @@
+// A room of a NATS server as the source of what guests see.
+//
+// What the room's publisher sends goes on to guests as it is. Blobs are checked against their
+// names, and a manifest is told to guests when every blob that it names is here.
+//
+// Threads: methods on the network thread, unless stated; none waits for NATS. `post` runs a
+// function on the network thread; none runs before the constructor has returned. The source must
+// live until no posted function runs any more. Ownership: borrows the hub.
+// Errors: those of Check(NatsServer). A server that is away is no error.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "client/web/hub/hub.h"
+#include "client/web/nats/nats_link.h"
+#include "client/web/nats/nats_options.h"
+#include "client/web/nats/room_copy.h"
+#include "client/web/nats/room_state.h"
+#include "client/web/nats/subjects.h"
+#include "client/web/source/source.h"
+#include "client/web/source/worker.h"
+
+namespace palpate::web {
+
+class RoomSource final : public Source {
+ public:
+  RoomSource(RoomOptions options, Hub& hub, Post post);
+  ~RoomSource() override;
+  RoomSource(const RoomSource&) = delete;
+  RoomSource& operator=(const RoomSource&) = delete;
+
+  void Poll() override;
+  BlobPtr FindBlob(std::string_view name) const override { return copy_.Find(name); }
+  // While the publisher takes a change, a user's newest change of a key replaces the same user's
+  // one that waits; that is done then.
+  void Steer(const SteerRequest& request, std::function<void(std::string error)> done) override;
+  std::string Health() const override { return connection_.why; }
+  std::string Hello(const std::string& user,
+                    const std::vector<std::string>& may_steer) const override;
+
+  std::optional<double> pose_age_s() const override;
+  bool is_copy_complete() const override;
+
+  // To NATS. Any thread.
+  bool is_connected() const { return live_->is_connected() && kept_->is_connected(); }
+
+ private:
+  // What came since the network thread looked: the newest of each.
+  struct News {
+    std::optional<std::string> pose, beat;
+    std::optional<RoomCopy::Shown> shown;
+    std::array<std::optional<std::string>, kTopics> texts;
+  };
+
+  void Listen();
+  void Note(const std::function<void(News&)>& note);
+  void NoteCopy(RoomCopy::News copy);
+  void Take();
+  void AskAnew(bool everything);
+  void Ask();
+  void PutShown(const RoomCopy::Shown& shown);
+  void PutPose();
+  void PutConnection();
+  std::string AskPublisher(const SteerRequest& request);
+  void PutSteered(const SteerRequest& request, const std::string& error);
+
+  const RoomOptions options_;
+  Hub& hub_;
+  const Post post_;
+  const Subjects subjects_;
+
+  RoomState state_;
+  RoomState::Connection connection_;
+  std::int64_t connection_since_ms_ = 0;
+  std::string pose_;  // the newest, as the publisher sent it
+  std::atomic<std::int64_t> pose_time_ns_{0};
+
+  mutable std::mutex mutex_;  // of all that follows; RoomCopy::Find needs none
+  RoomCopy copy_;
+  News news_;
+  bool is_take_posted_ = false;
+  std::string inbox_;
+
+  // Workers before links: a link's callbacks use them.
+  std::unique_ptr<Worker> asker_, steerer_;
+  std::unique_ptr<NatsLink> live_, kept_;
+};
+
+}  // namespace palpate::web
