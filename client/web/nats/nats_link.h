@@ -56,6 +56,8 @@ class NatsLink {
   // Before Start. Messages wait in memory up to kMostWaiting bytes.
   void Subscribe(std::string subject, Receive receive);
   void Start();
+  // No callback runs afterwards, and nothing is sent. Waits as the destructor does, which calls it.
+  void End();
 
   // False: not connected, or the server takes nothing; dropped.
   bool Publish(const std::string& subject, std::string_view bytes);

@@ -23,8 +23,7 @@ struct NatsServer {
 void Check(const NatsServer& server);
 
 bool UsesTls(const NatsServer& server);
-// Without white space at its ends; empty if there is no password file. Errors: kInvalidArgument
-// (not there, empty, or all accounts may read it).
+// The first word of the file; empty if none is given. Errors: kInvalidArgument (not there, empty).
 std::string ReadPassword(const NatsServer& server);
 
 // A NATS user whose guests may change settings here.

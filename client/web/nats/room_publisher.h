@@ -5,22 +5,20 @@
 //
 // Threads: those of Subscriber and the constructor on the network thread, which never waits here.
 // The publisher must live until no posted function runs any more. Ownership: borrows the hub.
-// Errors: the constructor throws kInvalidArgument (Check, no room's name).
+// Errors: the constructor throws kInvalidArgument (as Check, or no name of a room).
 #pragma once
 
-#include <map>
 #include <memory>
 #include <string>
 
-#include "client/web/access/steering_rules.h"
 #include "client/web/hub/hub.h"
+#include "client/web/nats/kept_publisher.h"
+#include "client/web/nats/live_publisher.h"
 #include "client/web/nats/nats_options.h"
+#include "client/web/nats/remote_steering.h"
 #include "client/web/source/source.h"
 
 namespace palpate::web {
-
-class KeptPublisher;
-class LivePublisher;
 
 class RoomPublisher final : public Subscriber {
  public:
@@ -36,6 +34,19 @@ class RoomPublisher final : public Subscriber {
   bool is_connected() const;
   // Why the room is not published; empty: it is.
   std::string problem() const;
+
+ private:
+  LivePublisher::Calls Calls();
+  void TakeOther(LivePublisher::Other other);
+  void TakeRequest(const std::string& site, const std::string& json, const std::string& reply);
+
+  const RoomOptions options_;
+  Hub& hub_;
+  const Post post_;
+  RemoteSteering steering_;
+  bool is_put_posted_ = false;
+  std::unique_ptr<KeptPublisher> kept_;
+  std::unique_ptr<LivePublisher> live_;  // ends first: it tells kept_ of another publisher
 };
 
 }  // namespace palpate::web

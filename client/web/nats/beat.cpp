@@ -1,0 +1,34 @@
+#include "client/web/nats/beat.h"
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "client/web/access/secret.h"
+
+namespace palpate::web {
+
+std::string ToJson(const Beat& beat) {
+  return nlohmann::ordered_json{
+      {"protocol", beat.protocol}, {"session", beat.session}, {"machine", beat.machine}}
+      .dump();
+}
+
+std::optional<Beat> ParseBeat(std::string_view json) {
+  const auto read = nlohmann::json::parse(json, nullptr, false);
+  try {
+    Beat beat{.protocol = read.at("protocol").get<int>()};
+    beat.session = read.value("session", std::string());
+    beat.machine = read.value("machine", std::string());
+    return beat;
+  } catch (const nlohmann::json::exception&) {
+    return std::nullopt;
+  }
+}
+
+std::string ThisMachine() {
+  std::string boot;
+  std::ifstream("/proc/sys/kernel/random/boot_id") >> boot;
+  return ToHex(Sha256(boot)).substr(0, 32);
+}
+
+}  // namespace palpate::web

@@ -1,0 +1,31 @@
+// The heartbeat of a room's publisher: says that it is there, and who it is. JSON:
+//   {"protocol": 1, "session": 16 hex digits, random at each start, "machine": 32 hex digits}
+//
+// Threads: pure; ThisMachine reads a file.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace palpate::web {
+
+inline constexpr int kRoomProtocol = 1;
+inline constexpr std::chrono::milliseconds kBetweenBeats{500};
+inline constexpr std::chrono::seconds kBeatLife{3};  // without a beat: the publisher is away
+
+struct Beat {
+  int protocol = kRoomProtocol;
+  std::string session{};
+  std::string machine{};
+};
+
+std::string ToJson(const Beat& beat);
+// None: no beat. Of another protocol, the other members may be empty.
+std::optional<Beat> ParseBeat(std::string_view json);
+
+// Equal where CLOCK_MONOTONIC is the same: a hash of this start of this machine.
+std::string ThisMachine();
+
+}  // namespace palpate::web
