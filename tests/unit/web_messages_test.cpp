@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "client/web/source/pose_bytes.h"
@@ -88,6 +89,59 @@ TEST(PoseBytes, FlagsSayWhatIsThere) {
   EXPECT_TRUE(std::isnan(At<double>(EncodePose(pose, {0, false, true}), 32)));
 }
 
+TEST(PoseBytes, AForwardedPoseHasThisGatewaysTimes) {
+  const std::string sent =
+      EncodePose(SomePose(), {.sent_ns = 5'002'500'000, .shares_clock = true, .is_fresh = true});
+  const auto forward = [&](std::int64_t now_ns, bool shares_clock, bool is_fresh = true) {
+    return ForwardedPose(sent, {now_ns, shares_clock, is_fresh}).value();
+  };
+  const std::string near = forward(5'010'000'000, true);
+  EXPECT_EQ(At<double>(near, 24), 5010.0);
+  EXPECT_EQ(At<double>(near, 32), 10.0);
+  // All else is as it was.
+  EXPECT_EQ(near.substr(0, 24), sent.substr(0, 24));
+  EXPECT_EQ(near.substr(40), sent.substr(40));
+  const std::string far = forward(77'000'000, false);
+  EXPECT_EQ(At<double>(far, 24), 77.0);
+  EXPECT_TRUE(std::isnan(At<double>(far, 32)));
+  // What was sent later than now was sent by another clock.
+  EXPECT_TRUE(std::isnan(At<double>(forward(5'002'000'000, true), 32)));
+}
+
+TEST(PoseBytes, AForwardedPoseIsFreshIfItWasAndIs) {
+  for (const bool was : {false, true}) {
+    for (const bool is : {false, true}) {
+      const std::string sent = EncodePose(SomePose(), {0, true, was});
+      EXPECT_EQ(At<std::uint8_t>(ForwardedPose(sent, {0, true, is}).value(), 1),
+                15 + (was && is ? 16 : 0));
+    }
+  }
+}
+
+TEST(PoseBytes, NoAgeComesOfAPoseWithNumbersThatAreNone) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const std::size_t at : {24u, 32u}) {
+    for (const double number : {std::nan(""), infinity, -infinity, 1e300, -1.0}) {
+      if (at == 24 && number == -1.0) continue;  // an old pose
+      std::string sent = EncodePose(SomePose(), {0, true, true});
+      std::memcpy(&sent.at(at), &number, sizeof number);
+      const std::string forwarded = ForwardedPose(sent, {1'000'000, true, true}).value();
+      EXPECT_EQ(At<double>(forwarded, 24), 1.0);
+      const double age_ms = At<double>(forwarded, 32);
+      EXPECT_TRUE(std::isnan(age_ms) || (std::isfinite(age_ms) && age_ms >= 0)) << number;
+    }
+  }
+}
+
+TEST(PoseBytes, WhatIsNoPoseIsNotForwarded) {
+  const std::string pose = EncodePose(SomePose(), {0, true, true});
+  std::string other = pose;
+  other[0] = 2;
+  for (const std::string& bytes : {std::string(), pose.substr(1), pose + '\0', other}) {
+    EXPECT_FALSE(ForwardedPose(bytes, {0, true, true})) << bytes.size();
+  }
+}
+
 // The daemon's strings reach the page as plain lines, whatever they hold.
 TEST(TopicTexts, TextsOfOthersAreHarmless) {
   client::VolumeInfo info;
@@ -125,10 +179,8 @@ TEST(Rights, MoreThanTheGatewayNeedsAreWarnedOf) {
 
 TEST(TopicTexts, GuestsAreNotToldWherePalpatedIs) {
   const std::string secret = "no palpated at unix:/run/palpate/none.sock";
-  for (const auto state :
-       {client::ConnectionState::kConnecting, client::ConnectionState::kConnected}) {
-    EXPECT_EQ(PlainWhy(state), "");
-  }
+  EXPECT_EQ(PlainWhy(client::ConnectionState::kConnected), "");
+  EXPECT_NE(PlainWhy(client::ConnectionState::kConnecting), "");
   EXPECT_NE(PlainWhy(client::ConnectionState::kLost), "");
   EXPECT_EQ(PlainProblem({}), "");
   const std::string problem = PlainProblem({.problem = secret});

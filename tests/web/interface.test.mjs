@@ -294,8 +294,10 @@ pageTest("the badge says in words how old the stream is, and is announced once",
   await says("^2\\.\\d s old$");
   assert.match(await text(page, "#mode"), /last known/);
   assert.deepEqual(await page.evaluate(() => announced.slice(announced.indexOf("live") + 1)), ["the stream is old"]);
-  await page.evaluate(() => harness.receive("connection", { state: "lost", why: "refused", palpated: "", since_ms: 0 }));
-  await says("^palpated is lost: refused$");
+  await page.evaluate(() => harness.receive("connection", { state: "lost", why: "palpated is not reached", palpated: "", since_ms: 0 }));
+  await says("^palpated is not reached$");
+  await page.evaluate(() => harness.receive("connection", { state: "lost", why: "nobody publishes this room", palpated: "", since_ms: 0 }));
+  await says("^nobody publishes this room$");
   await page.evaluate(() => {
     harness.state.link = "lost";
     harness.state.emit("link");

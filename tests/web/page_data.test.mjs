@@ -257,7 +257,7 @@ test("what happened meanwhile is said", () => {
   new Meanwhile(state);
   const volume = (name) => state.receive({ type: "volume", name, size: [2, 2, 2] });
   const link = (value) => { state.link = value; state.emit("link"); };
-  const connection = (value) => state.receive({ type: "connection", state: value });
+  const connection = (value) => state.receive({ type: "connection", state: value, why: value === "lost" ? "palpated is not reached" : "" });
   const pose = (tick, isovalue) => state.receivePose(decodePose(poseBytes({ tick, isovalue })));
   const settings = (isovalue) => state.receive({ type: "settings", revision: 1, values: { isovalue } });
   link("open"); connection("connected"); volume("head.nrrd"); settings(10); pose(1000, 10);

@@ -63,8 +63,7 @@ PalpatedSource::PalpatedSource(PalpatedOptions options, Hub& hub, Post post)
   hub_.Put(Topic::kSteering, SteeringText(steered_));
   client_ = std::make_unique<client::Client>(Options());
   client_->SetOnLoading([](const std::string&) { return false; });
-  hub_.Put(Topic::kConnection,
-           ConnectionText(connection_.state, PlainName(*client_), connection_since_ms_));
+  PutConnectionText();
   volume_ = std::make_unique<VolumeThread>(
       *client_, options_.with_groups,
       [this](const VolumeNews& news) { post_([this, news] { PutVolume(news); }); });
@@ -123,8 +122,7 @@ void PalpatedSource::PutConnection(const client::Connection& connection) {
   const bool is_other_why = is_other || connection.why != connection_.why;
   if (is_other) connection_since_ms_ = NowMs();
   connection_ = connection;
-  hub_.Put(Topic::kConnection,
-           ConnectionText(connection_.state, PlainName(*client_), connection_since_ms_));
+  PutConnectionText();
   const bool is_connected = connection.state == client::ConnectionState::kConnected;
   // The last pose again, as an old one.
   if (is_other && !is_connected && hub_.pose()) PutPose(false);
@@ -134,6 +132,11 @@ void PalpatedSource::PutConnection(const client::Connection& connection) {
   } else if (connection.state == client::ConnectionState::kLost && is_other_why) {
     options_.log("no palpated: " + OneLine(connection.why));
   }
+}
+
+void PalpatedSource::PutConnectionText() {
+  hub_.Put(Topic::kConnection, ConnectionText(connection_.state, PlainWhy(connection_.state),
+                                              PlainName(*client_), connection_since_ms_));
 }
 
 void PalpatedSource::CheckRights() {
@@ -245,24 +248,11 @@ void PalpatedSource::PutSteered(const SteerRequest& request, const std::string& 
   hub_.Put(Topic::kSteering, SteeringText(steered_));
 }
 
-std::string PalpatedSource::Health() const {
-  switch (connection_.state) {
-    case client::ConnectionState::kConnected:
-      return "";
-    case client::ConnectionState::kConnecting:
-      return "connecting to palpated";
-    case client::ConnectionState::kLost:
-      break;
-  }
-  return "palpated is not reached";
-}
-
 std::string PalpatedSource::Hello(const std::string& user,
                                   const std::vector<std::string>& may_steer) const {
   return HelloText({.version = options_.version,
                     .user = user,
                     .may_steer = may_steer,
-                    .with_groups = options_.with_groups,
                     .server_time_ms = NowMs()});
 }
 

@@ -48,7 +48,7 @@ class PalpatedSource final : public Source {
   // While palpated takes a change, a user's newest change of a key replaces the same user's one
   // that waits; that is done then.
   void Steer(const SteerRequest& request, std::function<void(std::string error)> done) override;
-  std::string Health() const override;
+  std::string Health() const override { return PlainWhy(connection_.state); }
   std::string Hello(const std::string& user,
                     const std::vector<std::string>& may_steer) const override;
 
@@ -60,6 +60,7 @@ class PalpatedSource final : public Source {
   void TakePoses(const client::PoseBatch& batch);
   void PutPose(bool is_fresh);
   void PutConnection(const client::Connection& connection);
+  void PutConnectionText();
   void CheckRights();
   void PutVolume(const VolumeNews& news);
   void AskVolume();

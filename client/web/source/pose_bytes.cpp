@@ -1,6 +1,7 @@
 #include "client/web/source/pose_bytes.h"
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -8,6 +9,11 @@ namespace palpate::web {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t kFlagsAt = 1, kSentAt = 24, kAgeAt = 32;
+
+double InMs(std::int64_t ns) { return 1e-6 * static_cast<double>(ns); }
 
 // Writes values one after the other, as they lie in memory.
 class Writer {
@@ -38,8 +44,6 @@ std::uint8_t Flags(const client::Pose& pose, bool is_fresh) {
 }  // namespace
 
 std::string EncodePose(const client::Pose& pose, const PoseSending& sending) {
-  const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
-  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   Writer writer;
   writer.Put(std::uint8_t{1});
   writer.Put(Flags(pose, sending.is_fresh));
@@ -47,9 +51,9 @@ std::string EncodePose(const client::Pose& pose, const PoseSending& sending) {
   writer.Put(static_cast<std::uint8_t>(pose.forces.state));
   writer.Put(std::uint32_t{0});
   writer.Put(static_cast<double>(pose.tick));
-  writer.Put(ms(pose.time_ns));
-  writer.Put(ms(sending.sent_ns));
-  writer.Put(sending.shares_clock ? ms(sending.sent_ns - pose.time_ns) : kUnknown);
+  writer.Put(InMs(pose.time_ns));
+  writer.Put(InMs(sending.sent_ns));
+  writer.Put(sending.shares_clock ? InMs(sending.sent_ns - pose.time_ns) : kUnknown);
   writer.Put(static_cast<double>(pose.settings_revision));
   writer.Put(static_cast<double>(pose.volume_revision));
   writer.PutVector(pose.hip_mm);
@@ -66,6 +70,28 @@ std::string EncodePose(const client::Pose& pose, const PoseSending& sending) {
   writer.PutSingle(1e-3 * static_cast<double>(pose.update_ns));
   writer.Put(static_cast<std::uint8_t>(pose.forces.reason));
   return writer.bytes();
+}
+
+std::optional<std::string> ForwardedPose(std::string_view bytes, const PoseSending& sending) {
+  if (bytes.size() != kPoseBytes || bytes[0] != 1) return std::nullopt;
+  const auto number_at = [&](std::size_t at) {
+    double number = 0.0;
+    std::memcpy(&number, bytes.data() + at, sizeof(number));
+    return number;
+  };
+  const double sent_ms = InMs(sending.sent_ns);
+  const double way_ms = sent_ms - number_at(kSentAt);
+  const double age_ms = number_at(kAgeAt) + way_ms;
+  const bool is_known =
+      sending.shares_clock && way_ms >= 0.0 && age_ms >= way_ms && std::isfinite(age_ms);
+  std::string forwarded(bytes);
+  const auto put = [&](std::size_t at, double number) {
+    std::memcpy(forwarded.data() + at, &number, sizeof(number));
+  };
+  put(kSentAt, sent_ms);
+  put(kAgeAt, is_known ? age_ms : kUnknown);
+  if (!sending.is_fresh) forwarded[kFlagsAt] &= static_cast<char>(~kFresh);
+  return forwarded;
 }
 
 }  // namespace palpate::web

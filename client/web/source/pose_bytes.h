@@ -32,7 +32,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "client/sdk/pose.h"
 
@@ -55,5 +57,10 @@ struct PoseSending {
 };
 
 std::string EncodePose(const client::Pose& pose, const PoseSending& sending);
+
+// A pose that another gateway sent, as this one sends it on: fresh if it was and is.
+// `shares_clock`: this gateway with the other one, so that the age grows by the way; without, and
+// if the two times contradict that, the age is NaN. None: the bytes are no pose.
+std::optional<std::string> ForwardedPose(std::string_view bytes, const PoseSending& sending);
 
 }  // namespace palpate::web

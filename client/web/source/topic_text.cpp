@@ -102,12 +102,19 @@ std::string HelloText(const HelloInfo& info) {
                {"user", info.user},
                {"may_steer", info.may_steer},
                {"settings", settings},
-               {"volume", info.with_groups},
                {"server_time_ms", info.server_time_ms}});
 }
 
 std::string PlainWhy(client::ConnectionState state) {
-  return state == client::ConnectionState::kLost ? "not reached" : "";
+  switch (state) {
+    case client::ConnectionState::kConnected:
+      return "";
+    case client::ConnectionState::kConnecting:
+      return "connecting to palpated";
+    case client::ConnectionState::kLost:
+      break;
+  }
+  return "palpated is not reached";
 }
 
 std::string PlainProblem(const client::VolumeStatus& status) {
@@ -128,11 +135,11 @@ std::string PlainRefusal(const Error& refusal) {
   }
 }
 
-std::string ConnectionText(client::ConnectionState state, const std::string& palpated,
-                           std::int64_t since_ms) {
+std::string ConnectionText(client::ConnectionState state, const std::string& why,
+                           const std::string& palpated, std::int64_t since_ms) {
   return Dump({{"type", "connection"},
                {"state", NameOf(state)},
-               {"why", PlainWhy(state)},
+               {"why", OneLine(why)},
                {"palpated", OneLine(palpated)},
                {"since_ms", since_ms}});
 }

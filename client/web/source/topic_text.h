@@ -26,7 +26,6 @@ struct HelloInfo {
   std::string version{};
   std::string user{};
   std::vector<std::string> may_steer{};
-  bool with_groups = true;
   std::int64_t server_time_ms = 0;
 };
 std::string HelloText(const HelloInfo& info);
@@ -37,9 +36,9 @@ std::string PlainWhy(client::ConnectionState state);
 std::string PlainProblem(const client::VolumeStatus& status);
 std::string PlainRefusal(const Error& refusal);  // of a change of a setting
 
-// `palpated`: its name for people.
-std::string ConnectionText(client::ConnectionState state, const std::string& palpated,
-                           std::int64_t since_ms);
+// `palpated`: its name for people. `why` is shown as it is; "" if connected.
+std::string ConnectionText(client::ConnectionState state, const std::string& why,
+                           const std::string& palpated, std::int64_t since_ms);
 
 // `loading`: how far palpated's first volume is; empty: none loads.
 std::string NoVolumeText(const std::string& loading);

@@ -38,12 +38,8 @@ export function badgeOf(state: State): Badge {
       break;
   }
   const connection = state.connection;
-  if (connection?.state === "lost") {
-    const words = `palpated is lost${connection.why ? `: ${connection.why}` : ""}`;
-    return { tone: "alarm", words, kind: words };
-  }
-  if (connection?.state === "connecting") {
-    return { tone: "caution", words: "connecting to palpated", kind: "connecting to palpated" };
+  if (connection && connection.state !== "connected") {
+    return { tone: connection.state === "lost" ? "alarm" : "caution", words: connection.why, kind: connection.why };
   }
   if (!state.pose) return { tone: "caution", words: "no pose yet", kind: "no pose yet" };
   const ageMs = state.poseAgeMs();

@@ -13,7 +13,7 @@ export function progressOf(state: State, copy: VolumeCopy): Progress {
   const { volume } = state;
   if (volume?.loading) return { words: `palpated loads: ${volume.loading}`, share: null };
   if (volume && volume.size === undefined) return { words: "no volume yet", share: null };
-  // The badge says that palpated is lost.
+  // The badge says what is lost.
   const problem = state.connection?.state === "connected" ? (state.copy?.problem ?? "") : "";
   if (problem) return { words: `the volume does not follow: ${problem}`, share: null };
   if ((state.copy?.bricks_left ?? 0) > 0) {

@@ -4,7 +4,8 @@ import type { State } from "../state";
 interface Away {
   sinceMs: number;
   tick: number; // the last one before
-  gateway: boolean; // the gateway was lost, not only palpated
+  why: string; // of the gateway's
+  gateway: boolean; // the gateway was lost, not only what is behind it
 }
 
 const inDigits = (value: number) => String(Number(value.toPrecision(6)));
@@ -38,7 +39,8 @@ export class Meanwhile {
       return;
     }
     if (!this.wasWell) return;
-    this.away ??= { sinceMs: this.heardMs, tick: this.state.pose?.tick ?? 0, gateway: false };
+    const why = this.state.connection?.why ?? "";
+    this.away ??= { sinceMs: this.heardMs, tick: this.state.pose?.tick ?? 0, why, gateway: false };
     this.isovalueBefore ??= this.isovalue();
     if (this.state.link === "lost") this.away.gateway = true;
   }
@@ -52,10 +54,10 @@ export class Meanwhile {
       return;
     }
     if (!now.fresh || !this.isWell()) return;
-    const { sinceMs, tick, gateway } = this.away;
+    const { sinceMs, tick, why, gateway } = this.away;
     this.away = null;
     const seconds = Math.max(1, Math.round((performance.now() - sinceMs) / 1000));
-    this.state.tell(gateway ? `The connection was lost for ${seconds} s` : `palpated was away for ${seconds} s`);
+    this.state.tell(gateway ? `The connection was lost for ${seconds} s` : `${why}: for ${seconds} s`);
     if (now.tick < tick) this.state.tell("palpated was restarted");
     this.lookAtVolume();
     this.compareIsovalue();

@@ -24,15 +24,15 @@ export interface HelloMessage {
   user: string;
   may_steer: string[];
   settings: SettingInfo[];
-  volume: boolean; // false: the gateway gives the overview alone
   server_time_ms: number;
 }
 
-// The gateway's link to palpated.
+// The gateway's link to palpated. In a room of a NATS server: to NATS, to the room's publisher, and that one's
+// to palpated.
 export interface ConnectionMessage {
   type: "connection";
   state: "connecting" | "connected" | "lost";
-  why: string;
+  why: string; // "": connected
   palpated: string;
   since_ms: number; // the gateway's clock
 }
