@@ -128,7 +128,7 @@ TEST(PoseBytes, NoAgeComesOfAPoseWithNumbersThatAreNone) {
       const std::string forwarded = ForwardedPose(sent, {1'000'000, true, true}).value();
       EXPECT_EQ(At<double>(forwarded, 24), 1.0);
       const double age_ms = At<double>(forwarded, 32);
-      EXPECT_TRUE(std::isnan(age_ms) || (std::isfinite(age_ms) && age_ms >= 0)) << number;
+      EXPECT_TRUE(std::isnan(age_ms) || (age_ms >= 0 && age_ms < 1e12)) << number;
     }
   }
 }

@@ -1,7 +1,6 @@
 #include "client/web/source/pose_bytes.h"
 
 #include <bit>
-#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -11,9 +10,16 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMostMs = 1e12;  // more is no time
 constexpr std::size_t kFlagsAt = 1, kSentAt = 24, kAgeAt = 32;
 
 double InMs(std::int64_t ns) { return 1e-6 * static_cast<double>(ns); }
+
+double NumberAt(std::string_view pose, std::size_t at) {
+  double number = 0.0;
+  std::memcpy(&number, pose.data() + at, sizeof(number));
+  return number;
+}
 
 // Writes values one after the other, as they lie in memory.
 class Writer {
@@ -74,16 +80,11 @@ std::string EncodePose(const client::Pose& pose, const PoseSending& sending) {
 
 std::optional<std::string> ForwardedPose(std::string_view bytes, const PoseSending& sending) {
   if (bytes.size() != kPoseBytes || bytes[0] != 1) return std::nullopt;
-  const auto number_at = [&](std::size_t at) {
-    double number = 0.0;
-    std::memcpy(&number, bytes.data() + at, sizeof(number));
-    return number;
-  };
   const double sent_ms = InMs(sending.sent_ns);
-  const double way_ms = sent_ms - number_at(kSentAt);
-  const double age_ms = number_at(kAgeAt) + way_ms;
+  const double way_ms = sent_ms - NumberAt(bytes, kSentAt);
+  const double age_ms = PoseAgeMs(bytes) + way_ms;
   const bool is_known =
-      sending.shares_clock && way_ms >= 0.0 && age_ms >= way_ms && std::isfinite(age_ms);
+      sending.shares_clock && way_ms >= 0.0 && age_ms >= way_ms && age_ms < kMostMs;
   std::string forwarded(bytes);
   const auto put = [&](std::size_t at, double number) {
     std::memcpy(forwarded.data() + at, &number, sizeof(number));
@@ -93,5 +94,7 @@ std::optional<std::string> ForwardedPose(std::string_view bytes, const PoseSendi
   if (!sending.is_fresh) forwarded[kFlagsAt] &= static_cast<char>(~kFresh);
   return forwarded;
 }
+
+double PoseAgeMs(std::string_view pose) { return NumberAt(pose, kAgeAt); }
 
 }  // namespace palpate::web

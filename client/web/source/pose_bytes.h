@@ -63,4 +63,7 @@ std::string EncodePose(const client::Pose& pose, const PoseSending& sending);
 // if the two times contradict that, the age is NaN. None: the bytes are no pose.
 std::optional<std::string> ForwardedPose(std::string_view bytes, const PoseSending& sending);
 
+// Of a pose's bytes. NaN: not known.
+double PoseAgeMs(std::string_view pose);
+
 }  // namespace palpate::web
