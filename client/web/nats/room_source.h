@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "client/web/hub/hub.h"
+#include "client/web/nats/beat.h"
 #include "client/web/nats/nats_link.h"
 #include "client/web/nats/nats_options.h"
 #include "client/web/nats/room_copy.h"
@@ -49,7 +50,7 @@ class RoomSource final : public Source {
                     const std::vector<std::string>& may_steer) const override;
 
   std::optional<double> pose_age_s() const override;
-  bool is_copy_complete() const override;
+  bool is_copy_complete() const override { return is_complete_; }
 
   // To NATS. Any thread.
   bool is_connected() const { return live_->is_connected() && kept_->is_connected(); }
@@ -57,20 +58,26 @@ class RoomSource final : public Source {
  private:
   // What came since the network thread looked: the newest of each.
   struct News {
-    std::optional<std::string> pose, beat;
+    std::optional<std::string> pose;
+    std::optional<Beat> beat;
     std::optional<RoomCopy::Shown> shown;
+    std::optional<std::size_t> missing_groups;
     std::array<std::optional<std::string>, kTopics> texts;
   };
+  using TakeIntoCopy = RoomCopy::News (RoomCopy::*)(std::string_view, std::string_view,
+                                                    RoomCopy::Time);
 
   void Listen();
-  void Note(const std::function<void(News&)>& note);
-  void NoteCopy(RoomCopy::News copy);
-  void Take();
+  void HearBeat(const Beat& beat);
+  void TakeKept(TakeIntoCopy take, std::string_view subject, std::string_view bytes);
   void AskAnew(bool everything);
   void Ask();
-  void PutShown(const RoomCopy::Shown& shown);
+  void Note(const std::function<void(News&)>& note);
+  void Take();
+  void PutShown(RoomCopy::Shown shown);
   void PutPose();
   void PutConnection();
+  void Log(const std::string& line);
   std::string AskPublisher(const SteerRequest& request);
   void PutSteered(const SteerRequest& request, const std::string& error);
 
@@ -79,21 +86,29 @@ class RoomSource final : public Source {
   const Post post_;
   const Subjects subjects_;
 
+  // The network thread's.
   RoomState state_;
   RoomState::Connection connection_;
   std::int64_t connection_since_ms_ = 0;
   std::string pose_;  // the newest, as the publisher sent it
-  std::atomic<std::int64_t> pose_time_ns_{0};
+  std::string last_line_;
 
-  mutable std::mutex mutex_;  // of all that follows; RoomCopy::Find needs none
-  RoomCopy copy_;
+  std::atomic<std::int64_t> pose_time_ns_{0};
+  std::atomic<bool> is_complete_{false};
+  std::atomic<bool> is_answered_{false};  // since Poll looked
+
+  std::mutex news_mutex_;
   News news_;
   bool is_take_posted_ = false;
-  std::string inbox_;
 
-  // Workers before links: a link's callbacks use them.
-  std::unique_ptr<Worker> asker_, steerer_;
+  std::mutex copy_mutex_;      // never the network thread's: blobs are unpacked under it
+  RoomCopy copy_;              // Find needs no mutex
+  std::size_t under_way_ = 0;  // asks
+
+  std::chrono::steady_clock::time_point last_beat_;  // the thread of the beats
+  std::string inbox_;                                // begins the subjects of answers
   std::unique_ptr<NatsLink> live_, kept_;
+  std::unique_ptr<Worker> asker_, steerer_;  // end before the links, which they use
 };
 
 }  // namespace palpate::web

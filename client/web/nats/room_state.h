@@ -2,13 +2,17 @@
 // room's publisher, then the publisher's own word.
 //
 // A publisher is heard by its beats, twice a second. Threads: pure. Time is passed in.
+// Errors: none. What is no message of the room is ignored.
 #pragma once
 
 #include <chrono>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "client/sdk/connection.h"
+#include "client/web/nats/beat.h"
 
 namespace palpate::web {
 
@@ -19,35 +23,33 @@ class RoomState {
   // A publisher that was not heard for so long is away.
   static constexpr std::chrono::seconds kSilence{3};
 
-  // `machine`: this one's, as publishers name theirs.
-  explicit RoomState(std::string machine) : machine_(std::move(machine)) {}
+  // `machine`: this one, as beats name theirs.
+  RoomState(std::string machine, Time now) : machine_(std::move(machine)), since_(now) {}
 
-  void TakeLink(bool is_connected, Time now);  // whenever; no change is no news
-  // Ignores what is no beat.
-  void TakeBeat(std::string_view json, Time now);
-  // The topic connection's text of the publisher. Ignores what is none.
+  // May be called without a change.
+  void TakeLink(bool is_connected, Time now);
+  void TakeBeat(const Beat& beat, Time now);
+  // The publisher's text of the topic `connection`, as RoomCopy gives it.
   void TakeText(std::string_view json);
 
   struct Connection {
     client::ConnectionState state = client::ConnectionState::kConnecting;
     std::string why{};       // "": connected
     std::string palpated{};  // the last known name
-    friend bool operator==(const Connection&, const Connection&) = default;
   };
   Connection At(Time now) const;
-  // A publisher of this protocol is there.
+  // A publisher of this protocol is heard.
   bool is_published(Time now) const;
-  // The newest publisher's clock is this machine's.
+  // The newest beat's machine is this one.
   bool shares_clock() const { return shares_clock_; }
 
  private:
   const std::string machine_;
-  bool is_connected_ = false;
-  Time since_{};                  // of the link's state
-  Time heard_{}, heard_other_{};  // a publisher of this protocol, of another one
+  Time since_;  // of the link's state
+  bool is_connected_ = false, was_connected_ = false;
+  std::optional<Time> heard_, heard_other_;  // a publisher of this protocol, of another one
   bool shares_clock_ = false;
-  Connection publishers_{};  // own word
-  bool has_text_ = false;
+  std::optional<Connection> word_;  // the publisher's own
 };
 
 }  // namespace palpate::web

@@ -1,0 +1,295 @@
+#include "client/web/nats/room_source.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "client/web/source/pose_bytes.h"
+#include "client/web/source/topic_text.h"
+#include "client/web/volume/group.h"
+#include "common/error/one_line.h"
+
+namespace palpate::web {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr std::size_t kMostAsked = 64;  // at a time
+constexpr std::chrono::seconds kSteerPatience{3};
+
+std::int64_t NowMs() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
+}
+
+std::int64_t MonotonicNs() {
+  return std::chrono::nanoseconds(steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+RoomSource::RoomSource(RoomOptions options, Hub& hub, Post post)
+    : options_(std::move(options)),
+      hub_(hub),
+      post_(std::move(post)),
+      subjects_(options_.room),
+      state_(ThisMachine(), steady_clock::now()),
+      copy_(options_.room) {
+  connection_since_ms_ = NowMs();
+  hub_.Put(Topic::kVolume, NoVolumeText(""));
+  hub_.Put(Topic::kSteering, SteeringText({}));
+  Listen();
+  PutConnection();
+  live_->Start();
+  kept_->Start();
+  asker_ = std::make_unique<Worker>();
+  steerer_ = std::make_unique<Worker>();
+}
+
+RoomSource::~RoomSource() = default;
+
+// Poses and voxels on connections of their own: voxels would hold up the poses.
+void RoomSource::Listen() {
+  const auto log = [this](const std::string& line) {
+    post_([this, line] { Log("NATS: " + line); });
+  };
+  const auto look = [this] { Note([](News&) {}); };
+  const std::string name = "palpate-web --from, room " + options_.room;
+  live_ = std::make_unique<NatsLink>(
+      options_.server, name + ", poses",
+      NatsLink::Events{.connected = look,
+                       .lost = [=](const std::string& why) { look(), log(why); },
+                       .refused = log});
+  live_->Subscribe(subjects_.pose(), [this](const NatsMessage& message) {
+    if (message.bytes.size() != kPoseBytes) return;
+    Note([&](News& news) { news.pose = message.bytes; });
+  });
+  live_->Subscribe(subjects_.beat(), [this](const NatsMessage& message) {
+    if (const auto beat = ParseBeat(message.bytes)) HearBeat(*beat);
+  });
+  kept_ = std::make_unique<NatsLink>(
+      options_.server, name + ", volume",
+      NatsLink::Events{.connected = [=, this] { look(), AskAnew(true); },
+                       .lost = [=](const std::string& why) { look(), log(why); },
+                       .missed = [this] { AskAnew(true); },
+                       .refused = log});
+  kept_->Subscribe(subjects_.kept_all(), [this](const NatsMessage& message) {
+    TakeKept(&RoomCopy::TakeLive, message.subject, message.bytes);
+  });
+  // The subject of an answer ends with that of the question: an answer of a stream that keeps
+  // nothing there does not name it.
+  inbox_ = kept_->NewInbox() + ".";
+  kept_->Subscribe(inbox_ + ">", [this](const NatsMessage& message) {
+    const bool is_kept = message.status == 0;
+    {
+      const std::lock_guard lock(copy_mutex_);
+      if (under_way_ > 0) --under_way_;
+    }
+    if (is_kept) is_answered_ = true;
+    TakeKept(&RoomCopy::TakeAnswer, message.subject.substr(inbox_.size()),
+             is_kept ? message.bytes : std::string_view());
+  });
+}
+
+void RoomSource::Log(const std::string& line) {
+  if (line != std::exchange(last_line_, line)) options_.log(line);
+}
+
+// The thread of the beats. A silence may be that of a link between servers, which lost messages
+// while this gateway's own links stayed.
+void RoomSource::HearBeat(const Beat& beat) {
+  constexpr std::chrono::seconds kShortSilence{1};
+  const auto now = steady_clock::now();
+  if (now - std::exchange(last_beat_, now) > kShortSilence) AskAnew(true);
+  Note([&](News& news) { news.beat = beat; });
+}
+
+// Threads of links.
+void RoomSource::TakeKept(TakeIntoCopy take, std::string_view subject, std::string_view bytes) {
+  RoomCopy::News copy;
+  std::size_t missing = 0;
+  {
+    const std::lock_guard lock(copy_mutex_);
+    copy = (copy_.*take)(subject, bytes, steady_clock::now());
+    missing = copy_.missing_groups();
+    is_complete_ = copy_.is_complete();
+  }
+  Note([&](News& news) {
+    news.missing_groups = missing;
+    if (copy.shown) news.shown = std::move(copy.shown);
+    for (auto& [topic, text] : copy.texts) {
+      news.texts.at(static_cast<std::size_t>(topic)) = std::move(text);
+    }
+  });
+  Ask();
+}
+
+// Threads of links, and the asker's.
+void RoomSource::AskAnew(bool everything) {
+  {
+    const std::lock_guard lock(copy_mutex_);
+    copy_.AskAnew(everything);
+    under_way_ = 0;
+  }
+  Ask();
+}
+
+void RoomSource::Ask() {
+  std::vector<std::string> asked;
+  {
+    const std::lock_guard lock(copy_mutex_);
+    asked = copy_.Asks(kMostAsked - under_way_);
+    under_way_ += asked.size();
+  }
+  for (const std::string& subject : asked) {
+    // What cannot be asked for now is asked for at the next connection.
+    if (!kept_->Ask(subjects_.direct_get(subject), inbox_ + subject, "")) return;
+  }
+}
+
+// A network thread that is late gets the newest of everything once.
+void RoomSource::Note(const std::function<void(News&)>& note) {
+  {
+    const std::lock_guard lock(news_mutex_);
+    note(news_);
+    if (std::exchange(is_take_posted_, true)) return;
+  }
+  post_([this] { Take(); });
+}
+
+void RoomSource::Take() {
+  News news;
+  {
+    const std::lock_guard lock(news_mutex_);
+    news = std::exchange(news_, {});
+    is_take_posted_ = false;
+  }
+  const auto now = steady_clock::now();
+  state_.TakeLink(is_connected(), now);
+  if (news.beat) state_.TakeBeat(*news.beat, now);
+  for (std::size_t topic = 0; topic < news.texts.size(); ++topic) {
+    std::optional<std::string>& text = news.texts[topic];
+    if (!text) continue;
+    if (static_cast<Topic>(topic) == Topic::kConnection) {
+      state_.TakeText(*text);
+    } else {
+      hub_.Put(static_cast<Topic>(topic), *std::move(text));
+    }
+  }
+  if (news.shown) PutShown(*std::move(news.shown));
+  if (news.missing_groups) {
+    constexpr std::uint64_t kBricks = std::uint64_t{kGroupBricks} * kGroupBricks * kGroupBricks;
+    hub_.Put(Topic::kCopy, CopyText(kBricks * *news.missing_groups, ""));
+  }
+  PutConnection();
+  if (news.pose && state_.is_published(now)) {
+    pose_ = *std::move(news.pose);
+    PutPose();
+  }
+}
+
+void RoomSource::PutShown(RoomCopy::Shown shown) {
+  hub_.Put(Topic::kVolume, std::move(shown.volume));
+  if (!shown.placement.empty()) hub_.Put(Topic::kPlacement, std::move(shown.placement));
+  if (!shown.manifest.empty()) hub_.Put(Topic::kManifest, std::move(shown.manifest));
+}
+
+void RoomSource::PutPose() {
+  const std::int64_t now_ns = MonotonicNs();
+  const bool is_fresh = state_.is_published(steady_clock::now());
+  auto pose = ForwardedPose(pose_, {now_ns, state_.shares_clock(), is_fresh});
+  if (!pose) return;
+  const double age_ms = PoseAgeMs(*pose);
+  if (is_fresh) {
+    pose_time_ns_ = std::isnan(age_ms) ? now_ns : now_ns - static_cast<std::int64_t>(1e6 * age_ms);
+  }
+  hub_.PutPose(*std::move(pose));
+}
+
+void RoomSource::PutConnection() {
+  const RoomState::Connection before = std::exchange(connection_, state_.At(steady_clock::now()));
+  const bool is_connected = connection_.state == client::ConnectionState::kConnected;
+  if (connection_.state != before.state) connection_since_ms_ = NowMs();
+  hub_.Put(Topic::kConnection, ConnectionText(connection_.state, connection_.why,
+                                              connection_.palpated, connection_since_ms_));
+  if (connection_.state != before.state || connection_.why != before.why) {
+    options_.log("room " + options_.room + ": " +
+                 (is_connected ? "live" : OneLine(connection_.why)));
+  }
+  // The last pose again, as an old one.
+  if (before.state == client::ConnectionState::kConnected && !is_connected) PutPose();
+}
+
+void RoomSource::Poll() {
+  Take();
+  asker_->Put("second", [this](bool is_replaced) {
+    if (is_replaced) return;
+    {
+      const std::lock_guard lock(copy_mutex_);
+      copy_.Expire(steady_clock::now());
+    }
+    // The server had nothing, something older, or no time.
+    if (!is_complete_ && !is_answered_.exchange(false)) AskAnew(false);
+  });
+}
+
+void RoomSource::Steer(const SteerRequest& request, std::function<void(std::string error)> done) {
+  std::string refusal;
+  if (!UpdateOf(request.key, request.value)) {
+    refusal = request.key + " does not take this value";
+  } else if (options_.server.user.empty()) {
+    refusal = "this gateway may not change settings";
+  } else {
+    refusal = connection_.why;
+  }
+  if (!refusal.empty()) {
+    options_.steered(false);
+    return done(refusal);
+  }
+  steerer_->PutLast(request.user + " " + request.key,
+                    [this, request, done = std::move(done)](bool is_replaced) {
+                      if (is_replaced) return done("");
+                      post_([this, request, done, error = AskPublisher(request)] {
+                        PutSteered(request, error);
+                        done(error);
+                      });
+                    });
+}
+
+// The steerer's thread.
+std::string RoomSource::AskPublisher(const SteerRequest& request) {
+  constexpr const char* kSilent = "the room's publisher does not answer";
+  using nlohmann::json;
+  const json question{{"user", request.user}, {"key", request.key}, {"value", request.value}};
+  const auto answer =
+      live_->Request(subjects_.steer(options_.server.user),
+                     question.dump(-1, ' ', false, json::error_handler_t::replace), kSteerPatience);
+  const json parsed = json::parse(answer.value_or(""), nullptr, false);
+  if (!parsed.is_object() || !parsed.contains("error") || !parsed["error"].is_string()) {
+    return kSilent;
+  }
+  return OneLine(parsed["error"].get<std::string>());
+}
+
+void RoomSource::PutSteered(const SteerRequest& request, const std::string& error) {
+  options_.steered(error.empty());
+  const std::string line =
+      request.user + " sets " + request.key + " to " + std::to_string(request.value);
+  options_.log(error.empty() ? line : line + ": refused: " + error);
+}
+
+std::string RoomSource::Hello(const std::string& user,
+                              const std::vector<std::string>& may_steer) const {
+  return HelloText({.version = options_.version,
+                    .user = user,
+                    .may_steer = may_steer,
+                    .server_time_ms = NowMs()});
+}
+
+std::optional<double> RoomSource::pose_age_s() const {
+  const std::int64_t time_ns = pose_time_ns_;
+  if (time_ns == 0) return std::nullopt;
+  return 1e-9 * static_cast<double>(MonotonicNs() - time_ns);
+}
+
+}  // namespace palpate::web
