@@ -1,194 +1,25 @@
 #include "client/web/app/config.h"
 
-#include <sys/stat.h>
-#include <toml++/toml.h>
-
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <fstream>
 #include <functional>
-#include <map>
-#include <sstream>
-#include <string_view>
 
 #include "client/sdk/settings.h"
+#include "client/web/app/secret_file.h"
 #include "client/web/http/origins.h"
 #include "common/error/error.h"
-#include "common/error/one_line.h"
 
 namespace palpate::web {
 namespace {
 
 namespace fs = std::filesystem;
 
-using Setter = std::function<void(const toml::node&)>;
-using Setters = std::map<std::string, Setter, std::less<>>;
-
-std::string Text(const toml::node& node) {
-  const auto value = node.value_exact<std::string>();
-  if (!value || value->empty()) Refuse("must be a text in quotes");
-  return *value;
-}
-
-bool Flag(const toml::node& node) {
-  if (const auto value = node.value_exact<bool>()) return *value;
-  Refuse("must be true or false");
-}
-
-int Integer(const toml::node& node, int least, int most) {
-  const auto value = node.value_exact<std::int64_t>();
-  if (value && *value >= least && *value <= most) return static_cast<int>(*value);
-  Refuse("must be a whole number from " + std::to_string(least) + " to " + std::to_string(most));
-}
-
-fs::path File(const toml::node& node) {
-  const fs::path path = Text(node);
-  if (!path.is_absolute()) Refuse("must be an absolute path");
-  return path;
-}
-
-std::vector<std::string> SettingKeys(const toml::node& node) {
-  const toml::array* const array = node.as_array();
-  if (!array) Refuse("must be a list of settings, [\"isovalue\"]");
-  std::vector<std::string> keys;
-  for (const toml::node& one : *array) {
-    keys.push_back(Text(one));
-    CheckSettingKey(keys.back());
-  }
-  return keys;
-}
-
-std::string UserName(const toml::node& node) {
-  const std::string name = Text(node);
-  if (!client::IsProfileName(name)) Refuse("must be 1 to 64 letters, digits, '.', '_' or '-'");
-  return name;
-}
-
-std::string TokenHash(const toml::node& node) {
-  const std::string hex = Text(node);
-  if (!DigestFromHex(hex)) Refuse("must be 64 hex digits, as 'palpate-web user NAME' prints them");
-  return hex;
-}
-
-Setters SettersOf(Config& c) {
-  client::Address& address = c.palpated.address;
-  client::Credentials& who = c.palpated.credentials;
-  const int most_guests = c.http.max_connections - c.http.max_strangers;
-  return {
-      {"palpated.profile", [&](auto& n) { c.palpated.profile = Text(n); }},
-      {"palpated.socket", [&](auto& n) { address.socket_path = File(n); }},
-      {"palpated.server", [&](auto& n) { address.host_port = ParseHostPort(Text(n)).ToString(); }},
-      {"palpated.tls_ca", [&](auto& n) { who.ca_file = File(n); }},
-      {"palpated.tls_cert", [&](auto& n) { who.certificate_file = File(n); }},
-      {"palpated.tls_key", [&](auto& n) { who.key_file = File(n); }},
-      {"palpated.token_file", [&](auto& n) { who.token_file = File(n); }},
-      {"web.listen", [&](auto& n) { c.http.listen = ParseHostPort(Text(n)); }},
-      {"web.public_url", [&](auto& n) { c.http.public_url = Text(n); }},
-      {"web.page", [&](auto& n) { c.http.page_folder = File(n); }},
-      {"web.certificate", [&](auto& n) { c.http.certificate_file = File(n); }},
-      {"web.key", [&](auto& n) { c.http.key_file = File(n); }},
-      {"web.behind_proxy", [&](auto& n) { c.http.behind_proxy = Flag(n); }},
-      {"web.volume", [&](auto& n) { c.with_groups = Flag(n); }},
-      {"web.max_guests",
-       [&c, most_guests](auto& n) { c.http.max_guests = Integer(n, 1, most_guests); }},
-      {"room.key_file", [&](auto& n) { c.room_key_file = File(n); }},
-      {"metrics.listen", [&](auto& n) { c.metrics = ParseHostPort(Text(n)); }},
-  };
-}
-
-Setters UserSetters(User& user) {
-  return {{"name", [&](auto& n) { user.name = UserName(n); }},
-          {"token_sha256", [&](auto& n) { user.token_sha256_hex = TokenHash(n); }},
-          {"may_steer", [&](auto& n) { user.may_steer = SettingKeys(n); }}};
-}
-
-class Reader {
- public:
-  Reader(const fs::path& file, Config& config) : file_(file), config_(config) {}
-
-  std::vector<std::string> Read() {
-    try {
-      ReadTables(toml::parse_file(file_.string()));
-    } catch (const toml::parse_error& error) {
-      Add(error.source().begin.line, OneLine(error.description()));
-    }
-    return std::move(faults_);
-  }
-
- private:
-  // Line 0: of the whole file.
-  void Add(std::size_t line, const std::string& what) {
-    faults_.push_back(file_.string() + (line > 0 ? ":" + std::to_string(line) : "") + ": " + what);
-  }
-
-  void ReadTables(const toml::table& file) {
-    const Setters setters = SettersOf(config_);
-    for (const auto& [name, node] : file) {
-      const std::string key(name.str());
-      const auto with_prefix = setters.lower_bound(key + ".");
-      const bool is_table =
-          with_prefix != setters.end() && with_prefix->first.starts_with(key + ".");
-      if (key == "user") {
-        ReadUsers(node);
-      } else if (is_table && node.is_table()) {
-        ReadTable(*node.as_table(), key + ".", setters);
-      } else {
-        Add(node.source().begin.line,
-            key + (is_table ? " must be a table, [" + key + "]"
-                            : " is no table of palpate-web: there are palpated, web, room, user "
-                              "and metrics"));
-      }
-    }
-  }
-
-  void ReadTable(const toml::table& table, const std::string& prefix, const Setters& setters) {
-    for (const auto& [name, node] : table) {
-      const std::string key = prefix + std::string(name.str());
-      try {
-        const auto setter = setters.find(key);
-        if (setter == setters.end()) Refuse("is no key of palpate-web");
-        setter->second(node);
-      } catch (const Error& error) {
-        Add(node.source().begin.line, key + ": " + error.what());
-      }
-    }
-  }
-
-  void ReadUsers(const toml::node& node) {
-    const toml::array* const array = node.as_array();
-    if (!array || !array->is_array_of_tables()) {
-      Add(node.source().begin.line, "user must be [[user]] with name, token_sha256 and may_steer");
-      return;
-    }
-    for (const toml::node& one : *array) {
-      const toml::table& table = *one.as_table();
-      User user;
-      ReadTable(table, "", UserSetters(user));
-      for (const char* const needed : {"name", "token_sha256"}) {
-        if (!table.contains(needed)) {
-          Add(table.source().begin.line, std::string("user needs ") + needed);
-        }
-      }
-      config_.users.push_back(std::move(user));
-    }
-  }
-
-  const fs::path& file_;
-  Config& config_;
-  std::vector<std::string> faults_;
-};
-
 void CheckListen(const HttpOptions& http) {
   boost::system::error_code problem;
   boost::asio::ip::make_address(http.listen.host, problem);
   if (problem && http.listen.host != "localhost") {
     Refuse("web.listen: " + http.listen.host + " is no IP address: give one, or localhost");
-  }
-}
-
-void CheckReadable(const char* key, const fs::path& file) {
-  if (!file.empty() && !std::ifstream(file)) {
-    Refuse(std::string(key) + ": cannot read " + file.string());
   }
 }
 
@@ -199,21 +30,7 @@ void CheckPage(const fs::path& folder) {
   }
 }
 
-// Why a file with keys, or what says who has them, cannot be trusted; empty: it can.
-std::string WriteFault(const fs::path& file) {
-  struct stat info {};
-  if (file.empty() || stat(file.c_str(), &info) != 0) return "";
-  if ((info.st_mode & (S_IWGRP | S_IWOTH)) == 0) return "";
-  return file.string() + ": others may write this file: chmod go-w " + file.string();
-}
-
 }  // namespace
-
-std::vector<std::string> ReadConfig(const fs::path& file, Config& config) {
-  std::vector<std::string> faults = Reader(file, config).Read();
-  if (const std::string fault = WriteFault(file); !fault.empty()) faults.push_back(fault);
-  return faults;
-}
 
 std::vector<std::string> CheckConfig(const Config& config) {
   std::vector<std::string> faults;
@@ -225,7 +42,7 @@ std::vector<std::string> CheckConfig(const Config& config) {
     }
   };
   const HttpOptions& http = config.http;
-  attempt([&] { client::Resolve(config.palpated); });
+  if (config.nats.from.empty()) attempt([&] { client::Resolve(config.palpated); });
   if (!config.room_key_file.empty()) attempt([&] { ReadRoomKey(config.room_key_file); });
   attempt([&] { Access({.room_key = NewSecret(128), .users = config.users}); });
   if (const std::string fault = WriteFault(http.key_file); !fault.empty()) faults.push_back(fault);
@@ -242,6 +59,11 @@ std::vector<std::string> CheckConfig(const Config& config) {
         "metrics.listen: must be loopback (127.0.0.1, ::1): metrics are neither "
         "encrypted nor authorised");
   }
+  for (std::string& fault : CheckNats(config.nats)) faults.push_back(std::move(fault));
+  if (!config.nats.from.empty() && !config.with_groups) {
+    faults.emplace_back(
+        "web.volume: guests of a room see what its publisher gives: set web.volume = false there");
+  }
   return faults;
 }
 
@@ -252,18 +74,8 @@ void CheckSettingKey(const std::string& key) {
 }
 
 std::string ReadRoomKey(const fs::path& file) {
-  if (const std::string fault = WriteFault(file); !fault.empty()) Refuse(fault);
-  struct stat info {};
-  if (stat(file.c_str(), &info) == 0 && (info.st_mode & S_IROTH) != 0) {
-    Refuse("room.key_file: all accounts may read this file: chmod o-r " + file.string());
-  }
+  CheckSecretFile("room.key_file", file);
   std::ifstream stream(file);
-  if (!stream) {
-    std::error_code error;
-    const bool exists = fs::exists(file, error);
-    throw Error(exists ? ErrorKind::kPermissionDenied : ErrorKind::kNotFound,
-                "room.key_file: cannot read " + file.string());
-  }
   std::string key;
   stream >> key;
   if (key.size() < Access::kMinRoomKeyLength) {

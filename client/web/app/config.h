@@ -10,6 +10,7 @@
 
 #include "client/sdk/server_choice.h"
 #include "client/web/access/access.h"
+#include "client/web/app/nats_config.h"
 #include "client/web/http/http_options.h"
 #include "common/wire/address.h"
 
@@ -22,6 +23,7 @@ struct Config {
   std::filesystem::path room_key_file{};  // empty: a new key at every start
   std::vector<User> users{};
   std::optional<HostPort> metrics{};
+  NatsConfig nats{};
 };
 
 // Reads `file` into `config`. Returns what is wrong, one line each with file, line and key. Keys

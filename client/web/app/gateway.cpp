@@ -16,12 +16,15 @@
 #include <cstdlib>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <string>
 #include <utility>
 
 #include "client/web/app/metrics.h"
 #include "client/web/http/server.h"
 #include "client/web/hub/hub.h"
+#include "client/web/nats/room_publisher.h"
+#include "client/web/nats/room_source.h"
 #include "client/web/source/palpated_source.h"
 #include "common/error/one_line.h"
 
@@ -54,16 +57,21 @@ HttpEvents Events(Metrics& metrics) {
           .skipped = [&metrics] { metrics.Count(Metric::kSkipped); }};
 }
 
+std::function<void(bool is_accepted)> CountSteered(Metrics& metrics) {
+  return [&metrics](bool is_accepted) {
+    metrics.Count(Metric::kSteered, is_accepted ? "accepted" : "refused");
+  };
+}
+
 PalpatedOptions OptionsOf(const Config& config, Metrics& metrics) {
+  const auto may_steer = [](const auto& one) { return !one.may_steer.empty(); };
   return {.server = config.palpated,
           .with_groups = config.with_groups,
-          .steers = std::any_of(config.users.begin(), config.users.end(),
-                                [](const User& user) { return !user.may_steer.empty(); }),
+          .steers = std::any_of(config.users.begin(), config.users.end(), may_steer) ||
+                    std::any_of(config.nats.sites.begin(), config.nats.sites.end(), may_steer),
           .version = PALPATE_VERSION,
           .log = Log,
-          .steered = [&metrics](bool is_accepted) {
-            metrics.Count(Metric::kSteered, is_accepted ? "accepted" : "refused");
-          }};
+          .steered = CountSteered(metrics)};
 }
 
 // What guests' connections need of the source.
@@ -81,6 +89,63 @@ void Join(Hub& hub, Source& source, Metrics& metrics) {
     return source.Hello(user, may_steer);
   };
 }
+
+// Where what guests see comes from, and, if a room is published, where else it goes.
+class Ends {
+ public:
+  Ends(const Config& config, Hub& hub, Metrics& metrics, const Post& post)
+      : room_(config.nats.room) {
+    RoomOptions room = RoomOptionsOf(config.nats);
+    room.log = Log;
+    room.steered = CountSteered(metrics);
+    if (config.nats.from.empty()) {
+      source_ = std::make_unique<PalpatedSource>(OptionsOf(config, metrics), hub, post);
+    } else {
+      auto source = std::make_unique<RoomSource>(std::move(room), hub, post);
+      is_connected_ = [&source = *source] { return source.is_connected(); };
+      source_ = std::move(source);
+    }
+    Join(hub, *source_, metrics);
+    if (!config.nats.publish.empty()) {
+      publisher_ = std::make_unique<RoomPublisher>(std::move(room), hub, post);
+      is_connected_ = [this] { return publisher_->is_connected(); };
+    }
+  }
+
+  Source& source() { return *source_; }
+
+  // Empty: no NATS server is used.
+  const std::function<bool()>& is_nats_connected() const { return is_connected_; }
+
+  // For people.
+  std::string State() const {
+    const std::string health = source_->Health();
+    std::string state = health.empty() ? "palpated is connected" : health;
+    if (publisher_) state += "; " + Publishing();
+    return state;
+  }
+  // Logs when the room begins or ends to be published.
+  void LogPublishing() {
+    if (!publisher_) return;
+    std::string now = Publishing();
+    if (now == logged_) return;
+    Log(now);
+    logged_ = std::move(now);
+  }
+
+ private:
+  std::string Publishing() const {
+    const std::string problem = publisher_->problem();
+    return "room " + room_ +
+           (problem.empty() ? " is published" : " is not published: " + OneLine(problem));
+  }
+
+  const std::string room_;
+  std::string logged_;
+  std::unique_ptr<Source> source_;
+  std::unique_ptr<RoomPublisher> publisher_;
+  std::function<bool()> is_connected_;
+};
 
 std::string LinkOf(const Config& config, std::uint16_t port, const std::string& room_key) {
   std::string url = config.http.public_url;
@@ -106,21 +171,24 @@ void RaiseFileLimit() {
 // Once a second: questions to palpated, metrics, systemd's watchdog and its line of status.
 class Heartbeat {
  public:
-  Heartbeat(boost::asio::io_context& io, const Hub& hub, Source& source, Metrics& metrics)
-      : timer_(io), hub_(hub), source_(source), metrics_(metrics) {
+  Heartbeat(boost::asio::io_context& io, const Hub& hub, Ends& ends, Metrics& metrics)
+      : timer_(io), hub_(hub), ends_(ends), metrics_(metrics) {
     Beat();
   }
 
  private:
   void Beat() {
-    source_.Poll();
+    Source& source = ends_.source();
+    source.Poll();
+    ends_.LogPublishing();
     metrics_.Set(Metric::kGuests, hub_.guests());
     metrics_.Set(Metric::kPoseAge,
-                 source_.pose_age_s().value_or(std::numeric_limits<double>::quiet_NaN()));
-    metrics_.Set(Metric::kCopyComplete, source_.is_copy_complete() ? 1.0 : 0.0);
-    const std::string health = source_.Health();
-    sd_notifyf(0, "WATCHDOG=1\nSTATUS=%d guests; %s", hub_.guests(),
-               health.empty() ? "palpated is connected" : health.c_str());
+                 source.pose_age_s().value_or(std::numeric_limits<double>::quiet_NaN()));
+    metrics_.Set(Metric::kCopyComplete, source.is_copy_complete() ? 1.0 : 0.0);
+    if (ends_.is_nats_connected()) {
+      metrics_.Set(Metric::kNatsConnected, ends_.is_nats_connected()() ? 1.0 : 0.0);
+    }
+    sd_notifyf(0, "WATCHDOG=1\nSTATUS=%d guests; %s", hub_.guests(), ends_.State().c_str());
     timer_.expires_after(std::chrono::seconds(1));
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (!error) Beat();
@@ -129,7 +197,7 @@ class Heartbeat {
 
   boost::asio::steady_timer timer_;
   const Hub& hub_;
-  Source& source_;
+  Ends& ends_;
   Metrics& metrics_;
 };
 
@@ -143,13 +211,11 @@ void Serve(const Config& config) {
       config.room_key_file.empty() ? NewSecret(128) : ReadRoomKey(config.room_key_file);
   Metrics metrics(config.metrics);
   Hub hub;
-  PalpatedSource source(OptionsOf(config, metrics), hub, [&io](std::function<void()> function) {
-    boost::asio::post(io, std::move(function));
-  });
-  Join(hub, source, metrics);
+  Ends ends(config, hub, metrics,
+            [&io](std::function<void()> function) { boost::asio::post(io, std::move(function)); });
   HttpServer server(io, hub, config.http, {.room_key = room_key, .users = config.users},
                     Events(metrics));
-  const Heartbeat heartbeat(io, hub, source, metrics);
+  const Heartbeat heartbeat(io, hub, ends, metrics);
   signals.async_wait([&](const boost::system::error_code& error, int) {
     if (error) return;
     server.Stop();

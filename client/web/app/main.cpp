@@ -11,6 +11,7 @@
 #include "client/web/access/secret.h"
 #include "client/web/app/config.h"
 #include "client/web/app/gateway.h"
+#include "client/web/app/nats_user.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"
@@ -20,12 +21,13 @@ namespace {
 
 struct CommandLine {
   client::ServerChoice palpated{};
-  std::string config_file, listen, public_url, page, room_key_file, metrics;
+  std::string config_file, listen, public_url, page, room_key_file, metrics, publish, from, room;
   bool no_volume = false;
   bool check_config = false;
   bool wants_user = false;
   std::string user;
   std::vector<std::string> may_steer;
+  NatsUserLine nats_user{};
 };
 
 void AddOptions(arguments::Command& app, CommandLine& line) {
@@ -47,6 +49,11 @@ void AddOptions(arguments::Command& app, CommandLine& line) {
       ->option_text("FILE");
   app.add_option("--metrics", line.metrics, "Loopback address for Prometheus [default: none]")
       ->option_text("HOST:PORT");
+  app.add_option("--publish", line.publish, "NATS server on which palpated's room is published")
+      ->option_text("URL");
+  app.add_option("--from", line.from, "NATS server whose room guests see, instead of a palpated")
+      ->option_text("URL");
+  app.add_option("--room", line.room, "Room on the NATS server")->option_text("NAME");
   app.add_flag("--check-config", line.check_config, "Says what is wrong, and ends");
   client::AddServerOptions(app, line.palpated);
 }
@@ -96,6 +103,9 @@ void Apply(const CommandLine& line, Config& config) {
   if (line.no_volume) config.with_groups = false;
   if (!line.room_key_file.empty()) config.room_key_file = line.room_key_file;
   if (!line.metrics.empty()) config.metrics = ParseHostPort(line.metrics);
+  if (!line.publish.empty()) config.nats.publish = line.publish;
+  if (!line.from.empty()) config.nats.from = line.from;
+  if (!line.room.empty()) config.nats.room = line.room;
 }
 
 int Fail(const std::string& message, int exit_code) {
@@ -113,6 +123,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("palpate-web ") + PALPATE_VERSION);
   AddOptions(app, line);
   AddUser(app, line);
+  AddNatsUser(app, line.nats_user);
   try {
     if (!app.parse(argc, argv)) return 0;
   } catch (const arguments::UsageError& error) {
@@ -121,6 +132,10 @@ int Main(int argc, char** argv) {
   }
   if (line.wants_user) {
     PrintUser(line);
+    return 0;
+  }
+  if (line.nats_user.is_wanted) {
+    std::fputs(NatsUserText(line.nats_user).c_str(), stdout);
     return 0;
   }
   Config config;

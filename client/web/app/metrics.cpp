@@ -32,6 +32,7 @@ const std::vector<Known>& AllKnown() {
       {"steered_total", "Changes of settings by guests", "result"},
       {"pose_age_seconds", "Age of the newest pose", "", true},
       {"copy_complete", "1 if the copy of the volume is complete", "", true},
+      {"nats_connected", "1 if the NATS server is reached", "", true},
   };
   return all;
 }
@@ -53,7 +54,7 @@ std::unique_ptr<prometheus::Exposer> Expose(HostPort address) {
 struct Metrics::Parts {
   std::shared_ptr<prometheus::Registry> registry = std::make_shared<prometheus::Registry>();
   std::vector<prometheus::Family<prometheus::Counter>*> counters;  // null: a gauge
-  std::vector<prometheus::Gauge*> gauges;                          // null: a counter
+  std::vector<prometheus::Family<prometheus::Gauge>*> gauges;      // null: a counter
   std::unique_ptr<prometheus::Exposer> exposer;
 };
 
@@ -64,8 +65,8 @@ Metrics::Metrics(const std::optional<HostPort>& listen) : parts_(std::make_uniqu
     parts_->counters.push_back(nullptr);
     parts_->gauges.push_back(nullptr);
     if (known.is_gauge) {
-      auto& family = prometheus::BuildGauge().Name(name).Help(known.help).Register(registry);
-      parts_->gauges.back() = &family.Add({});
+      parts_->gauges.back() =
+          &prometheus::BuildGauge().Name(name).Help(known.help).Register(registry);
     } else {
       auto& family = prometheus::BuildCounter().Name(name).Help(known.help).Register(registry);
       parts_->counters.back() = &family;
@@ -88,7 +89,7 @@ void Metrics::Count(Metric metric, std::string_view label, double by) {
 }
 
 void Metrics::Set(Metric gauge, double value) {
-  parts_->gauges.at(static_cast<std::size_t>(gauge))->Set(value);
+  parts_->gauges.at(static_cast<std::size_t>(gauge))->Add({}).Set(value);
 }
 
 }  // namespace palpate::web

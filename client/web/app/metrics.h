@@ -12,7 +12,8 @@
 
 namespace palpate::web {
 
-// Counters, and gauges. Some have a label, by which they are counted apart.
+// Counters, and gauges, which are shown once they are set. Some counters have a label, by which
+// they are counted apart.
 enum class Metric {
   kGuests,     // gauge
   kDropped,    // by reason
@@ -21,9 +22,10 @@ enum class Metric {
   kSentBytes,  // by to: http, stream
   kSkipped,
   kBlobs,
-  kSteered,      // by result: accepted, refused
-  kPoseAge,      // gauge
-  kCopyComplete  // gauge
+  kSteered,       // by result: accepted, refused
+  kPoseAge,       // gauge
+  kCopyComplete,  // gauge
+  kNatsConnected  // gauge
 };
 
 class Metrics {
