@@ -48,7 +48,7 @@ void RoomState::TakeText(std::string_view text) {
 
 bool RoomState::is_published(Time now) const {
   // A beat of before the link was lost says nothing of a server that was started anew.
-  return is_connected_ && heard_ && *heard_ >= since_ && now - *heard_ < kSilence;
+  return is_connected_ && heard_ && *heard_ >= since_ && now - *heard_ < kBeatLife;
 }
 
 RoomState::Connection RoomState::At(Time now) const {
@@ -57,12 +57,12 @@ RoomState::Connection RoomState::At(Time now) const {
   const auto lost = [&](const char* why) {
     return Connection{ConnectionState::kLost, why, palpated};
   };
-  const bool is_new = now - since_ < kSilence;
+  const bool is_new = now - since_ < kBeatLife;
   if (!is_connected_) {
     return is_new && !was_connected_ ? connecting : lost("NATS is not reached");
   }
   if (is_published(now)) return word_.value_or(connecting);
-  if (heard_other_ && *heard_other_ >= since_ && now - *heard_other_ < kSilence) {
+  if (heard_other_ && *heard_other_ >= since_ && now - *heard_other_ < kBeatLife) {
     return lost("the room's publisher is another version");
   }
   return is_new ? connecting : lost("nobody publishes this room");

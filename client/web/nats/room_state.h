@@ -20,9 +20,6 @@ class RoomState {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
-  // A publisher that was not heard for so long is away.
-  static constexpr std::chrono::seconds kSilence{3};
-
   // `machine`: this one, as beats name theirs.
   RoomState(std::string machine, Time now) : machine_(std::move(machine)), since_(now) {}
 

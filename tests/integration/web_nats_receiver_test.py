@@ -1,0 +1,413 @@
+"""palpate-web --from: guests of a room of a NATS server. A raw client plays the publisher."""
+
+import base64
+import hashlib
+import json
+import pathlib
+import random
+import signal
+import struct
+import subprocess
+import tempfile
+import threading
+import time
+import unittest
+
+import numpy as np
+import xxhash
+import zstandard
+
+from gateway import PALPATE_WEB, VOXEL_TYPES, Copy, Gateway, Guest
+from nats import JETSTREAM, NatsServer
+from support import wait_until
+
+ROOM = "hall"
+MANIFEST = 255
+SLICE = 512 << 10
+MACHINE = hashlib.sha256(
+    pathlib.Path("/proc/sys/kernel/random/boot_id").read_bytes().strip()).hexdigest()[:32]
+
+
+def hash_of(kind, data):
+    return xxhash.xxh3_128_digest(bytes([kind]) + data)
+
+
+def parts_of(kind, data):
+    frame = zstandard.ZstdCompressor(level=1).compress(data)
+    slices = [frame[at:at + SLICE] for at in range(0, len(frame), SLICE)]
+    return [struct.pack("<BBHH", 1, kind, number, len(slices)) + hash_of(kind, data) + piece
+            for number, piece in enumerate(slices)]
+
+
+class Volume:
+    """Messages of voxels whose size is whole groups; the overview is the voxels themselves, or
+    `overview`."""
+
+    def __init__(self, voxels, revision, name="made.nrrd", overview=None, with_groups=True):
+        overview = voxels if overview is None else overview
+        kind = VOXEL_TYPES.index(voxels.dtype.name)
+        count = [axis // 32 for axis in voxels.shape]
+        self.voxels, self.groups, names = voxels, [], b""
+        for i, j, k in np.ndindex(*count):
+            data = voxels[32 * i:32 * i + 32, 32 * j:32 * j + 32, 32 * k:32 * k + 32].tobytes()
+            self.groups += parts_of(kind, data)
+            names += hash_of(kind, data)
+        self.overview = parts_of(kind, overview.tobytes())
+        manifest = json.dumps({
+            "lattice": {"size": voxels.shape, "voxel_type": voxels.dtype.name, "background": 0.0,
+                        "value_min": 0.0, "value_max": 255.0, "factor": 1},
+            "revision": revision, "daemon_id": "1", "content_hash": f"{revision:032x}",
+            "overview": {"name": hash_of(kind, overview.tobytes()).hex(), "size": overview.shape,
+                         "factor": voxels.shape[0] // overview.shape[0]},
+            "groups": base64.b64encode(names).decode() if with_groups else ""}).encode()
+        if not with_groups:
+            self.groups = []
+        self.manifest = parts_of(MANIFEST, manifest)
+        self.name = hash_of(MANIFEST, manifest).hex()
+        self.message = json.dumps({
+            "volume": json.dumps({"type": "volume", "name": name, "size": voxels.shape}),
+            "placement": json.dumps({"type": "placement", "settings_revision": revision,
+                                     "device_from_index": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]}),
+            "manifest": json.dumps({"type": "manifest", "name": self.name, "revision": revision,
+                                    "complete": True})})
+
+
+class Publisher:
+    """Makes the room's stream, and sends beats and poses until close()."""
+
+    def __init__(self, server, protocol=1, machine=MACHINE, **user):
+        self.client = server.client(**user)
+        self.client.request(f"$JS.API.STREAM.CREATE.PALPATE_{ROOM}", json.dumps({
+            "name": f"PALPATE_{ROOM}", "subjects": [f"palpate.{ROOM}.kept.>"],
+            "storage": "memory", "retention": "limits", "max_msgs_per_subject": 1,
+            "discard": "old", "max_consumers": 1, "num_replicas": 1, "allow_direct": True}))
+        self._beat = json.dumps({"protocol": protocol, "session": f"{random.getrandbits(64):016x}",
+                                 "machine": machine})
+        self.is_silent, self._is_over, self.ticks = False, threading.Event(), 0
+        self.text("connection", state="connected", why="", palpated="theatre-2", since_ms=5)
+        self._thread = threading.Thread(target=self._live, daemon=True)
+        self._thread.start()
+
+    def _live(self):
+        while not self._is_over.wait(0.05):
+            if self.is_silent:
+                continue
+            try:
+                if self.ticks % 10 == 0:
+                    self.live("beat", self._beat)
+                self.live("pose", self.pose(self.ticks))
+                self.ticks += 1
+            except OSError:
+                return
+
+    @staticmethod
+    def pose(tick, age_ms=2.0):
+        sent_ms = 1e3 * time.clock_gettime(time.CLOCK_MONOTONIC)
+        head = struct.pack("<BBBBIdddddd", 1, 31, 2, 4, 9, tick, sent_ms - age_ms, sent_ms, age_ms,
+                           3, 4)
+        return head + np.arange(22, dtype="<f4").tobytes() + bytes(176 - len(head) - 88)
+
+    def live(self, subject, data):
+        self.client.publish(f"palpate.{ROOM}.live.{subject}", data)
+
+    def keep(self, subject, data):
+        self.client.publish(f"palpate.{ROOM}.kept.{subject}", data)
+
+    def text(self, topic, **members):
+        self.keep(f"text.{topic}", json.dumps({"type": topic} | members))
+
+    def show(self, volume):
+        for kind, parts in (("group", volume.groups), ("overview", volume.overview),
+                            ("manifest", volume.manifest)):
+            for number, part in enumerate(parts):
+                self.keep(f"{kind}.{number}", part)
+        self.keep("volume", volume.message)
+        self.client.flush()
+
+    def close(self):
+        self._is_over.set()
+        self._thread.join()
+        self.client.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+def noise(seed, size=(64, 32, 64)):
+    return np.random.default_rng(seed).integers(0, 256, size, np.uint8)
+
+
+def from_room(server, *more, config=""):
+    return Gateway(None, ("--from", server.url, "--room", ROOM, *more), config=config)
+
+
+class ReceiverTest(unittest.TestCase):
+    def await_connection(self, guest, state, *words):
+        """Its `why` has one of the words."""
+        return guest.wait_for("connection", lambda message: message["state"] == state and (
+            not words or any(word in message["why"] for word in words)))
+
+    def assert_shown(self, guest, volume):
+        guest.wait_for("manifest", lambda message: message["name"] == volume.name)
+        manifest = json.loads(guest.blob(volume.name))
+        copy = Copy(guest, manifest, {})
+        self.assertFalse(copy.lost)
+        np.testing.assert_array_equal(copy.voxels, volume.voxels)
+        return manifest
+
+
+class Room(ReceiverTest):
+    def setUp(self):
+        self.server = self.enterContext(NatsServer())
+
+    def test_a_late_gateway_has_all_that_the_room_keeps_and_then_follows(self):
+        first, second = Volume(noise(1), 7), Volume(noise(2), 8, "next.nrrd")
+        with Publisher(self.server) as publisher:
+            publisher.show(first)
+            kept = {"settings": {"revision": 3, "values": {"isovalue": 2.5}},
+                    "steering": {"changes": [{"user": "a@b", "key": "isovalue", "value": 1,
+                                              "time_ms": 2}]},
+                    "series": {"frames": 5, "position_frames": 1, "playing": True, "rate_hz": 2},
+                    "recording": {"running": True, "seconds": 1, "lost_ticks": 0}}
+            for topic, members in kept.items():
+                publisher.text(topic, **members)
+            publisher.client.flush()
+            with from_room(self.server) as gateway, Guest(gateway) as guest:
+                self.assertEqual(self.await_connection(guest, "connected")["palpated"],
+                                 "theatre-2")
+                self.assertGreater(guest.topics["connection"]["since_ms"], 1e12)
+                self.assert_shown(guest, first)
+                self.assertEqual(guest.topics["volume"]["name"], "made.nrrd")
+                self.assertEqual(guest.topics["placement"]["settings_revision"], 7)
+                for topic, members in kept.items():
+                    guest.wait_for(topic, lambda message: message == {"type": topic} | members)
+                self.assertEqual(gateway.ask("GET", "/health")[0], 200)
+                publisher.show(second)
+                self.assert_shown(guest, second)
+                self.assertEqual(guest.topics["volume"]["name"], "next.nrrd")
+                self.assertIsNotNone(guest.blob(first.name))  # a page may be fetching it
+                publisher.text("settings", revision=4, values={})
+                guest.wait_for("settings", lambda message: message["revision"] == 4)
+                guest.wait_for("copy", lambda message: message["bricks_left"] == 0)
+
+    def test_poses_go_on_with_this_gateways_times(self):
+        with Publisher(self.server) as publisher, from_room(self.server) as gateway, \
+                Guest(gateway) as guest:
+            self.await_connection(guest, "connected")
+            self.assertTrue(wait_until(lambda: guest.poses > 3))
+            pose = guest.pose
+            tick, = struct.unpack_from("<d", pose, 8)
+            self.assertEqual(pose[:4] + pose[40:], publisher.pose(tick)[:4] +
+                             publisher.pose(tick)[40:])
+            time_ms, sent_ms, age_ms = struct.unpack_from("<3d", pose, 16)
+            self.assertGreaterEqual(age_ms, 2)
+            self.assertAlmostEqual(time_ms + age_ms, sent_ms, delta=1e-3)
+
+    def test_a_pose_of_another_machine_has_no_age(self):
+        with Publisher(self.server, machine="0" * 32), from_room(self.server) as gateway, \
+                Guest(gateway) as guest:
+            self.assertTrue(wait_until(lambda: guest.poses > 3))
+            sent_ms, age_ms = struct.unpack_from("<2d", guest.pose, 24)
+            self.assertTrue(np.isnan(age_ms))
+            self.assertLessEqual(sent_ms, 1e3 * time.clock_gettime(time.CLOCK_MONOTONIC))
+
+    def test_blobs_of_many_parts_and_the_overview_alone(self):
+        overview = noise(3, (96, 96, 128))
+        volume = Volume(np.repeat(overview, 2, 0).repeat(2, 1).repeat(2, 2), 9, overview=overview,
+                        with_groups=False)
+        self.assertGreater(len(volume.overview), 2)
+        with Publisher(self.server) as publisher, from_room(self.server) as gateway, \
+                Guest(gateway) as guest:
+            publisher.show(volume)
+            guest.wait_for("manifest", lambda message: message["name"] == volume.name)
+            manifest = json.loads(guest.blob(volume.name))
+            self.assertEqual(manifest["groups"], "")
+            self.assertEqual(guest.blob(manifest["overview"]["name"]), overview.tobytes())
+
+    def test_guests_read_who_is_away(self):
+        with from_room(self.server) as gateway, Guest(gateway) as guest:
+            self.await_connection(guest, "lost", "publishes")
+            self.assertEqual(gateway.ask("GET", "/health")[0], 503)
+            with Publisher(self.server) as publisher:
+                self.await_connection(guest, "connected")
+                self.assertTrue(wait_until(lambda: guest.poses > 0 and guest.pose[1] & 16))
+                publisher.text("connection", state="lost", why="palpated is not reached",
+                               palpated="theatre-2", since_ms=5)
+                self.await_connection(guest, "lost", "palpated")
+                publisher.text("connection", state="connected", why="", palpated="theatre-2",
+                               since_ms=5)
+                self.await_connection(guest, "connected")
+                publisher.is_silent = True
+                self.await_connection(guest, "lost", "publishes")
+                self.assertTrue(wait_until(lambda: not guest.pose[1] & 16))
+                # What guests saw last stays.
+                publisher.is_silent = False
+                self.await_connection(guest, "connected")
+            self.await_connection(guest, "lost", "publishes")
+            with Publisher(self.server, protocol=2):
+                self.await_connection(guest, "lost", "version")
+                poses = guest.poses
+                self.assertFalse(wait_until(lambda: guest.poses > poses, 0.5))
+            with Publisher(self.server):
+                self.await_connection(guest, "connected")
+            self.server.kill()
+            self.await_connection(guest, "lost", "NATS")
+            self.assertNotIn(str(self.server.port), json.dumps(guest.topics))
+
+    def test_everything_comes_back_after_the_server_was_killed(self):
+        volume = Volume(noise(4), 7)
+        with from_room(self.server) as gateway, Guest(gateway) as guest:
+            with Publisher(self.server) as publisher:
+                publisher.show(volume)
+                self.assert_shown(guest, volume)
+                self.server.kill()
+                self.await_connection(guest, "lost", "NATS")
+                self.assertTrue(wait_until(lambda: not guest.pose[1] & 16))
+                self.assert_shown(guest, volume)
+            self.server.start()
+            self.await_connection(guest, "lost", "publishes")
+            with Publisher(self.server) as publisher:
+                self.await_connection(guest, "connected")
+                volume = Volume(noise(5), 1)
+                publisher.show(volume)
+                self.assert_shown(guest, volume)
+                self.assertTrue(wait_until(lambda: guest.pose[1] & 16))
+
+    def test_a_server_that_stands_still_is_lost_until_it_goes_on(self):
+        with Publisher(self.server) as publisher, from_room(self.server) as gateway, \
+                Guest(gateway) as guest:
+            self.await_connection(guest, "connected")
+            self.server.stop()
+            self.await_connection(guest, "lost")
+            self.server.cont()
+            self.await_connection(guest, "connected")
+            volume = Volume(noise(6), 7)
+            publisher.show(volume)
+            self.assert_shown(guest, volume)
+
+    def test_a_gateway_that_stood_still_has_the_newest(self):
+        self.server.end()
+        self.server.configure(JETSTREAM + "\nmax_pending: 2MB\nwrite_deadline: \"1s\"")
+        self.server.start()
+        with Publisher(self.server) as publisher, from_room(self.server) as gateway, \
+                Guest(gateway) as guest:
+            publisher.show(Volume(noise(7), 1))
+            guest.wait_for("manifest")
+            gateway.process.send_signal(signal.SIGSTOP)
+            for revision in range(2, 60):
+                volume = Volume(noise(revision, (128, 64, 64)), revision)
+                publisher.show(volume)
+            publisher.text("settings", revision=60, values={})
+            gateway.process.send_signal(signal.SIGCONT)
+            self.assert_shown(guest, volume)
+            guest.wait_for("settings", lambda message: message["revision"] == 60)
+            self.await_connection(guest, "connected")
+
+    def test_rubbish_changes_nothing(self):
+        volume = Volume(noise(8), 7)
+        some = random.Random(1)
+        with Publisher(self.server) as publisher, from_room(self.server) as gateway, \
+                Guest(gateway) as guest:
+            publisher.show(volume)
+            publisher.text("settings", revision=3, values={})
+            self.assert_shown(guest, volume)
+            good = [*volume.groups, *volume.manifest, *volume.overview, volume.message.encode(),
+                    publisher.pose(1)]
+            subjects = [*(f"kept.text.{topic}" for topic in
+                          ("connection", "settings", "steering", "series", "recording", "guests")),
+                        "kept.volume", "kept.manifest.0", "kept.manifest.99999", "kept.overview.0",
+                        "kept.group.1", "kept.group.4294967295", "kept.group.99999999999999999999",
+                        "kept.group.-1", "kept.group.x", "kept.x", "live.beat", "live.pose"]
+            texts = [b"", b"null", b"[" * 900_000, b"\xff\xfe", b'{"type":"settings","revision":',
+                     b'{"type":"guests","count":7}', b'{"type":7}', b'{"protocol":[]}',
+                     b'{"volume":"{}","placement":7,"manifest":null}',
+                     b'{"type":"settings","x":"' + b"y" * 1_040_000 + b'"}']
+            for round_number in range(400):
+                data = some.choice(texts + good)
+                if data in good:
+                    data = bytearray(data)
+                    for _ in range(some.randrange(1, 4)):
+                        data[some.randrange(min(len(data), 64))] = some.randrange(256)
+                    data = bytes(data[:some.choice((len(data), len(data), 5, 22, 40))])
+                publisher.client.publish(f"palpate.{ROOM}.{some.choice(subjects)}", data)
+            publisher.show(volume)
+            publisher.text("connection", state="connected", why="", palpated="theatre-2", since_ms=5)
+            publisher.text("settings", revision=5, values={})
+            guest.wait_for("settings", lambda message: message.get("revision") == 5)
+            self.await_connection(guest, "connected")
+            self.assert_shown(guest, volume)
+            self.assertEqual({text["name"] for text in guest.heard if text["type"] == "manifest"},
+                             {volume.name})
+            self.assertTrue(all(text["count"] == 1 for text in guest.heard
+                                if text["type"] == "guests"))
+            self.assertIsNone(gateway.process.poll())
+
+
+class Away(ReceiverTest):
+    def test_a_gateway_whose_server_is_away_says_so_and_waits(self):
+        with NatsServer(starts=False) as server, from_room(server) as gateway, \
+                Guest(gateway) as guest:
+            self.assertEqual(gateway.ask("GET", "/")[0], 200)
+            self.await_connection(guest, "lost", "NATS")
+            self.assertNotIn("name", guest.wait_for("volume"))
+            server.start()
+            with Publisher(server) as publisher:
+                volume = Volume(noise(9), 7)
+                publisher.show(volume)
+                self.assert_shown(guest, volume)
+                self.await_connection(guest, "connected")
+            self.assertEqual(gateway.end(), 0)
+
+
+class Steering(ReceiverTest):
+    def setUp(self):
+        folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+        self.server = self.enterContext(NatsServer(JETSTREAM + """
+            authorization { users: [ { user: away, password: secret1 },
+                                     { user: here, password: secret2 } ] }"""))
+        password = folder / "password"
+        password.write_text("secret1\n")
+        password.chmod(0o600)
+        text = subprocess.run([PALPATE_WEB, "user", "lecturer-1", "--may-steer", "isovalue"],
+                              check=True, capture_output=True, text=True).stdout
+        comment, _, user = text.partition("\n")
+        nats = f'[nats]\nuser = "away"\npassword_file = "{password}"\n'
+        self.gateway = self.enterContext(from_room(self.server, config=nats + user))
+        self.lecturer = self.enterContext(Guest(self.gateway, token=comment.split()[-1]))
+
+    def test_the_publisher_decides(self):
+        answers = {1.0: b'{"error":""}', 2.0: b'{"error":"at most 1"}', 3.0: b"?", 4.0: b"{}"}
+        with Publisher(self.server, user="here", password="secret2") as publisher:
+            heard = publisher.client.subscribe(
+                f"palpate.{ROOM}.steer.*",
+                lambda message: (asked.append((message.subject, message.json)),
+                                 publisher.client.publish(
+                                     message.reply, answers[message.json["value"]])))
+            asked = []
+            self.await_connection(self.lecturer, "connected")
+            self.assertEqual(self.lecturer.steer("isovalue", 1.0), "")
+            self.assertEqual(asked, [(f"palpate.{ROOM}.steer.away",
+                                      {"user": "lecturer-1", "key": "isovalue", "value": 1.0})])
+            self.assertEqual(self.lecturer.steer("isovalue", 2.0), "at most 1")
+            self.assertNotEqual(self.lecturer.steer("isovalue", 3.0), "")
+            self.assertNotEqual(self.lecturer.steer("isovalue", 4.0), "")
+            self.assertNotEqual(self.lecturer.steer("friction", 1.0), "")  # not the guest's
+            self.assertEqual(len(asked), 4)
+            self.assertEqual(heard.messages, [])
+
+    def test_without_an_answer_the_change_is_refused(self):
+        self.await_connection(self.lecturer, "lost", "publishes")
+        self.assertNotEqual(self.lecturer.steer("isovalue", 1.0), "")
+        with Publisher(self.server, user="here", password="secret2") as publisher:
+            self.await_connection(self.lecturer, "connected")
+            self.assertNotEqual(self.lecturer.steer("isovalue", 1.0), "")  # it does not listen
+            publisher.client.subscribe(f"palpate.{ROOM}.steer.*")
+            publisher.client.flush()
+            self.assertNotEqual(self.lecturer.steer("isovalue", 1.0), "")  # nor answer
+
+
+if __name__ == "__main__":
+    unittest.main()
