@@ -23,6 +23,12 @@ void CheckListen(const HttpOptions& http) {
   }
 }
 
+void CheckReadable(const std::string& key, const fs::path& file) {
+  if (!file.empty() && !std::ifstream(file)) {
+    Refuse(key + ": cannot read " + file.string());
+  }
+}
+
 void CheckPage(const fs::path& folder) {
   std::error_code error;
   if (!folder.empty() && !fs::exists(folder / "index.html", error)) {

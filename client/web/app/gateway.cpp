@@ -121,27 +121,14 @@ class Ends {
   std::string State() const {
     const std::string health = source_->Health();
     std::string state = health.empty() ? "palpated is connected" : health;
-    if (publisher_) state += "; " + Publishing();
-    return state;
-  }
-  // Logs when the room begins or ends to be published.
-  void LogPublishing() {
-    if (!publisher_) return;
-    std::string now = Publishing();
-    if (now == logged_) return;
-    Log(now);
-    logged_ = std::move(now);
-  }
-
- private:
-  std::string Publishing() const {
+    if (!publisher_) return state;
     const std::string problem = publisher_->problem();
-    return "room " + room_ +
+    return state + "; room " + room_ +
            (problem.empty() ? " is published" : " is not published: " + OneLine(problem));
   }
 
+ private:
   const std::string room_;
-  std::string logged_;
   std::unique_ptr<Source> source_;
   std::unique_ptr<RoomPublisher> publisher_;
   std::function<bool()> is_connected_;
@@ -180,7 +167,6 @@ class Heartbeat {
   void Beat() {
     Source& source = ends_.source();
     source.Poll();
-    ends_.LogPublishing();
     metrics_.Set(Metric::kGuests, hub_.guests());
     metrics_.Set(Metric::kPoseAge,
                  source.pose_age_s().value_or(std::numeric_limits<double>::quiet_NaN()));

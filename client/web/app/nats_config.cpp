@@ -13,21 +13,14 @@ void CheckUse(const NatsConfig& nats) {
   if (!nats.publish.empty() && !nats.from.empty()) {
     Refuse("nats.publish and nats.from: a gateway publishes a room or serves one, not both");
   }
-  if (nats.is_used() && nats.room.empty()) Refuse("nats.room: name the room");
+  if (nats.is_used() && !IsRoom(nats.room)) {
+    Refuse("nats.room: name the room by 1 to 32 of a-z, 0-9, '_' and '-'");
+  }
   if (!nats.is_used() && !nats.room.empty()) {
     Refuse("nats.room: say with nats.publish or nats.from what to do with it");
   }
   if (nats.publish.empty() && !nats.sites.empty()) {
     Refuse("site: belongs to the configuration of the gateway that publishes the room");
-  }
-}
-
-void CheckNames(const NatsConfig& nats) {
-  if (!nats.room.empty() && !IsRoom(nats.room)) {
-    Refuse("nats.room: must be 1 to 32 of a-z, 0-9, '_' and '-'");
-  }
-  if (nats.server.user.empty() && !nats.server.password_file.empty()) {
-    Refuse("nats.password_file: needs nats.user");
   }
 }
 
@@ -44,18 +37,12 @@ std::vector<std::string> CheckNats(const NatsConfig& nats) {
   };
   const NatsServer& server = nats.server;
   attempt([&] { CheckUse(nats); });
-  attempt([&] { CheckNames(nats); });
   if (nats.is_used()) attempt([&] { Check(RoomOptionsOf(nats).server); });
   if (!server.password_file.empty()) {
     attempt([&] { CheckSecretFile("nats.password_file", server.password_file); });
   }
   if (!server.key_file.empty()) {
     attempt([&] { CheckSecretFile("nats.tls_key", server.key_file); });
-  }
-  attempt([&] { CheckReadable("nats.tls_ca", server.ca_file); });
-  attempt([&] { CheckReadable("nats.tls_cert", server.certificate_file); });
-  if (server.certificate_file.empty() != server.key_file.empty()) {
-    faults.emplace_back("nats.tls_cert and nats.tls_key go together");
   }
   return faults;
 }

@@ -3,6 +3,7 @@
 #include <crypt.h>
 
 #include <array>
+#include <functional>
 #include <vector>
 
 #include "client/web/access/secret.h"
@@ -25,12 +26,37 @@ std::string Bcrypt(const std::string& password) {
   throw Error(ErrorKind::kInternal, "libcrypt makes no bcrypt hash");
 }
 
-std::string List(const std::vector<std::string>& subjects) {
-  std::string list;
-  for (const std::string& subject : subjects) {
-    list += (list.empty() ? "[\"" : ",\n                \"") + subject + "\"";
-  }
-  return list + "]";
+using Lines = std::vector<std::string>;
+
+// A list of nats-server's configuration, an item a line.
+std::string List(const std::string& indent, const std::string& name, const Lines& items) {
+  std::string list = indent + name + ": [\n";
+  for (const std::string& item : items) list += indent + "  " + item + "\n";
+  return list + indent + "]\n";
+}
+
+std::string Quoted(const std::string& text) { return '"' + text + '"'; }
+
+Lines Quoted(Lines texts) {
+  for (std::string& text : texts) text = Quoted(text);
+  return texts;
+}
+
+std::string UserBlock(const std::string& name, const std::string& password,
+                      const NatsUserPermissions& may) {
+  const std::string responses =
+      may.allows_responses ? "      allow_responses: {max: 1, expires: \"10s\"}\n" : "";
+  return "  users: [{\n    user: " + Quoted(name) + "\n    password: " + Quoted(Bcrypt(password)) +
+         "\n    permissions: {\n" + List("      ", "publish", Quoted(may.publish)) +
+         List("      ", "subscribe", Quoted(may.subscribe)) + responses + "    }\n  }]\n";
+}
+
+// What goes from the room's account to those of its receivers.
+Lines Shared(
+    const Subjects& subjects, const std::string& steer,
+    const std::function<std::string(const std::string& kind, const std::string& subject)>& item) {
+  return {item("stream", subjects.live_all()), item("stream", subjects.kept_all()),
+          item("service", subjects.direct_get(subjects.kept_all())), item("service", steer)};
 }
 
 }  // namespace
@@ -41,22 +67,38 @@ void AddNatsUser(arguments::Command& app, NatsUserLine& line) {
       "Prints a new password for a user of a room on NATS, and the user's lines for\n"
       "the configuration file of nats-server");
   user->add_option("NAME", line.name, "Letters, digits, '_' and '-'")->required();
-  user->add_option("--room", line.room, "Room that the user may watch, and steer by request")
+  user->add_option("--room", line.room, "Room that the user receives")
       ->option_text("ROOM")
       ->required();
-  user->add_flag("--publishes", line.publishes, "The user publishes the room instead");
+  user->add_flag("--publishes", line.publishes, "The user publishes the room");
   user->callback([&line] { line.is_wanted = true; });
 }
 
 std::string NatsUserText(const NatsUserLine& line) {
   const NatsUserPermissions may = PermissionsOf(line.room, line.name, line.publishes);
+  const Subjects subjects(line.room);
+  const std::string room_account = "palpate." + line.room;
   const std::string password = NewSecret(256);
-  std::string text = "# For " + line.name + " alone; it is not shown again: " + password + "\n\n" +
-                     "{\n  user: \"" + line.name + "\"\n  password: \"" + Bcrypt(password) +
-                     "\"\n  permissions: {\n    publish: {\n      allow: " + List(may.publish) +
-                     "\n    }\n    subscribe: {\n      allow: " + List(may.subscribe) + "\n    }\n";
-  if (may.allows_responses) text += "    allow_responses: {max: 1, expires: \"10s\"}\n";
-  return text + "  }\n}\n";
+  const std::string user = UserBlock(line.name, password, may);
+  const std::string begin =
+      "# For " + line.name + " alone; it is not shown again: " + password + "\n\n";
+  if (line.publishes) {
+    return begin + Quoted(room_account) + ": {\n  jetstream: enabled\n" + user +
+           List("  ", "exports",
+                Shared(subjects, subjects.steer_all(),
+                       [](const std::string& kind, const std::string& subject) {
+                         return "{" + kind + ": " + Quoted(subject) + "}";
+                       })) +
+           "}\n";
+  }
+  return begin + Quoted(room_account + "." + line.name) + ": {\n" + user +
+         List("  ", "imports",
+              Shared(subjects, subjects.steer(line.name),
+                     [&](const std::string& kind, const std::string& subject) {
+                       return "{" + kind + ": {account: " + Quoted(room_account) +
+                              ", subject: " + Quoted(subject) + "}}";
+                     })) +
+         "}\n";
 }
 
 }  // namespace palpate::web

@@ -1,4 +1,4 @@
-// `palpate-web nats-user`: a user of a room for nats-server's configuration.
+// `palpate-web nats-user`: a user of a room, for the accounts of nats-server's configuration.
 //
 // Threads: main only.
 #pragma once
@@ -18,8 +18,14 @@ struct NatsUserLine {
 // Adds the subcommand; `line` must live until the command line is parsed.
 void AddNatsUser(arguments::Command& app, NatsUserLine& line);
 
-// A new random password, to be shown once, and the user's block, in which only a hash of it is.
-// The block gives the user no subject that the room's publisher or receiver does not need.
+// A new random password, to be shown once, and an account with the one user, in which only a hash
+// of the password is.
+//
+// The permissions alone would not do: nats-server does not look at the subject that a request names
+// for its answer. In one account with the room's stream, a receiver who may only ask for kept
+// messages could have the answer purge the room, or have it kept in another room. In an account of
+// its own, the receiver gets what it imports, and no answer leaves it.
+//
 // Errors: kInvalidArgument.
 std::string NatsUserText(const NatsUserLine& line);
 

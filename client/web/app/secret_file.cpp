@@ -18,12 +18,6 @@ std::string WriteFault(const fs::path& file) {
   return file.string() + ": others may write this file: chmod go-w " + file.string();
 }
 
-void CheckReadable(const std::string& key, const fs::path& file) {
-  if (!file.empty() && !std::ifstream(file)) {
-    Refuse(key + ": cannot read " + file.string());
-  }
-}
-
 void CheckSecretFile(const std::string& key, const fs::path& file) {
   if (const std::string fault = WriteFault(file); !fault.empty()) Refuse(fault);
   struct stat info {};

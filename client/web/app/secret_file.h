@@ -11,10 +11,7 @@ namespace palpate::web {
 // Why the file cannot be trusted: others may write it. Empty: it can, or there is none.
 std::string WriteFault(const std::filesystem::path& file);
 
-// `key` is that of the configuration, for the error. Errors: kInvalidArgument.
-void CheckReadable(const std::string& key, const std::filesystem::path& file);
-
-// Errors: kNotFound, kPermissionDenied,
+// `key` is that of the configuration, for the error. Errors: kNotFound, kPermissionDenied,
 // kInvalidArgument (others may write the file, or all accounts may read it).
 void CheckSecretFile(const std::string& key, const std::filesystem::path& file);
 

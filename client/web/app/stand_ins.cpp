@@ -1,24 +1,10 @@
 // Until client/web/nats has them: enough to parse the command line and to start.
-#include <algorithm>
-
 #include "client/web/nats/nats_link.h"
 #include "client/web/nats/room_publisher.h"
 #include "client/web/nats/room_source.h"
-#include "client/web/nats/subjects.h"
-#include "common/error/error.h"
 
 namespace palpate::web {
 
-bool IsRoom(std::string_view name) { return !name.empty() && name.size() <= 32; }
-bool IsNatsUser(std::string_view name) {
-  return !name.empty() && name.size() <= 64 &&
-         std::all_of(name.begin(), name.end(),
-                     [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-'; });
-}
-NatsUserPermissions PermissionsOf(const std::string& room, const std::string& user, bool) {
-  if (!IsRoom(room) || !IsNatsUser(user)) Refuse("no room or user");
-  return {{"palpate." + room + ".steer." + user}, {"_INBOX_" + user + ".>"}, false};
-}
 void Check(const NatsServer&) {}
 
 class KeptPublisher {};
@@ -32,8 +18,6 @@ std::string RoomPublisher::problem() const { return "NATS is not reached"; }
 
 struct NatsLink::Session {};
 NatsLink::~NatsLink() = default;
-Subjects::Subjects(const std::string& room) : room_(room) {}
-RoomCopy::RoomCopy(const std::string& room) : subjects_(room) {}
 RoomSource::RoomSource(RoomOptions options, Hub& hub, Post post)
     : options_(std::move(options)),
       hub_(hub),
