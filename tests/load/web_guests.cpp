@@ -1,10 +1,11 @@
 // Plays guests of palpate-web: logs in, opens WebSockets, acknowledges poses as the page does, and
 // prints what each guest got as JSON. All on one thread.
 //
-//   web_guests HOST PORT SECRET GUESTS SECONDS [STALLED]
+//   web_guests HOST PORT SECRET GUESTS SECONDS [STALLED [WINDOWS]]
 //
-// SECRET: the room's key. STALLED: further guests, which join and never read.
-// Ages are against CLOCK_MONOTONIC: right on the gateway's and palpated's own machine.
+// SECRET: the room's key. STALLED: further guests, which join and never read. WINDOWS: so many
+// times SECONDS, each with a report of its own in a line; 1 unless given. Ages are against
+// CLOCK_MONOTONIC: right on the gateway's and palpated's own machine.
 #include <time.h>
 
 #include <algorithm>
@@ -177,29 +178,13 @@ bool IsDropped(Socket& socket) {
   return error != asio::error::would_block;
 }
 
-int Main(const std::vector<std::string>& arguments) {
-  if (arguments.size() < 6) {
-    std::cerr << "usage: web_guests HOST PORT SECRET GUESTS SECONDS [STALLED]\n";
-    return 2;
-  }
-  asio::io_context io;
-  const Target target{
-      {asio::ip::make_address(arguments[1]), static_cast<std::uint16_t>(std::stoi(arguments[2]))},
-      arguments[1] + ":" + arguments[2],
-      arguments[3]};
-  std::vector<std::unique_ptr<Socket>> stalled;
-  for (int n = arguments.size() > 6 ? std::stoi(arguments[6]) : 0; n > 0; --n) {
-    stalled.push_back(Join(io, target));
-  }
-  std::vector<std::unique_ptr<LoadGuest>> guests;
-  for (int n = std::stoi(arguments[4]); n > 0; --n) {
-    guests.push_back(std::make_unique<LoadGuest>(io, target));
-    io.poll();
-  }
-  Run(io, std::chrono::seconds(2));
+using Guests = std::vector<std::unique_ptr<LoadGuest>>;
+
+// What the guests get within this time.
+json Watch(asio::io_context& io, const Guests& guests, double window_s) {
   for (const auto& guest : guests) guest->BeginToCount();
   const double begin_ms = NowMs();
-  Run(io, std::chrono::duration<double>(std::stod(arguments[5])));
+  Run(io, std::chrono::duration<double>(window_s));
   const double seconds = (NowMs() - begin_ms) / 1e3;
 
   json report = {{"guests", guests.size()}, {"seconds", seconds}, {"clients", json::array()}};
@@ -217,10 +202,36 @@ int Main(const std::vector<std::string>& arguments) {
       poses.empty() ? 0.0 : *std::min_element(poses.begin(), poses.end()) / seconds;
   report["worst_age_p99_ms"] =
       p99s.empty() ? json() : json(*std::max_element(p99s.begin(), p99s.end()));
-  report["stalled"] = stalled.size();
-  report["stalled_dropped"] = std::count_if(stalled.begin(), stalled.end(),
-                                            [](const auto& socket) { return IsDropped(*socket); });
-  std::cout << report.dump(1) << "\n";
+  return report;
+}
+
+int Main(const std::vector<std::string>& arguments) {
+  if (arguments.size() < 6) {
+    std::cerr << "usage: web_guests HOST PORT SECRET GUESTS SECONDS [STALLED [WINDOWS]]\n";
+    return 2;
+  }
+  asio::io_context io;
+  const Target target{
+      {asio::ip::make_address(arguments[1]), static_cast<std::uint16_t>(std::stoi(arguments[2]))},
+      arguments[1] + ":" + arguments[2],
+      arguments[3]};
+  std::vector<std::unique_ptr<Socket>> stalled;
+  for (int n = arguments.size() > 6 ? std::stoi(arguments[6]) : 0; n > 0; --n) {
+    stalled.push_back(Join(io, target));
+  }
+  Guests guests;
+  for (int n = std::stoi(arguments[4]); n > 0; --n) {
+    guests.push_back(std::make_unique<LoadGuest>(io, target));
+    io.poll();
+  }
+  Run(io, std::chrono::seconds(2));
+  for (int n = arguments.size() > 7 ? std::stoi(arguments[7]) : 1; n > 0; --n) {
+    json report = Watch(io, guests, std::stod(arguments[5]));
+    report["stalled"] = stalled.size();
+    report["stalled_dropped"] = std::count_if(
+        stalled.begin(), stalled.end(), [](const auto& socket) { return IsDropped(*socket); });
+    std::cout << report.dump() << std::endl;
+  }
   return 0;
 }
 

@@ -25,16 +25,18 @@ VOXEL_TYPES = ["uint8", "int16", "uint16", "float32"]
 
 
 class Gateway:
-    """Runs until end() or the end of a `with` block. more: more arguments."""
+    """Runs until end() or the end of a `with` block. daemon: none for a gateway that has no palpated.
+    more: more arguments. wrapper: a command that runs it."""
 
-    def __init__(self, daemon, more=(), config=""):
+    def __init__(self, daemon, more=(), config="", wrapper=()):
         self._temporary = tempfile.TemporaryDirectory(prefix="palpate-test-")
         folder = pathlib.Path(self._temporary.name)
         (folder / "index.html").write_text("<!doctype html>")
         (folder / "web.toml").write_text(config)
         (folder / "web.toml").chmod(0o600)
         self.port = free_port()
-        self.command = [PALPATE_WEB, "--config", str(folder / "web.toml"), "--socket", daemon.socket,
+        self.command = [*wrapper, PALPATE_WEB, "--config", str(folder / "web.toml"),
+                        *(["--socket", daemon.socket] if daemon else []),
                         "--listen", f"127.0.0.1:{self.port}", "--page", str(folder), *more]
         self.start()
 
