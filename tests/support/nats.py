@@ -21,14 +21,16 @@ JETSTREAM = "jetstream { max_memory_store: 2GB, max_file_store: 0 }"
 
 class NatsServer:
     """Runs until end() or the end of a `with` block; start() after kill() keeps the port.
-    config: lines of its configuration, but `listen` and the folder of JetStream."""
+    config: lines of its configuration, but `listen` and the folder of JetStream. wrapper: a command
+    that runs it."""
 
-    def __init__(self, config=JETSTREAM, starts=True):
+    def __init__(self, config=JETSTREAM, starts=True, wrapper=()):
         self._temporary = tempfile.TemporaryDirectory(prefix="palpate-test-")
         self.folder = pathlib.Path(self._temporary.name)
         self.port = free_port()
         self.url = f"nats://127.0.0.1:{self.port}"
         self.process = None
+        self._wrapper = wrapper
         self.configure(config)
         if starts:
             self.start()
@@ -42,8 +44,9 @@ class NatsServer:
 
     def start(self):
         program = shutil.which("nats-server") or "/usr/sbin/nats-server"
-        self.process = subprocess.Popen([program, "-c", str(self.folder / "nats.conf")],
-                                        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(
+            [*self._wrapper, program, "-c", str(self.folder / "nats.conf")],
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         self.said = []
         self._reader = threading.Thread(target=self._read, args=(self.process.stderr, self.said),
                                         daemon=True)

@@ -1,0 +1,136 @@
+"""A room on NATS, of a test's own: palpated -> publishing palpate-web -> nats-server -> receiving
+palpate-web. And what its programs take of the machine."""
+
+import contextlib
+import os
+import pathlib
+import tempfile
+
+import numpy as np
+import xxhash
+
+from gateway import Gateway
+from nats import NatsServer
+from support import Client, Daemon, StreamReader
+from palpate.v1 import volume_stream_pb2
+
+ROOM = "hall"
+KEY = 32 * "k"
+
+
+class Room:
+    """Its parts: `daemon`, `nats`, `publisher`, `receivers`. A `with` block ends all.
+
+    daemon: arguments of Daemon by name. config, publishing: lines of both kinds of gateways, and of
+    the publisher alone. is_direct: the receivers are at palpated itself, without NATS."""
+
+    def __init__(self, receivers, daemon=None, config="", publishing="", is_direct=False):
+        self._stack = contextlib.ExitStack()
+        self._config = config
+        self.daemon = self.nats = self.publisher = None
+        self.receivers = []
+        try:
+            folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="palpate-test-"))
+            self._key = pathlib.Path(folder) / "key"
+            self._key.write_text(KEY)
+            self._key.chmod(0o600)
+            self.daemon = self._stack.enter_context(Daemon(**(daemon or {})))
+            if not is_direct:
+                self.nats = self._stack.enter_context(NatsServer())
+                self.publisher = self._gateway(self.daemon, ["--publish", self.nats.url,
+                                                             "--room", ROOM], config + publishing)
+            for _ in range(receivers):
+                self.receive(self.daemon if is_direct else None)
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def _gateway(self, daemon, more, config):
+        gateway = self._stack.enter_context(Gateway(
+            daemon, [*more, "--room-key-file", str(self._key)], config))
+        gateway.room = KEY
+        return gateway
+
+    def receive(self, daemon=None):
+        """One more receiving gateway."""
+        more = [] if daemon else ["--from", self.nats.url, "--room", ROOM]
+        self.receivers.append(self._gateway(daemon, more, self._config))
+        return self.receivers[-1]
+
+    def processes(self):
+        """By their names: pids."""
+        found = {"palpated": self.daemon.pid}
+        if self.nats:
+            found |= {"publisher": self.publisher.process.pid,
+                      "nats-server": self.nats.process.pid}
+        return found | {f"receiver {n}": gateway.process.pid
+                        for n, gateway in enumerate(self.receivers)}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._stack.close()
+
+
+def processor_s(pid):
+    """That it took since its start; 0: it is gone."""
+    try:
+        fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except FileNotFoundError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def machine_s():
+    """Processor time that all of the machine's programs took since its start; and what the host
+    took."""
+    with open("/proc/stat", encoding="ascii") as file:
+        ticks = [int(field) for field in file.readline().split()[1:9]]
+    hertz = os.sysconf("SC_CLK_TCK")
+    return (sum(ticks) - ticks[3] - ticks[4] - ticks[7]) / hertz, ticks[7] / hertz
+
+
+def resident_bytes(pid):
+    pages = int(pathlib.Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGESIZE")
+
+
+def open_files(pid):
+    return len(os.listdir(f"/proc/{pid}/fd"))
+
+
+class _Revision(StreamReader):
+    def take(self, message):
+        if message.WhichOneof("event") != "complete":
+            return True
+        complete = message.complete
+        self.hash = f"{complete.content_hash_high:016x}{complete.content_hash_low:016x}"
+        self.revision = complete.revision.volume_revision
+        return False
+
+
+def hash_of_palpated(daemon):
+    """The content hash of its volume now, as its own stream of voxels says it."""
+    with Client(daemon) as client:
+        start = volume_stream_pb2.StreamVolumeRequest()
+        start.start.SetInParent()
+        reader = _Revision(client.volume.StreamVolume, start)
+        reader._thread.join()
+        reader.stop()
+        return reader.hash
+
+
+def content_hash(voxels):
+    """Of an array, as palpated computes it: sums of each half of XXH3-128 of the bricks of 8 x 8 x 8
+    floats. Axes that are not multiples of 8 are padded with zeros, the background."""
+    counts = [-(-axis // 8) for axis in voxels.shape]
+    whole = np.zeros([8 * count for count in counts], "<f4")
+    whole[tuple(map(slice, voxels.shape))] = voxels
+    bricks = (whole.reshape(counts[0], 8, counts[1], 8, counts[2], 8)
+              .transpose(0, 2, 4, 1, 3, 5).reshape(-1, 512))
+    high = low = 0
+    for number, brick in enumerate(bricks):
+        digest = xxhash.xxh3_128_intdigest(brick.tobytes(), number)
+        high, low = high + (digest >> 64), low + (digest & (2**64 - 1))
+    return f"{high % 2**64:016x}{low % 2**64:016x}"
