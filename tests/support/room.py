@@ -11,7 +11,7 @@ import xxhash
 
 from gateway import Gateway
 from nats import NatsServer
-from support import Client, Daemon, StreamReader
+from support import PATIENCE_S, Client, Daemon, StreamReader
 from palpate.v1 import volume_stream_pb2
 
 ROOM = "hall"
@@ -21,10 +21,12 @@ KEY = 32 * "k"
 class Room:
     """Its parts: `daemon`, `nats`, `publisher`, `receivers`. A `with` block ends all.
 
-    daemon: arguments of Daemon by name. config, publishing: lines of both kinds of gateways, and of
-    the publisher alone. is_direct: the receivers are at palpated itself, without NATS."""
+    daemon: arguments of Daemon by name. config: lines of all gateways. publishing: more lines of the
+    publisher. server: arguments of NatsServer by name. wrapper: a command that runs what is beside
+    palpated. is_direct: the receivers are at palpated itself, without NATS."""
 
-    def __init__(self, receivers, daemon=None, config="", publishing="", is_direct=False):
+    def __init__(self, receivers, daemon=None, config="", publishing="", server=None, wrapper=(),
+                 is_direct=False):
         self._stack = contextlib.ExitStack()
         self._config = config
         self.daemon = self.nats = self.publisher = None
@@ -36,25 +38,28 @@ class Room:
             self._key.chmod(0o600)
             self.daemon = self._stack.enter_context(Daemon(**(daemon or {})))
             if not is_direct:
-                self.nats = self._stack.enter_context(NatsServer())
-                self.publisher = self._gateway(self.daemon, ["--publish", self.nats.url,
-                                                             "--room", ROOM], config + publishing)
+                self.nats = self._stack.enter_context(NatsServer(wrapper=wrapper, **(server or {})))
+                self.publisher = self._gateway(self.daemon, ["--publish", self.nats.url, "--room",
+                                                             ROOM], config + publishing, wrapper)
             for _ in range(receivers):
-                self.receive(self.daemon if is_direct else None)
+                self.receive()
         except BaseException:
             self._stack.close()
             raise
 
-    def _gateway(self, daemon, more, config):
+    def _gateway(self, daemon, more, config, wrapper=()):
         gateway = self._stack.enter_context(Gateway(
-            daemon, [*more, "--room-key-file", str(self._key)], config))
+            daemon, [*more, "--room-key-file", str(self._key)], config, wrapper))
         gateway.room = KEY
         return gateway
 
-    def receive(self, daemon=None):
-        """One more receiving gateway."""
-        more = [] if daemon else ["--from", self.nats.url, "--room", ROOM]
-        self.receivers.append(self._gateway(daemon, more, self._config))
+    def receive(self, nats=None, wrapper=()):
+        """One more receiving gateway. nats: the server that it is at, if not the room's."""
+        if self.nats:
+            daemon, more = None, ["--from", (nats or self.nats).url, "--room", ROOM]
+        else:
+            daemon, more = self.daemon, []
+        self.receivers.append(self._gateway(daemon, more, self._config, wrapper))
         return self.receivers[-1]
 
     def processes(self):
@@ -101,12 +106,21 @@ def open_files(pid):
 
 
 class _Revision(StreamReader):
+    """To its first complete state."""
+
+    hash = None
+
+    def wait(self):
+        self._thread.join(PATIENCE_S)
+        self.stop()
+        if self.hash is None:
+            raise RuntimeError(f"palpated says no content hash: {self.error}")
+
     def take(self, message):
         if message.WhichOneof("event") != "complete":
             return True
         complete = message.complete
         self.hash = f"{complete.content_hash_high:016x}{complete.content_hash_low:016x}"
-        self.revision = complete.revision.volume_revision
         return False
 
 
@@ -116,8 +130,7 @@ def hash_of_palpated(daemon):
         start = volume_stream_pb2.StreamVolumeRequest()
         start.start.SetInParent()
         reader = _Revision(client.volume.StreamVolume, start)
-        reader._thread.join()
-        reader.stop()
+        reader.wait()
         return reader.hash
 
 
