@@ -18,22 +18,24 @@ import time
 from nats import NatsServer
 from nats_join import COPY_GUEST, texture
 from network_sites import Sites
-from room import KEY, Room, hash_of_palpated
+from room import KEY, ROOM, Room, hash_of_palpated
 from support import PALPATED
 
 WEB_GUESTS = pathlib.Path(PALPATED).parent.parent / "tests" / "web_guests"
 LEAF_PORT = 7422
 
 
-def hub_config():
-    """JetStream is the hub's alone."""
-    return ("jetstream { max_memory_store: 2GB, max_file_store: 0 }\n"
-            f'leafnodes {{ listen: "0.0.0.0:{LEAF_PORT}" }}')
+def hub_config(room):
+    """A leaf is bound to its site's account."""
+    users = "\n".join(f'{{ user: "{site.name}", password: "{site.password}", '
+                      f'account: "palpate.{ROOM}.{site.name}" }}' for site in room.sites)
+    return (f'leafnodes {{ listen: "0.0.0.0:{LEAF_PORT}"\n'
+            f"authorization {{ users: [\n{users}\n] }} }}")
 
 
-def leaf_config(address):
-    return ('leafnodes { reconnect: 1s, remotes: '
-            f'[ {{ url: "nats-leaf://{address}:{LEAF_PORT}" }} ] }}')
+def leaf_config(address, site):
+    return ("leafnodes { reconnect: 1s, remotes: [ { "
+            f'url: "nats-leaf://{site.name}:{site.password}@{address}:{LEAF_PORT}" }} ] }}')
 
 
 class Site:
@@ -41,8 +43,8 @@ class Site:
 
     def __init__(self, stack, room, sites, number):
         self.wrapper, self.name = sites.sites[number], f"site {number}"
-        self.nats = stack.enter_context(NatsServer(leaf_config(sites.hub_address(number)),
-                                                   wrapper=self.wrapper))
+        self.nats = stack.enter_context(NatsServer(
+            leaf_config(sites.hub_address(number), room.sites[number]), wrapper=self.wrapper))
         self._room = room
 
     def start(self):
@@ -117,8 +119,8 @@ def main():
         print(subprocess.run([*network.hub, "sysctl", "net.ipv4.tcp_congestion_control"],
                              stdout=subprocess.PIPE, text=True, check=True).stdout.strip())
         # palpated is reached by its socket: it may be anywhere.
-        room = stack.enter_context(Room(0, {"volume": "builtin:sphere:16"},
-                                        server={"config": hub_config()}, wrapper=network.hub))
+        room = stack.enter_context(Room(0, {"volume": "builtin:sphere:16"}, more_sites=2,
+                                        server=hub_config, wrapper=network.hub))
         with room.daemon.connect() as conn:
             conn.volume.upload(texture(options.edge), name="texture")
         sites = [Site(stack, room, network, number) for number in range(2)]

@@ -4,13 +4,14 @@ palpate-web. And what its programs take of the machine."""
 import contextlib
 import os
 import pathlib
+import subprocess
 import tempfile
 
 import numpy as np
 import xxhash
 
-from gateway import Gateway
-from nats import NatsServer
+from gateway import PALPATE_WEB, Gateway
+from nats import JETSTREAM, NatsServer
 from support import PATIENCE_S, Client, Daemon, StreamReader
 from palpate.v1 import volume_stream_pb2
 
@@ -18,48 +19,77 @@ ROOM = "hall"
 KEY = 32 * "k"
 
 
+class NatsUser:
+    """As an operator makes it: `account` is for nats-server's configuration, `lines` for that of the
+    gateway."""
+
+    def __init__(self, folder, name, *more):
+        text = subprocess.run([PALPATE_WEB, "nats-user", name, "--room", ROOM, *more], check=True,
+                              capture_output=True, text=True).stdout
+        comment, _, self.account = text.partition("\n")
+        self.name, self.password = name, comment.split()[-1]
+        file = folder / f"{name}.password"
+        file.write_text(self.password)
+        file.chmod(0o600)
+        self.lines = f'\n[nats]\nuser = "{name}"\npassword_file = "{file}"\n'
+
+
 class Room:
-    """Its parts: `daemon`, `nats`, `publisher`, `receivers`. A `with` block ends all.
+    """Its parts: `daemon`, `nats`, `publisher`, `receivers`, and `sites`: the receivers' NatsUsers,
+    each for one. A `with` block ends all.
 
-    daemon: arguments of Daemon by name. config: lines of all gateways. publishing: more lines of the
-    publisher. server: arguments of NatsServer by name. wrapper: a command that runs what is beside
-    palpated. is_direct: the receivers are at palpated itself, without NATS."""
+    daemon: arguments of Daemon by name. config: lines of all gateways. steers: settings that users
+    of the receivers may change. more_sites: for receivers that come later. server: more lines for
+    nats-server, after its accounts. wrapper: a command that runs what is beside palpated. is_direct:
+    the receivers are at palpated itself, without NATS."""
 
-    def __init__(self, receivers, daemon=None, config="", publishing="", server=None, wrapper=(),
-                 is_direct=False):
+    def __init__(self, receivers, daemon=None, config="", steers=(), more_sites=1,
+                 server=lambda room: "", wrapper=(), is_direct=False):
         self._stack = contextlib.ExitStack()
         self._config = config
         self.daemon = self.nats = self.publisher = None
         self.receivers = []
         try:
-            folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="palpate-test-"))
-            self._key = pathlib.Path(folder) / "key"
-            self._key.write_text(KEY)
-            self._key.chmod(0o600)
+            folder = self.folder = pathlib.Path(self._stack.enter_context(
+                tempfile.TemporaryDirectory(prefix="palpate-test-")))
+            (folder / "key").write_text(KEY)
+            (folder / "key").chmod(0o600)
             self.daemon = self._stack.enter_context(Daemon(**(daemon or {})))
             if not is_direct:
-                self.nats = self._stack.enter_context(NatsServer(wrapper=wrapper, **(server or {})))
-                self.publisher = self._gateway(self.daemon, ["--publish", self.nats.url, "--room",
-                                                             ROOM], config + publishing, wrapper)
+                self._start_nats(receivers + more_sites, steers, server, wrapper)
             for _ in range(receivers):
                 self.receive()
         except BaseException:
             self._stack.close()
             raise
 
+    def _start_nats(self, sites, steers, server, wrapper):
+        publisher = NatsUser(self.folder, "publisher", "--publishes")
+        self.sites = [NatsUser(self.folder, f"site-{n}") for n in range(sites)]
+        accounts = "\n".join(user.account for user in (publisher, *self.sites))
+        self.nats = self._stack.enter_context(NatsServer(
+            f"{JETSTREAM}\naccounts {{\n{accounts}\n}}\n{server(self)}", wrapper=wrapper))
+        may_steer = ", ".join(f'"{key}"' for key in steers)
+        lines = "".join(f'[[site]]\nname = "{site.name}"\nmay_steer = [{may_steer}]\n'
+                        for site in self.sites if steers)
+        self.publisher = self._gateway(self.daemon, ["--publish", self.nats.url, "--room", ROOM],
+                                       self._config + publisher.lines + lines, wrapper)
+
     def _gateway(self, daemon, more, config, wrapper=()):
         gateway = self._stack.enter_context(Gateway(
-            daemon, [*more, "--room-key-file", str(self._key)], config, wrapper))
+            daemon, [*more, "--room-key-file", str(self.folder / "key")], config, wrapper))
         gateway.room = KEY
         return gateway
 
-    def receive(self, nats=None, wrapper=()):
-        """One more receiving gateway. nats: the server that it is at, if not the room's."""
-        if self.nats:
-            daemon, more = None, ["--from", (nats or self.nats).url, "--room", ROOM]
-        else:
+    def receive(self, nats=None, wrapper=(), config=""):
+        """One more receiving gateway. nats: the server that it is at, without a user, if not the
+        room's."""
+        if not self.nats:
             daemon, more = self.daemon, []
-        self.receivers.append(self._gateway(daemon, more, self._config, wrapper))
+        else:
+            daemon, more = None, ["--from", (nats or self.nats).url, "--room", ROOM]
+            config += "" if nats else self.sites[len(self.receivers)].lines
+        self.receivers.append(self._gateway(daemon, more, self._config + config, wrapper))
         return self.receivers[-1]
 
     def processes(self):

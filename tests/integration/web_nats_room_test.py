@@ -1,0 +1,120 @@
+"""The whole chain of a room on NATS: palpated -> publishing palpate-web -> nats-server -> receiving
+palpate-web -> guest. Each part by itself: web_nats_test.py, web_nats_receiver_test.py."""
+
+import json
+import signal
+import struct
+import subprocess
+import unittest
+
+import numpy as np
+
+from gateway import PALPATE_WEB, Copy, Guest
+from room import Room, content_hash, hash_of_palpated
+from support import wait_until
+
+FRESH = 16
+
+
+def made_user(name, *keys):
+    """Its token, and its lines of the configuration."""
+    steers = [part for key in keys for part in ("--may-steer", key)]
+    text = subprocess.run([PALPATE_WEB, "user", name, *steers], check=True, capture_output=True,
+                          text=True).stdout
+    comment, _, lines = text.partition("\n")
+    return comment.split()[-1], lines
+
+
+class RoomTest(unittest.TestCase):
+    def shows(self, guest, wanted):
+        """Whether it is shown the volume of this content hash; its copy is that, voxel by voxel."""
+        if "manifest" not in guest.topics:
+            return False
+        blob = guest.blob(guest.topics["manifest"]["name"])
+        if blob is None or json.loads(blob)["content_hash"] != wanted:
+            return False
+        copy = Copy(guest, json.loads(blob), {})
+        self.assertTrue(copy.lost or content_hash(copy.voxels) == wanted)
+        return not copy.lost
+
+    def require_shown(self, guest, daemon):
+        wanted = hash_of_palpated(daemon)
+        self.assertTrue(wait_until(lambda: self.shows(guest, wanted)), guest.topics)
+
+    def require_connected(self, guest):
+        guest.wait_for("connection", lambda message: message["state"] == "connected")
+        before = guest.poses
+        self.assertTrue(wait_until(lambda: guest.poses > before + 10 and guest.pose[1] & FRESH))
+
+    def test_a_guest_sees_palpateds_volume_poses_and_settings(self):
+        with Room(1, {"volume": "builtin:bumps:50"}) as room, room.daemon.connect() as conn, \
+                Guest(room.receivers[0]) as guest:
+            self.require_shown(guest, room.daemon)
+            self.require_connected(guest)
+            random = np.random.default_rng(3)
+            for _ in range(10):
+                conn.edit.sphere(tuple(random.uniform(0, 49, 3)), 4.0, "add", 0.01, frame="index")
+            self.require_shown(guest, room.daemon)
+            ticks = [struct.unpack_from("<d", guest.pose, 8)[0]]
+            self.assertTrue(wait_until(
+                lambda: struct.unpack_from("<d", guest.pose, 8)[0] > ticks[0]))
+            conn.settings.isovalue = 0.3
+            guest.wait_for("settings", lambda message: message["values"]["isovalue"] == 0.3)
+            room.daemon.palpate("load", "builtin:gyroid:33", "--discard")
+            guest.wait_for("volume", lambda message: message.get("name") == "builtin:gyroid:33")
+            self.require_shown(guest, room.daemon)
+
+    def test_a_user_of_a_site_steers_what_both_gateways_allow(self):
+        token, user = made_user("lecturer", "isovalue", "force_shading")
+        with Room(0, {"volume": "builtin:sphere:32"}, steers=["isovalue"]) as room, \
+                room.daemon.connect() as conn:
+            receiver = room.receive(config=user)
+            with Guest(receiver, token=token) as lecturer, Guest(room.publisher) as watcher:
+                lecturer.wait_for("settings")
+                self.assertEqual(lecturer.steer("isovalue", 0.25), "")
+                self.assertEqual(conn.settings.isovalue, 0.25)
+                change = watcher.wait_for("steering", lambda message: message["changes"])
+                self.assertIn("lecturer", change["changes"][-1]["user"])
+                self.assertIn(room.sites[0].name, change["changes"][-1]["user"])
+                lecturer.wait_for("settings",
+                                  lambda message: message["values"]["isovalue"] == 0.25)
+                before = conn.settings.all()
+                for key, value in (("force_shading", 1), ("stiffness_n_per_mm", 1.0),
+                                   ("isovalue", 1e9)):
+                    self.assertNotEqual(lecturer.steer(key, value), "")
+                self.assertEqual(conn.settings.all(), before)
+
+    def test_everything_comes_back_after_each_was_killed(self):
+        with Room(1, {"volume": "builtin:sphere:48"}) as room:
+            receiver = room.receivers[0]
+
+            def kill_gateway(gateway):
+                gateway.process.kill()
+                gateway.end()
+
+            with Guest(receiver) as guest:
+                self.require_shown(guest, room.daemon)
+                for kill, start in (
+                        (lambda: room.daemon.end(signal.SIGKILL), room.daemon.start),
+                        (room.nats.kill, room.nats.start),
+                        (lambda: kill_gateway(room.publisher), room.publisher.start)):
+                    kill()
+                    guest.wait_for("connection", lambda message: message["state"] == "lost"
+                                   and message["why"])
+                    self.assertTrue(wait_until(lambda: not guest.pose[1] & FRESH))
+                    # What guests saw last is still there.
+                    self.assertIsNotNone(guest.blob(guest.topics["manifest"]["name"]))
+                    start()
+                    self.require_connected(guest)
+                    with room.daemon.connect() as conn:
+                        conn.edit.sphere((20, 20, 20), 4.0, "add", 0.01, frame="index")
+                    self.require_shown(guest, room.daemon)
+            kill_gateway(receiver)
+            receiver.start()
+            with Guest(receiver, room=room.publisher.room) as guest:
+                self.require_connected(guest)
+                self.require_shown(guest, room.daemon)
+
+
+if __name__ == "__main__":
+    unittest.main()
