@@ -44,7 +44,8 @@ class RoomTest(unittest.TestCase):
     def require_connected(self, guest):
         guest.wait_for("connection", lambda message: message["state"] == "connected")
         before = guest.poses
-        self.assertTrue(wait_until(lambda: guest.poses > before + 10 and guest.pose[1] & FRESH))
+        self.assertTrue(wait_until(lambda: guest.poses > before + 10 and guest.pose[1] & FRESH),
+                        guest.topics)
 
     def test_a_guest_sees_palpateds_volume_poses_and_settings(self):
         with Room(1, {"volume": "builtin:bumps:50"}) as room, room.daemon.connect() as conn, \
@@ -70,7 +71,7 @@ class RoomTest(unittest.TestCase):
                 room.daemon.connect() as conn:
             receiver = room.receive(config=user)
             with Guest(receiver, token=token) as lecturer, Guest(room.publisher) as watcher:
-                lecturer.wait_for("settings")
+                self.require_connected(lecturer)
                 self.assertEqual(lecturer.steer("isovalue", 0.25), "")
                 self.assertEqual(conn.settings.isovalue, 0.25)
                 change = watcher.wait_for("steering", lambda message: message["changes"])
@@ -93,6 +94,7 @@ class RoomTest(unittest.TestCase):
                 gateway.end()
 
             with Guest(receiver) as guest:
+                self.require_connected(guest)
                 self.require_shown(guest, room.daemon)
                 for kill, start in (
                         (lambda: room.daemon.end(signal.SIGKILL), room.daemon.start),
@@ -111,7 +113,7 @@ class RoomTest(unittest.TestCase):
                     self.require_shown(guest, room.daemon)
             kill_gateway(receiver)
             receiver.start()
-            with Guest(receiver, room=room.publisher.room) as guest:
+            with Guest(receiver) as guest:
                 self.require_connected(guest)
                 self.require_shown(guest, room.daemon)
 

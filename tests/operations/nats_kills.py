@@ -117,8 +117,8 @@ class Follower:
         self.judged += 1
         self.shown = is_hash
 
-    def problem(self):
-        """Why it is not back; none: it is."""
+    def problem(self, since_s):
+        """Why it is not back since that time; none: it is."""
         guest = self.guest
         if guest is None or not guest.is_open:
             return "not joined"
@@ -128,9 +128,9 @@ class Follower:
         pose = guest.pose
         if pose is None or not pose[1] & FRESH:
             return "no fresh pose"
-        age_s = time.monotonic() - struct.unpack_from("<d", pose, 16)[0] / 1e3
-        if age_s > 0.5:
-            return f"its newest pose is {age_s:.1f} s old"
+        time_s = struct.unpack_from("<d", pose, 16)[0] / 1e3
+        if time_s < max(since_s, time.monotonic() - 0.5):
+            return f"its newest pose is {time.monotonic() - time_s:.1f} s old"
         if self.shown != self._states.now_hash:
             return f"shows {self.shown}, not {self._states.now_hash}"
         return None
@@ -166,11 +166,12 @@ class Kills:
         self.programs = {"palpated": room.daemon, "nats-server": room.nats} | dict(gateways)
         self.kills, self.edits = {name: 0 for name in self.programs}, 0
         self.back_s, self.found, self.said, self._starts_s = [], [], [], []
+        self._edited_s = 0.0
 
     def wait_until_back(self, since_s, what, patience_s=60.0):
         """Seconds from `since_s`, a time."""
         while True:
-            problems = {one.name: one.problem() for one in self.followers}
+            problems = {one.name: one.problem(since_s) for one in self.followers}
             problems = {name: why for name, why in problems.items() if why}
             now_s = time.monotonic()
             if not problems:
@@ -193,6 +194,7 @@ class Kills:
                 while time.monotonic() < until_s and self.states.edit(conn.edit.block, self._rng,
                                                                       is_same):
                     self.edits += 1
+                    self._edited_s = time.monotonic()
                     time.sleep(self._rng.uniform(0.0, 0.1))
         except palpate.Error as error:
             if is_same():
@@ -215,8 +217,8 @@ class Kills:
         if "palpated" in names:
             self.states.forget()
         what = ", ".join(names) + (" while edited" if is_edited else "")
-        last_s = max(self._starts_s[-len(names):])
-        seconds = self.wait_until_back(last_s if not is_edited else time.monotonic(), what)
+        last_s = max([self._edited_s, *self._starts_s[-len(names):]])
+        seconds = self.wait_until_back(last_s, what)
         self.back_s.append(seconds)
         if seconds > BACK_S:
             self.found.append(f"back {seconds:.1f} s after the last start, of {what}")

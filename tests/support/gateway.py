@@ -26,15 +26,20 @@ VOXEL_TYPES = ["uint8", "int16", "uint16", "float32"]
 
 class Gateway:
     """Runs until end() or the end of a `with` block. daemon: none for a gateway that has no palpated.
-    more: more arguments. wrapper: a command that runs it."""
+    more: more arguments. wrapper: a command that runs it. key: the room's; a new one at every start
+    unless given."""
 
-    def __init__(self, daemon, more=(), config="", wrapper=()):
+    def __init__(self, daemon, more=(), config="", wrapper=(), key=None):
         self._temporary = tempfile.TemporaryDirectory(prefix="palpate-test-")
         folder = pathlib.Path(self._temporary.name)
         (folder / "index.html").write_text("<!doctype html>")
         (folder / "web.toml").write_text(config)
         (folder / "web.toml").chmod(0o600)
-        self.port = free_port()
+        if key:
+            (folder / "room-key").write_text(key)
+            (folder / "room-key").chmod(0o600)
+            more = [*more, "--room-key-file", str(folder / "room-key")]
+        self._key, self.port = key, free_port()
         self.command = [*wrapper, PALPATE_WEB, "--config", str(folder / "web.toml"),
                         *(["--socket", daemon.socket] if daemon else []),
                         "--listen", f"127.0.0.1:{self.port}", "--page", str(folder), *more]
@@ -51,7 +56,7 @@ class Gateway:
         if "#room=" not in link:
             self.end()
             raise RuntimeError("palpate-web did not start: " + "".join(self.said))
-        self.room = link.strip().rpartition("=")[2]
+        self.room = self._key or link.strip().rpartition("=")[2]
 
     def end(self):
         """The exit status."""

@@ -50,10 +50,8 @@ class Room:
         self.daemon = self.nats = self.publisher = None
         self.receivers = []
         try:
-            folder = self.folder = pathlib.Path(self._stack.enter_context(
+            self.folder = pathlib.Path(self._stack.enter_context(
                 tempfile.TemporaryDirectory(prefix="palpate-test-")))
-            (folder / "key").write_text(KEY)
-            (folder / "key").chmod(0o600)
             self.daemon = self._stack.enter_context(Daemon(**(daemon or {})))
             if not is_direct:
                 self._start_nats(receivers + more_sites, steers, server, wrapper)
@@ -75,11 +73,8 @@ class Room:
         self.publisher = self._gateway(self.daemon, ["--publish", self.nats.url, "--room", ROOM],
                                        self._config + publisher.lines + lines, wrapper)
 
-    def _gateway(self, daemon, more, config, wrapper=()):
-        gateway = self._stack.enter_context(Gateway(
-            daemon, [*more, "--room-key-file", str(self.folder / "key")], config, wrapper))
-        gateway.room = KEY
-        return gateway
+    def _gateway(self, *arguments):
+        return self._stack.enter_context(Gateway(*arguments, key=KEY))
 
     def receive(self, nats=None, wrapper=(), config=""):
         """One more receiving gateway. nats: the server that it is at, without a user, if not the
