@@ -24,7 +24,7 @@ from support import PALPATED
 WEB_GUESTS = pathlib.Path(PALPATED).parent.parent / "tests" / "web_guests"
 CONFIG = "[web]\nmax_guests = 960\n"
 BOUND_MS = 100.0
-RAMP = [150, 300, 600, 900, 1200, 1800, 2400]
+RAMP = [150, 300, 600, 900, 1200, 1800, 2400, 2850]
 WARM_UP = 1 / 3
 FLAT = 0.01
 SHORT_S = 600
@@ -102,7 +102,7 @@ def bottleneck(shares):
     parts = {name: share for name, share in shares.items()
              if name not in ("machine", "stolen")}
     full = [name for name, share in parts.items() if share > 0.9]
-    greatest = max(parts, key=parts.get)
+    greatest = max(parts, key=parts.get)  # "others": programs that are no part of this
     by_guests = sum(share for name, share in parts.items() if name.startswith("guests"))
     return (f"{', '.join(full)} at a whole processor; " if full else "") + (
         f"the machine's programs took {shares['machine']:.2f} processors, the guests "
@@ -119,20 +119,25 @@ def step(room, guests, seconds):
 
 
 def ramp(room, counts, seconds):
-    """Prints a line for each count, and the count at which the bound is passed."""
-    below = None
+    """Prints a line for each count, and between which the bound is passed: where it stays passed at
+    the next count, too, so that one moment of somebody else's does not count."""
+    below, passed = 0, None
     for guests in counts:
         figures, shares = step(room, guests, seconds)
         print(f"{figures['guests']} guests: p99 of the worst {figures['worst_p99_ms']:.1f} ms, of "
               f"the median guest {figures['median_p99_ms']:.1f} ms (p50 "
               f"{figures['median_p50_ms']:.1f}); the least gets {figures['least_hz']:.1f} poses/s; "
               f"{figures['lost']} lost; processors: {text_of(shares)}", flush=True)
-        if figures["worst_p99_ms"] > BOUND_MS:
-            print(f"p99 passes {BOUND_MS:.0f} ms between {below or 0} and {guests} guests: "
-                  + bottleneck(shares), flush=True)
-            return
-        below = guests
-    print(f"p99 stays below {BOUND_MS:.0f} ms to {below} guests", flush=True)
+        if figures["worst_p99_ms"] <= BOUND_MS:
+            below, passed = guests, None
+        elif passed:
+            break
+        else:
+            passed = guests, bottleneck(shares)
+    if passed:
+        print(f"p99 passes {BOUND_MS:.0f} ms between {below} and {passed[0]} guests: {passed[1]}")
+    else:
+        print(f"p99 stays below {BOUND_MS:.0f} ms to {below} guests")
 
 
 def watch(room, guests, seconds, window_s, file):
