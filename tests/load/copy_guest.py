@@ -1,9 +1,10 @@
 """A guest that copies a volume as fast as a script can, over one connection: logs in, waits for a
-manifest, and fetches the overview and all groups that the manifest names. Prints JSON: seconds since
-its start until it was in, had a manifest, had a whole copy; bytes; how often a group was gone (the
-copy goes on with the newest manifest then); the manifest's content hash, and the hash of its copy.
+manifest, and fetches the overview and all groups that the manifest names.
 
-With --poses: how old the poses were meanwhile [ms]."""
+Says "ready", and reads a line: the gateway's port, and the time (CLOCK_MONOTONIC, s) from which it
+counts. Prints JSON: seconds until it was in, had a manifest, had a whole copy; bytes; how often a
+group was gone (the copy goes on with the newest manifest then); the manifest's content hash, and the
+hash of its copy. With --poses: how old the poses were while it copied, and afterwards [ms]."""
 
 import argparse
 import base64
@@ -125,9 +126,32 @@ def hash_of_copy(manifest, groups):
         input=whole.tobytes(), capture_output=True, check=True).stdout.decode().strip()
 
 
+class CopyGuest:
+    """This program, for others. wrapper: a command that runs it. It is ready when this is made, so
+    that its own start takes none of the time."""
+
+    def __init__(self, secret, poses, patience=PATIENCE_S, wrapper=()):
+        self._process = subprocess.Popen(
+            [*wrapper, sys.executable, __file__, secret, "--poses", str(poses), "--patience",
+             str(patience)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self._process.stdout.readline()
+
+    def go(self, port, began_s):
+        self._process.stdin.write(f"{port} {began_s}\n")
+        self._process.stdin.flush()
+
+    def figures(self):
+        said, _ = self._process.communicate()
+        if not said:
+            raise RuntimeError("the guest failed")
+        return json.loads(said)
+
+
 def run(options):
-    began = time.monotonic()
-    gateway = Elsewhere(options.port, options.secret)
+    print("ready", flush=True)
+    port, began = sys.stdin.readline().split()
+    began = float(began)
+    gateway = Elsewhere(int(port), options.secret)
     while True:
         try:
             guest = PoseAges(gateway)
@@ -168,7 +192,6 @@ def percentiles(values):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("port", type=int)
     parser.add_argument("secret", help="the room's key")
     parser.add_argument("--poses", type=float, default=0.0, help="seconds of poses after the copy")
     parser.add_argument("--patience", type=float, default=PATIENCE_S,

@@ -15,8 +15,9 @@ import subprocess
 import sys
 import time
 
+from copy_guest import CopyGuest
 from nats import NatsServer
-from nats_join import COPY_GUEST, texture
+from nats_join import texture
 from network_sites import Sites
 from room import KEY, ROOM, Room, hash_of_palpated
 from support import PALPATED
@@ -47,15 +48,14 @@ class Site:
             leaf_config(sites.hub_address(number), room.sites[number]), wrapper=self.wrapper))
         self._room = room
 
-    def start(self):
-        self._began = time.monotonic()
-        self.gateway = self._room.receive(self.nats, self.wrapper)
-
     def begin_to_copy(self, patience_s):
-        """A guest who waits for the first volume, and copies it; and then watches poses."""
-        return subprocess.Popen(
-            [*self.wrapper, sys.executable, COPY_GUEST, str(self.gateway.port), KEY, "--poses",
-             "20", "--patience", str(patience_s)], stdout=subprocess.PIPE, text=True)
+        """Starts the gateway. A guest there waits for the first volume, copies it, and then watches
+        poses."""
+        guest = CopyGuest(KEY, 20.0, patience_s, self.wrapper)
+        began = time.monotonic()
+        self.gateway = self._room.receive(self.nats, self.wrapper)
+        guest.go(self.gateway.port, began)
+        return guest
 
     def begin_to_watch(self, guests, seconds):
         return subprocess.Popen(
@@ -63,19 +63,10 @@ class Site:
              str(seconds)], stdout=subprocess.PIPE, text=True)
 
 
-def results(processes):
-    found = []
-    for process in processes:
-        said, _ = process.communicate()
-        if not said:
-            raise RuntimeError(f"no figures of {process.args}")
-        found.append(json.loads(said))
-    return found
-
-
 def measure_poses(sites, options, when):
-    for site, report in zip(sites, results([site.begin_to_watch(options.guests, options.seconds)
-                                            for site in sites])):
+    crowds = [site.begin_to_watch(options.guests, options.seconds) for site in sites]
+    for site, crowd in zip(sites, crowds):
+        report = json.loads(crowd.communicate()[0])
         ages = [client["age_ms"] for client in report["clients"] if client["age_ms"]]
         if not ages:
             raise RuntimeError(f"{site.name}: no poses")
@@ -87,10 +78,9 @@ def measure_poses(sites, options, when):
 
 def measure_copy(sites, room, options):
     wanted, found = hash_of_palpated(room.daemon), []
-    for site in sites:
-        site.start()
-    for site, figures in zip(sites, results([site.begin_to_copy(options.patience)
-                                             for site in sites])):
+    guests = [site.begin_to_copy(options.patience) for site in sites]
+    for site, guest in zip(sites, guests):
+        figures = guest.figures()
         print(f"{site.name}: the gateway shows a whole volume of {options.edge}^3 after "
               f"{figures['manifest_s']:.1f} s, a guest there has it after {figures['copy_s']:.1f} "
               f"s ({figures['bytes'] / 1e6:.1f} MB); poses' age while copying "
