@@ -1,0 +1,215 @@
+"""A gateway that publishes a room on a NATS server, judged by a client that uses no library of NATS
+or of ours: the room keeps the daemon's volume, and everything comes back after a loss."""
+
+import json
+import struct
+import time
+import unittest
+
+import numpy as np
+import zstandard
+
+from palpate._brick_hash import hash_of_bricks
+
+from gateway import Copy, Gateway
+from nats import JETSTREAM, NatsServer
+from support import Client, DaemonTest, wait_until
+
+ROOM = "hall"
+SITES = '[[site]]\nname = "lab"\nmay_steer = ["isovalue"]\n'
+
+
+class Publishing(Gateway):
+    def __init__(self, daemon, server, config="", more=()):
+        super().__init__(daemon, ("--publish", server.url, "--room", ROOM, *more), config)
+
+
+class Room:
+    """What a room keeps, as a guest of tests/support/gateway.py sees a gateway."""
+
+    def __init__(self, client):
+        self.client, self._groups = client, {}
+
+    def parted(self, subject):
+        """The name of a blob in parts, and its plain bytes; none: of several blobs."""
+        first = self.client.kept(ROOM, f"{subject}.0")
+        if first is None:
+            return None
+        name, count = first.data[6:22], struct.unpack_from("<H", first.data, 4)[0]
+        parts = [self.client.kept(ROOM, f"{subject}.{number}") for number in range(count)]
+        if any(part is None or part.data[6:22] != name for part in parts):
+            return None
+        for number, part in enumerate(parts):
+            if struct.unpack_from("<BxHH", part.data) != (1, number, count):
+                raise AssertionError(f"{subject}.{number}: {part.data[:6]}")
+        return name.hex(), zstandard.ZstdDecompressor().decompress(
+            b"".join(part.data[22:] for part in parts))
+
+    def blob(self, name):
+        return self._groups.get(name)
+
+    def volume(self):
+        """Manifest and copy of what the volume's message names; none: it is being replaced."""
+        message = self.client.kept(ROOM, "volume")
+        if message is None or not message.json["manifest"]:
+            return None
+        found, overview = self.parted("manifest"), self.parted("overview")
+        if not found or found[0] != json.loads(message.json["manifest"])["name"]:
+            return None
+        manifest = json.loads(found[1])
+        if not overview or overview[0] != manifest["overview"]["name"]:
+            return None
+        groups = np.prod([-(-axis // 32) for axis in manifest["lattice"]["size"]])
+        self._groups = {}
+        for number in range(int(groups)):
+            group = self.client.kept(ROOM, f"group.{number}")
+            if group is not None and any(group.data[6:22]):
+                self._groups[group.data[6:22].hex()] = \
+                    zstandard.ZstdDecompressor().decompress(group.data[22:])
+        copy = Copy(self, manifest, {})
+        return None if copy.lost else (manifest, copy)
+
+    def wait_for_volume(self, revision=0):
+        """Of this revision or a later one, whole, and the one that the daemon says it is."""
+        found = []
+
+        def is_there():
+            now = self.volume()
+            if now is not None and now[0]["revision"] >= revision:
+                found.append(now)
+            return bool(found)
+
+        if not wait_until(is_there):
+            raise AssertionError(f"the room does not keep revision {revision}")
+        manifest, copy = found[0]
+        halves = hash_of_bricks(np.arange(len(copy.bricks)), copy.bricks)
+        if b"".join(int(half).to_bytes(8, "big") for half in halves).hex() != \
+                manifest["content_hash"]:
+            raise AssertionError("the room's voxels are not the daemon's")
+        return manifest
+
+
+class PublisherTest(DaemonTest):
+    volume = "builtin:bumps:50"
+
+    def setUp(self):
+        self.server = self.enterContext(NatsServer())
+
+    def join(self, *arguments, **named):
+        return self.enterContext(self.server.client(*arguments, **named))
+
+    def publish(self, **named):
+        return self.enterContext(Publishing(self.daemon, self.server, **named))
+
+    def carve(self):
+        with Client(self.daemon) as client:
+            return client.carve(20, 20, 20).volume.volume_revision
+
+    def test_keeps_the_volume_with_its_changes_and_sends_poses(self):
+        client = self.join()
+        poses = client.subscribe(f"palpate.{ROOM}.live.pose")
+        beats = client.subscribe(f"palpate.{ROOM}.live.beat")
+        self.publish()
+        room = Room(client)
+        before = room.wait_for_volume()
+        after = room.wait_for_volume(before["revision"] + 1 if self.carve() else 0)
+        self.assertNotEqual(before["content_hash"], after["content_hash"])
+        self.assertEqual({len(pose.data) for pose in poses.wait(20)[:20]}, {176})
+        beat = beats.wait(2)[0].json
+        self.assertEqual([beat["protocol"], len(beat["session"]), len(beat["machine"])], [1, 16, 32])
+        self.assertTrue(wait_until(
+            lambda: client.kept(ROOM, "text.connection").json["state"] == "connected"))
+        self.assertEqual(client.kept(ROOM, "text.settings").json["type"], "settings")
+        # Nothing more than the newest: no message of a subject is kept twice.
+        state = client.stream(ROOM)["state"]
+        self.assertEqual(state["messages"], state["num_subjects"])
+
+    def test_publishes_anew_what_a_restarted_server_lost(self):
+        self.publish()
+        Room(self.join()).wait_for_volume()
+        for _ in range(2):
+            self.server.kill()
+            revision = self.carve()
+            self.server.start()
+            client = self.join()
+            Room(client).wait_for_volume(revision)
+            self.assertTrue(wait_until(lambda: client.kept(ROOM, "text.settings")))
+
+    def test_a_connection_that_is_lost_publishes_nothing_twice(self):
+        self.publish()
+        client = self.join()
+        Room(client).wait_for_volume()
+        groups = client.subscribe(f"palpate.{ROOM}.kept.group.*")
+        beats = client.subscribe(f"palpate.{ROOM}.live.beat")
+        self.server.stop()
+        time.sleep(9)  # longer than the gateway is patient
+        self.server.cont()
+        beats.wait(len(beats.messages) + 8)
+        self.assertEqual(len(groups.messages), 0)
+
+    def test_waits_for_a_server_that_is_away_or_keeps_nothing(self):
+        self.server.end()
+        self.publish()
+        self.server.configure("")
+        self.server.start()  # without JetStream
+        poses = self.join().subscribe(f"palpate.{ROOM}.live.pose")
+        poses.wait(20)
+        self.server.end()
+        self.server.configure("jetstream { max_memory_store: 8KB, max_file_store: 0 }")
+        self.server.start()
+        self.join().subscribe(f"palpate.{ROOM}.live.pose").wait(20)
+        self.server.end()
+        self.server.configure(JETSTREAM)
+        self.server.start()
+        Room(self.join()).wait_for_volume()
+
+    def test_of_two_publishers_one_waits_and_takes_over(self):
+        gateways = [self.publish(), self.publish()]
+        client = self.join()
+        sessions = lambda: {beat.json["session"] for beat in beats.messages[-6:]}
+        beats = client.subscribe(f"palpate.{ROOM}.live.beat")
+        beats.wait(20)
+        self.assertEqual(len(sessions()), 1)
+        winner = sessions()
+        waits = next(gateway for gateway in gateways
+                     if wait_until(lambda: any("another gateway publishes" in line
+                                               for line in gateway.said), 3))
+        other = gateways[1 - gateways.index(waits)]
+        revision = self.carve()
+        Room(client).wait_for_volume(revision)
+        other.end()
+        self.assertTrue(wait_until(lambda: sessions() and not sessions() & winner))
+        revision = self.carve()
+        Room(client).wait_for_volume(revision)
+
+    def test_steering_is_bound_to_the_site_and_to_what_it_may_change(self):
+        self.publish(config=SITES)
+        client = self.join()
+        client.subscribe(f"palpate.{ROOM}.live.beat").wait(1)
+
+        def steer(site, **request):
+            text = json.dumps(request) if request else "nonsense"
+            return client.request(f"palpate.{ROOM}.steer.{site}", text).json["error"]
+
+        self.assertTrue(wait_until(
+            lambda: steer("lab", user="ann", key="isovalue", value=0.4) == ""))
+        self.assertAlmostEqual(self.conn.settings.isovalue, 0.4)
+        for refused in [("lab", {"user": "ann", "key": "stiffness_n_per_mm", "value": 0.1}),
+                        ("lab", {"user": "ann@lab", "key": "isovalue", "value": 0.5}),
+                        ("lab", {"user": "ann", "key": "isovalue", "value": "0.5"}),
+                        ("lab", {"user": "ann", "key": "isovalue"}),
+                        ("lab", {}),
+                        ("elsewhere", {"user": "ann", "key": "isovalue", "value": 0.5}),
+                        ("lab", {"user": "a" * 2000, "key": "isovalue", "value": 0.5})]:
+            self.assertNotEqual(steer(refused[0], **refused[1]), "", refused)
+        self.assertAlmostEqual(self.conn.settings.isovalue, 0.4)
+        self.assertTrue(wait_until(lambda: any(
+            change["user"] == "ann@lab"
+            for change in client.kept(ROOM, "text.steering").json["changes"])))
+        time.sleep(1)
+        errors = [steer("lab", user="ann", key="isovalue", value=0.3 + 0.01 * n) for n in range(15)]
+        self.assertGreaterEqual(errors.count(""), 1)
+
+
+if __name__ == "__main__":
+    unittest.main()
