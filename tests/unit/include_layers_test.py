@@ -88,7 +88,7 @@ LAYERS = {
                         "client/web/volume"],
     "client/web/app": ["common/arguments", "common/error", "common/wire", "client/options",
                        "client/sdk", "client/web/access", "client/web/http", "client/web/hub",
-                       "client/web/source", "client/web/volume"],
+                       "client/web/nats", "client/web/source", "client/web/volume"],
     "client/vdb": ["common/bricks", "common/error", "common/files", "common/geometry"],
     "client/cli": COMMON + ["common/arguments", "common/wire", "client/interrupt",
                             "client/doctor", "client/options", "client/sdk", "client/vdb"],

@@ -36,9 +36,10 @@ void Hub::Unsubscribe(Subscriber* subscriber) {
 }
 
 int Hub::guests() const {
-  return static_cast<int>(subscribers_.size() - static_cast<std::size_t>(std::count(
-                                                    subscribers_.begin(), subscribers_.end(),
-                                                    static_cast<Subscriber*>(nullptr))));
+  return static_cast<int>(
+      std::count_if(subscribers_.begin(), subscribers_.end(), [](const Subscriber* subscriber) {
+        return subscriber != nullptr && subscriber->is_guest();
+      }));
 }
 
 void Hub::CountGuests() {

@@ -46,6 +46,8 @@ class Subscriber {
  public:
   virtual void OnTopic(Topic topic) = 0;
   virtual void OnPose() = 0;
+  // False: not counted, such as one that passes everything on.
+  virtual bool is_guest() const { return true; }
 
  protected:
   ~Subscriber() = default;
@@ -71,7 +73,7 @@ class Hub {
 
   void Subscribe(Subscriber* subscriber);
   void Unsubscribe(Subscriber* subscriber);
-  // The number of subscribers. The topic kGuests follows it.
+  // The number of subscribers that are guests. The topic kGuests follows it.
   int guests() const;
 
   // What the rest of the program offers to guests' connections. Set before the first of them; all

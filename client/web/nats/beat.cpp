@@ -1,15 +1,19 @@
 #include "client/web/nats/beat.h"
 
+#include <cstddef>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "client/web/access/secret.h"
 
 namespace palpate::web {
 
 std::string ToJson(const Beat& beat) {
-  return nlohmann::ordered_json{
-      {"protocol", beat.protocol}, {"session", beat.session}, {"machine", beat.machine}}
+  return nlohmann::ordered_json{{"protocol", beat.protocol},
+                                {"session", beat.session},
+                                {"machine", beat.machine},
+                                {"kept", beat.kept}}
       .dump();
 }
 
@@ -19,10 +23,16 @@ std::optional<Beat> ParseBeat(std::string_view json) {
     Beat beat{.protocol = read.at("protocol").get<int>()};
     beat.session = read.value("session", std::string());
     beat.machine = read.value("machine", std::string());
+    beat.kept = read.value("kept", std::string());
     return beat;
   } catch (const nlohmann::json::exception&) {
     return std::nullopt;
   }
+}
+
+ContentHash KeptHash(std::string_view subject, std::string_view message) {
+  const std::string bytes = std::string(subject) + '\0' + std::string(message);
+  return HashOfBytes(std::byte{1}, std::as_bytes(std::span(bytes)));
 }
 
 std::string ThisMachine() {

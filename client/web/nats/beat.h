@@ -1,5 +1,8 @@
 // The heartbeat of a room's publisher: says that it is there, and who it is. JSON:
-//   {"protocol": 1, "session": 16 hex digits, random at each start, "machine": 32 hex digits}
+//   {"protocol": 1, "session": 16 hex digits, random at each start, "machine": 32 hex digits,
+//    "kept": 32 hex digits}
+// kept: NameOf the sum of KeptHash over the texts and the volume's message that the room keeps. A
+// receiver with another sum has missed one: a leaf server loses messages while its link is cut.
 //
 // Threads: pure; ThisMachine reads a file.
 #pragma once
@@ -8,6 +11,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+
+#include "common/bricks/brick.h"
 
 namespace palpate::web {
 
@@ -19,11 +24,14 @@ struct Beat {
   int protocol = kRoomProtocol;
   std::string session{};
   std::string machine{};
+  std::string kept{};
 };
 
 std::string ToJson(const Beat& beat);
 // None: no beat. Of another protocol, the other members may be empty.
 std::optional<Beat> ParseBeat(std::string_view json);
+
+ContentHash KeptHash(std::string_view subject, std::string_view message);
 
 // Equal where CLOCK_MONOTONIC is the same: a hash of this start of this machine.
 std::string ThisMachine();

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "client/web/nats/beat.h"
 #include "client/web/nats/part.h"
 #include "client/web/volume/blob_name.h"
 #include "common/error/error.h"
@@ -26,9 +27,11 @@ std::string TextIn(const Texts& texts, Topic topic) {
 
 }  // namespace
 
-KeptPublisher::KeptPublisher(const NatsServer& server, const Subjects& subjects, FindBlob find_blob)
+KeptPublisher::KeptPublisher(const NatsServer& server, const Subjects& subjects, FindBlob find_blob,
+                             Calls calls)
     : subjects_(subjects),
       find_blob_(std::move(find_blob)),
+      calls_(std::move(calls)),
       link_(server, "palpate-web: volume of room " + subjects.room(),
             {.connected = [this] { Wake(is_connection_, true); },
              .lost = {},
@@ -75,8 +78,11 @@ std::string KeptPublisher::problem() const {
 }
 
 void KeptPublisher::SetProblem(const std::string& problem) {
-  const std::lock_guard lock(mutex_);
-  problem_ = problem;
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(problem_, problem) == problem) return;
+  }
+  calls_.problem_changed();
 }
 
 void KeptPublisher::Run() {
@@ -136,7 +142,7 @@ void KeptPublisher::Publish() {
       return;
     }
     stream_.Wait();
-    stream_.Publish(subjects_.volume(), volume);
+    Put(Topic::kVolume, subjects_.volume(), volume);
     given_.volume = volume;
   }
   stream_.Wait();
@@ -152,9 +158,17 @@ void KeptPublisher::PublishTexts() {
     const auto& text = texts.at(At(topic));
     auto& given = given_.texts.at(At(topic));
     if (!text || text == given) continue;
-    stream_.Publish(subjects_.text(topic), *text);
+    Put(topic, subjects_.text(topic), *text);
     given = text;
   }
+}
+
+void KeptPublisher::Put(Topic topic, const std::string& subject, const std::string& message) {
+  stream_.Publish(subject, message);
+  put_.at(At(topic)) = KeptHash(subject, message);
+  ContentHash sum{};
+  for (const ContentHash& hash : put_) sum += hash;
+  calls_.kept(NameOf(sum));
 }
 
 // False: a blob is superseded and gone.

@@ -5,7 +5,7 @@
 // everything is published anew.
 //
 // Threads: a thread of its own publishes, at most 20 times a second; methods on any, which never
-// wait for NATS.
+// wait for NATS. `calls` are called on that thread and on those of the link.
 // Errors: the constructor throws kInvalidArgument as Check does.
 #pragma once
 
@@ -37,7 +37,13 @@ class KeptPublisher {
  public:
   using FindBlob = std::function<BlobPtr(std::string_view name)>;  // on any thread
 
-  KeptPublisher(const NatsServer& server, const Subjects& subjects, FindBlob find_blob);
+  struct Calls {
+    std::function<void()> problem_changed{};
+    std::function<void(std::string kept)> kept{};  // see Beat::kept
+  };
+
+  KeptPublisher(const NatsServer& server, const Subjects& subjects, FindBlob find_blob,
+                Calls calls);
   ~KeptPublisher();
   KeptPublisher(const KeptPublisher&) = delete;
   KeptPublisher& operator=(const KeptPublisher&) = delete;
@@ -64,6 +70,7 @@ class KeptPublisher {
   bool WaitForWork();
   void Publish();
   void PublishTexts();
+  void Put(Topic topic, const std::string& subject, const std::string& message);
   bool PublishBlobs(const std::string& manifest_text);
   bool PublishGroups(const Manifest& manifest);
   bool PublishBlob(const ContentHash& hash, std::uint8_t kind,
@@ -73,9 +80,12 @@ class KeptPublisher {
 
   const Subjects subjects_;
   const FindBlob find_blob_;
+  const Calls calls_;
   NatsLink link_;
   KeptStream stream_;
-  Given given_;  // the publishing thread's
+  // The publishing thread's.
+  Given given_;
+  std::array<ContentHash, kTopics> put_{};  // hashes of texts and of the volume's message
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;

@@ -4,6 +4,15 @@
 #include "client/web/nats/remote_steering.h"
 
 namespace palpate::web {
+namespace {
+
+// nats-server lets a user name any subject for the answer, such as one of another room: it must be
+// the user's own. "_R_." is what nats-server makes of the inbox of a user with another account.
+bool IsInboxOf(const std::string& user, std::string_view subject) {
+  return subject.starts_with(InboxPrefix(user) + ".") || subject.starts_with("_R_.");
+}
+
+}  // namespace
 
 LivePublisher::LivePublisher(const NatsServer& server, const Subjects& subjects, Calls calls)
     : subjects_(subjects),
@@ -39,6 +48,11 @@ void LivePublisher::PutPose(std::shared_ptr<const std::string> pose) {
   wake_.notify_all();
 }
 
+void LivePublisher::SetKept(std::string kept) {
+  const std::lock_guard lock(mutex_);
+  beat_.kept = std::move(kept);
+}
+
 void LivePublisher::Reply(std::string subject, std::string json) {
   {
     const std::lock_guard lock(mutex_);
@@ -55,8 +69,11 @@ std::string LivePublisher::problem() const {
 }
 
 void LivePublisher::SetWhy(const std::string& why) {
-  const std::lock_guard lock(mutex_);
-  why_ = why;
+  {
+    const std::lock_guard lock(mutex_);
+    why_ = why;
+  }
+  calls_.problem_changed();
 }
 
 void LivePublisher::Run() {
@@ -70,13 +87,17 @@ void LivePublisher::Run() {
     const bool is_other = std::exchange(other_, other) != other;
     const auto pose = std::exchange(pose_, nullptr);
     const auto replies = std::exchange(replies_, {});
+    const Beat beat = beat_;
     lock.unlock();
-    if (is_other) calls_.other_changed(other);
+    if (is_other) {
+      calls_.other_changed(other);
+      calls_.problem_changed();
+    }
     for (const auto& [subject, json] : replies) link_.Publish(subject, json);
     const bool sends = other != Other::kPublishes;
     if (pose && sends) link_.Publish(subjects_.pose(), *pose);
     if (now >= next_beat) {
-      if (sends) link_.Publish(subjects_.beat(), ToJson(beat_));
+      if (sends) link_.Publish(subjects_.beat(), ToJson(beat));
       next_beat = now + kBetweenBeats;
     }
     lock.lock();
@@ -99,7 +120,7 @@ void LivePublisher::TakeBeat(const NatsMessage& message) {
 
 void LivePublisher::TakeRequest(const NatsMessage& message) {
   const auto user = subjects_.ParseSteer(message.subject);
-  if (!user || message.reply.empty() || message.status != 0) return;
+  if (!user || !IsInboxOf(*user, message.reply)) return;
   constexpr std::size_t kMostBytes = 1024;
   bool is_taken = message.bytes.size() <= kMostBytes;
   {

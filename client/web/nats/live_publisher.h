@@ -31,6 +31,7 @@ class LivePublisher {
   enum class Other { kNone, kWaits, kPublishes };  // the other publisher
   struct Calls {
     std::function<void(Other)> other_changed{};
+    std::function<void()> problem_changed{};
     // `user`: of NATS. Answer by Reply.
     std::function<void(std::string user, std::string json, std::string reply)> steer{};
   };
@@ -41,6 +42,8 @@ class LivePublisher {
   LivePublisher& operator=(const LivePublisher&) = delete;
 
   void PutPose(std::shared_ptr<const std::string> pose);
+  // See Beat::kept.
+  void SetKept(std::string kept);
   // Each request that `steer` was called for takes one.
   void Reply(std::string subject, std::string json);
 
@@ -60,7 +63,7 @@ class LivePublisher {
 
   const Subjects subjects_;
   const Calls calls_;
-  const Beat beat_;
+  Beat beat_;  // kept: guarded by mutex_
   NatsLink link_;
   mutable std::mutex mutex_;
   std::condition_variable wake_;

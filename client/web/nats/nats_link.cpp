@@ -34,9 +34,10 @@ using Message = std::unique_ptr<natsMsg, DestroyMessage>;
 void Must(natsStatus status) {
   if (status == NATS_OK) return;
   const char* const detail = nats_GetLastError(nullptr);
-  const std::string text =
-      detail != nullptr && *detail != '\0' ? detail : natsStatus_GetText(status);
-  throw Error(ErrorKind::kUnavailable, OneLine(text));
+  std::string text = detail != nullptr ? detail : "";
+  // It begins with libnats's file and line.
+  if (text.starts_with('(')) text.erase(0, text.find("): ") + 3);
+  throw Error(ErrorKind::kUnavailable, text.empty() ? natsStatus_GetText(status) : OneLine(text));
 }
 
 std::string TextOf(const char* text) { return text != nullptr ? text : ""; }

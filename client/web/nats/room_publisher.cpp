@@ -5,10 +5,21 @@
 #include <variant>
 
 namespace palpate::web {
+namespace {
+
+constexpr std::chrono::minutes kBetweenEqualLines{1};
+
+}  // namespace
+
 RoomPublisher::RoomPublisher(RoomOptions options, Hub& hub, Post post)
     : options_(std::move(options)), hub_(hub), post_(std::move(post)), steering_(options_.sites) {
   const Subjects subjects(options_.room);
-  kept_ = std::make_unique<KeptPublisher>(options_.server, subjects, hub_.find_blob);
+  kept_ = std::make_unique<KeptPublisher>(
+      options_.server, subjects, hub_.find_blob,
+      KeptPublisher::Calls{
+          .problem_changed = [this] { post_([this] { LogProblem(); }); },
+          .kept =
+              [this](const std::string& kept) { post_([this, kept] { live_->SetKept(kept); }); }});
   live_ = std::make_unique<LivePublisher>(options_.server, subjects, Calls());
   hub_.Subscribe(this);
   OnTopic(Topic::kVolume);
@@ -23,6 +34,7 @@ LivePublisher::Calls RoomPublisher::Calls() {
                 kept_->SetWaits(other == LivePublisher::Other::kPublishes);
                 post_([this, other] { TakeOther(other); });
               },
+          .problem_changed = [this] { post_([this] { LogProblem(); }); },
           .steer =
               [this](std::string user, std::string json, std::string reply) {
                 post_([this, user = std::move(user), json = std::move(json),
@@ -69,6 +81,16 @@ void RoomPublisher::TakeRequest(const std::string& site, const std::string& json
   }
   hub_.steer(std::get<SteerRequest>(judged),
              [this, reply](const std::string& error) { live_->Reply(reply, SteerAnswer(error)); });
+}
+
+void RoomPublisher::LogProblem() {
+  const std::string now = problem();
+  const auto time = std::chrono::steady_clock::now();
+  if (now == logged_ && (now.empty() || time - logged_at_ < kBetweenEqualLines)) return;
+  logged_ = now;
+  logged_at_ = time;
+  options_.log("room " + options_.room +
+               (now.empty() ? " is published" : " is not published: " + now));
 }
 
 }  // namespace palpate::web

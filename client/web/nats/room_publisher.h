@@ -8,6 +8,7 @@
 // Errors: the constructor throws kInvalidArgument (as Check, or no name of a room).
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <string>
 
@@ -29,6 +30,7 @@ class RoomPublisher final : public Subscriber {
 
   void OnTopic(Topic topic) override;
   void OnPose() override;
+  bool is_guest() const override { return false; }
 
   // Any thread.
   bool is_connected() const;
@@ -40,11 +42,15 @@ class RoomPublisher final : public Subscriber {
   void TakeOther(LivePublisher::Other other);
   void TakeRequest(const std::string& site, const std::string& json, const std::string& reply);
 
+  void LogProblem();
+
   const RoomOptions options_;
   Hub& hub_;
   const Post post_;
   RemoteSteering steering_;
   bool is_put_posted_ = false;
+  std::string logged_ = "not yet";  // the last problem in the log; empty: none
+  std::chrono::steady_clock::time_point logged_at_{};
   std::unique_ptr<KeptPublisher> kept_;
   std::unique_ptr<LivePublisher> live_;  // ends first: it tells kept_ of another publisher
 };
