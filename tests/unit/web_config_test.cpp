@@ -60,6 +60,19 @@ TEST_F(WebConfig, ReadsEveryKey) {
       {"web.max_guests = 7", [](auto& c) { return c.http.max_guests == 7; }},
       {"room.key_file = '/a'", [](auto& c) { return c.room_key_file == "/a"; }},
       {"metrics.listen = '127.0.0.1:9'", [](auto& c) { return c.metrics->port == 9; }},
+      {"nats.publish = 'nats://a'", [](auto& c) { return c.nats.publish == "nats://a"; }},
+      {"nats.from = 'nats://a'", [](auto& c) { return c.nats.from == "nats://a"; }},
+      {"nats.room = 'hall'", [](auto& c) { return c.nats.room == "hall"; }},
+      {"nats.user = 'lyon'", [](auto& c) { return c.nats.server.user == "lyon"; }},
+      {"nats.password_file = '/a'", [](auto& c) { return c.nats.server.password_file == "/a"; }},
+      {"nats.tls_ca = '/a'", [](auto& c) { return c.nats.server.ca_file == "/a"; }},
+      {"nats.tls_cert = '/a'", [](auto& c) { return c.nats.server.certificate_file == "/a"; }},
+      {"nats.tls_key = '/a'", [](auto& c) { return c.nats.server.key_file == "/a"; }},
+      {"site = [{name = 'lyon', may_steer = ['isovalue']}]",
+       [](auto& c) {
+         return c.nats.sites.size() == 1 && c.nats.sites[0].name == "lyon" &&
+                c.nats.sites[0].may_steer == std::vector<std::string>{"isovalue"};
+       }},
       {user, [](auto& c) { return c.users.size() == 1 && c.users[0].may_steer.size() == 2; }},
   };
   for (const Key& key : keys) {
@@ -93,6 +106,15 @@ TEST_F(WebConfig, FaultsNameFileLineAndKey) {
       {std::string("user = [{name = 'a', may_steer = ['force'], token_sha256 = '") + kHash + "'}]",
        "may_steer"},
       {std::string("user = [{name = 'a', role = 'x', token_sha256 = '") + kHash + "'}]", "role"},
+      {"nats.server = 'nats://a'", "nats.server"},
+      {"nats.password = 'secret'", "nats.password"},
+      {"nats.user = 'a.b'", "nats.user"},
+      {"nats.password_file = 'relative'", "nats.password_file"},
+      {"[site]\nname = 'a'", "site"},
+      {"site = [{name = 'a'}]", "may_steer"},
+      {"site = [{may_steer = ['isovalue']}]", "name"},
+      {"site = [{name = 'a.b', may_steer = ['isovalue']}]", "name"},
+      {"site = [{name = 'a', may_steer = ['force']}]", "may_steer"},
       {"web.listen = ", ""},
   };
   for (const auto& [text, key] : faults) {
@@ -189,6 +211,85 @@ TEST_F(WebConfig, OtherAddressesThanLoopbackNeedTlsOrAProxy) {
   config = {};
   config.metrics = HostPort{"0.0.0.0", 9481};
   EXPECT_EQ(CheckConfig(config).size(), 1u) << "metrics are for loopback alone";
+}
+
+TEST_F(WebConfig, ARoomIsPublishedOrServed) {
+  const auto password = Write("password", "secret\n");
+  Config good;
+  good.nats.publish = "nats://127.0.0.1:4222";
+  good.nats.room = "hall-1";
+  good.nats.server.user = "or-2";
+  good.nats.server.password_file = password;
+  good.nats.sites = {{"lyon", {"isovalue"}}};
+  EXPECT_EQ(CheckConfig(good), std::vector<std::string>{});
+  const std::function<void(Config&)> faults[] = {
+      [](Config& c) { c.nats.publish.clear(), c.nats.sites.clear(); },
+      [](Config& c) { c.nats.from = c.nats.publish; },
+      [](Config& c) { c.nats.from.swap(c.nats.publish); },  // with a site
+      [](Config& c) { c.nats.room.clear(); },
+      [](Config& c) { c.nats.room = "Hall 1"; },
+      [](Config& c) { c.nats.server.password_file.clear(); },
+      [](Config& c) { c.nats.server.certificate_file = c.nats.server.password_file; },
+      [&](Config& c) { c.nats.server.ca_file = folder_.path() / "missing"; },
+      [](Config& c) {
+        c.nats.from.swap(c.nats.publish);
+        c.nats.sites.clear();
+        c.with_groups = false;
+      },
+  };
+  for (const auto& fault : faults) {
+    Config config = good;
+    fault(config);
+    EXPECT_EQ(CheckConfig(config).size(), 1u) << &fault - faults;
+  }
+}
+
+TEST_F(WebConfig, OnlyThisMachinesNatsServerIsUsedWithoutTls) {
+  const auto faults = [this](const std::string& url, bool has_ca = false) {
+    Config config;
+    config.nats.from = url;
+    config.nats.room = "hall";
+    if (has_ca) config.nats.server.ca_file = Write("ca.pem", "");
+    return CheckConfig(config);
+  };
+  for (const char* const url : {"nats://127.0.0.1:1", "nats://localhost", "nats://[::1]:4222",
+                                "tls://nats.example.org", "tls://10.0.0.1:4222"}) {
+    EXPECT_EQ(faults(url), std::vector<std::string>{}) << url;
+  }
+  EXPECT_EQ(faults("nats://10.0.0.1:4222", true), std::vector<std::string>{});
+  for (const char* const url :
+       {"nats://10.0.0.1:4222", "nats://nats.example.org", "nats://127.0.0.1.example.org:1",
+        "http://127.0.0.1:4222", "127.0.0.1:4222", "ws://127.0.0.1:4222", "nats://", "tls://:1",
+        "nats://127.0.0.1:4222/x", "nats://127.0.0.1:1,nats://10.0.0.1:1"}) {
+    EXPECT_EQ(faults(url).size(), 1u) << url;
+  }
+}
+
+TEST_F(WebConfig, SecretsOfNatsStandInFilesThatOthersDoNotRead) {
+  for (const char* const url :
+       {"nats://user:secret@127.0.0.1:1", "tls://secret@nats.example.org"}) {
+    Config config;
+    config.nats.from = url;
+    config.nats.room = "hall";
+    const std::vector<std::string> found = CheckConfig(config);
+    ASSERT_EQ(found.size(), 1u) << url;
+    EXPECT_NE(found[0].find("nats.password_file"), std::string::npos) << found[0];
+    EXPECT_EQ(found[0].find("secret"), std::string::npos) << "the log keeps what is said";
+  }
+  Config config;
+  config.nats.from = "nats://127.0.0.1:1";
+  config.nats.room = "hall";
+  config.nats.server.user = "lyon";
+  for (auto* const file : {&config.nats.server.password_file, &config.nats.server.key_file}) {
+    config.nats.server.password_file = Write("password", "secret");
+    config.nats.server.certificate_file = Write("cert", "");
+    config.nats.server.key_file = Write("key", "");
+    EXPECT_EQ(CheckConfig(config), std::vector<std::string>{});
+    for (const unsigned mode : {0644u, 0660u, 0602u}) {
+      std::filesystem::permissions(*file, std::filesystem::perms(mode));
+      EXPECT_EQ(CheckConfig(config).size(), 1u) << *file << std::oct << mode;
+    }
+  }
 }
 
 }  // namespace
