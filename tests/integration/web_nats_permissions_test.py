@@ -4,13 +4,16 @@ effect on any room."""
 
 import itertools
 import json
+import pathlib
 import random
 import re
 import subprocess
+import tempfile
 import unittest
 
-from gateway import PALPATE_WEB
+from gateway import PALPATE_WEB, Gateway, Guest
 from nats import JETSTREAM, NatsServer
+from support import Daemon, wait_until
 
 # One of each kind of subject that a room has.
 SUBJECTS = ["live.pose", "live.beat", "kept.volume", "kept.text.settings", "kept.manifest.0",
@@ -252,6 +255,49 @@ class Permissions(unittest.TestCase):
                          self.evil.errors[count:])
         self.evil = self.client("evil")
         self.require_nothing_happened()
+
+
+class Gateways(unittest.TestCase):
+    """They need no more than their users may."""
+
+    def setUp(self):
+        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+        accounts = "".join(self.account(name, *more) for name, *more in (
+            ("speaker", "--publishes"), ("lyon",), ("rome",)))
+        self.server = self.enterContext(
+            NatsServer(JETSTREAM + "\naccounts {\n" + accounts + "}\n"))
+
+    def account(self, name, *more):
+        password, lines = made_user(name, "hall", *more)
+        (self.folder / name).touch(0o600)
+        (self.folder / name).write_text(password + "\n")
+        return lines
+
+    def gateway(self, daemon, name, config=""):
+        return self.enterContext(Gateway(
+            daemon, ("--publish" if daemon else "--from", self.server.url, "--room", "hall"),
+            f'[nats]\nuser = "{name}"\npassword_file = "{self.folder / name}"\n{config}'))
+
+    def test_guests_elsewhere_watch_and_steer(self):
+        text = subprocess.run([PALPATE_WEB, "user", "ada", "--may-steer", "isovalue", "--may-steer",
+                               "stiffness_n_per_mm"], check=True, capture_output=True, text=True)
+        comment, _, user = text.stdout.partition("\n")
+        daemon = self.enterContext(Daemon("builtin:sphere:20"))
+        self.gateway(daemon, "speaker", '[[site]]\nname = "lyon"\nmay_steer = ["isovalue"]\n')
+        lyon, rome = (self.gateway(None, name, user) for name in ("lyon", "rome"))
+        guests = [self.enterContext(Guest(gateway, token=comment.split()[-1]))
+                  for gateway in (lyon, rome)]
+        for guest in guests:
+            guest.wait_for("connection", lambda message: message["state"] == "connected")
+            self.assertIsNotNone(guest.blob(guest.wait_for("manifest")["name"]))
+            self.assertTrue(wait_until(lambda: guest.pose is not None))
+        self.assertEqual(guests[0].steer("isovalue", 0.25), "")
+        change = guests[1].wait_for("steering", lambda message: message["changes"])["changes"][-1]
+        self.assertEqual((change["user"], change["value"]), ("ada@lyon", 0.25))
+        self.assertNotEqual(guests[0].steer("stiffness_n_per_mm", 0.1), "")
+        self.assertNotEqual(guests[1].steer("isovalue", 0.5), "")
+        with daemon.connect() as conn:
+            self.assertEqual(conn.settings.isovalue, 0.25)
 
 
 if __name__ == "__main__":

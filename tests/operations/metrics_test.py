@@ -202,11 +202,17 @@ class LiveMetrics(unittest.TestCase):
 
 
 class GatewayMetrics(unittest.TestCase):
-    def test_each_is_documented(self):
+    def families(self, *more):
         port = free_port()
-        with Daemon() as daemon, Gateway(daemon, ("--metrics", f"127.0.0.1:{port}")) as gateway:
+        with Daemon() as daemon, Gateway(daemon, ("--metrics", f"127.0.0.1:{port}", *more)) as gateway:
             gateway.ask("GET", "/health")
-            families, _ = parse_metrics(scrape(port))
+            return parse_metrics(scrape(port))[0]
+
+    def test_each_is_documented(self):
+        families = self.families()
+        self.assertNotIn("palpate_web_nats_connected", families)
+        families |= self.families("--publish", f"nats://127.0.0.1:{free_port()}", "--room", "hall")
+        self.assertIn("palpate_web_nats_connected", families)
         shown = {name: kind for name, (kind, _) in families.items()
                  if not name.startswith("exposer_")}
         # Counters with a label come with their first event.
