@@ -64,8 +64,8 @@ Lines Shared(
 void AddNatsUser(arguments::Command& app, NatsUserLine& line) {
   arguments::Command* const user = app.add_subcommand(
       "nats-user",
-      "Prints a new password for a user of a room on NATS, and the user's lines for\n"
-      "the configuration file of nats-server");
+      "Prints a new password for a gateway's user at the NATS server, and an account\n"
+      "for that server's configuration");
   user->add_option("NAME", line.name, "Letters, digits, '_' and '-'")->required();
   user->add_option("--room", line.room, "Room that the user receives")
       ->option_text("ROOM")
