@@ -6,6 +6,7 @@ import json
 import pathlib
 import random
 import signal
+import socket
 import struct
 import subprocess
 import tempfile
@@ -17,6 +18,7 @@ import numpy as np
 import xxhash
 import zstandard
 
+from free_port import free_port
 from gateway import PALPATE_WEB, VOXEL_TYPES, Copy, Gateway, Guest
 from nats import JETSTREAM, NatsServer
 from support import wait_until
@@ -263,6 +265,7 @@ class Room(ReceiverTest):
             with Publisher(self.server) as publisher:
                 publisher.show(volume)
                 self.assert_shown(guest, volume)
+                self.assertTrue(wait_until(lambda: guest.pose is not None))
                 self.server.kill()
                 self.await_connection(guest, "lost", "NATS")
                 self.assertTrue(wait_until(lambda: not guest.pose[1] & 16))
@@ -360,6 +363,76 @@ class Away(ReceiverTest):
                 self.assert_shown(guest, volume)
                 self.await_connection(guest, "connected")
             self.assertEqual(gateway.end(), 0)
+
+
+class Cable:
+    """Forwards a port, until it is cut: then all connections end, and there are no new ones."""
+
+    def __init__(self, to):
+        self._to, self._ends, self.is_cut = to, [], False
+        self._door = socket.create_server(("127.0.0.1", 0))
+        self.port = self._door.getsockname()[1]
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self):
+        try:
+            while True:
+                near, _ = self._door.accept()
+                if self.is_cut:
+                    near.close()
+                    continue
+                far = socket.create_connection(("127.0.0.1", self._to))
+                self._ends += [near, far]
+                for one, other in ((near, far), (far, near)):
+                    threading.Thread(target=self._pump, args=(one, other), daemon=True).start()
+        except OSError:
+            return
+
+    @staticmethod
+    def _pump(one, other):
+        try:
+            while data := one.recv(65536):
+                other.sendall(data)
+            other.shutdown(socket.SHUT_RDWR)
+        except OSError:
+            pass
+
+    def cut(self):
+        self.is_cut = True
+        while self._ends:
+            end = self._ends.pop()
+            try:
+                end.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass
+            end.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.cut()
+        self._door.close()
+
+
+class Site(ReceiverTest):
+    def test_what_was_lost_between_two_servers_comes_by_itself(self):
+        leaves = free_port()
+        with NatsServer(f'{JETSTREAM}\nleafnodes {{ listen: "127.0.0.1:{leaves}" }}') as hub, \
+                Cable(leaves) as cable, \
+                NatsServer("leafnodes { reconnect: 1, remotes: [ { url: \"nats://127.0.0.1:"
+                           f'{cable.port}" }} ] }}') as site, \
+                Publisher(hub) as publisher, from_room(site) as gateway, Guest(gateway) as guest:
+            first, second = Volume(noise(10), 7), Volume(noise(11), 8)
+            publisher.show(first)
+            self.assert_shown(guest, first)
+            cable.cut()
+            self.await_connection(guest, "lost", "publishes")
+            publisher.show(second)
+            publisher.text("settings", revision=9, values={})
+            cable.is_cut = False
+            self.assert_shown(guest, second)
+            guest.wait_for("settings", lambda message: message["revision"] == 9)
 
 
 class Steering(ReceiverTest):
