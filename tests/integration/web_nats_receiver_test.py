@@ -418,10 +418,13 @@ class Cable:
 class Site(ReceiverTest):
     def test_what_was_lost_between_two_servers_comes_by_itself(self):
         leaves = free_port()
-        with NatsServer(f'{JETSTREAM}\nleafnodes {{ listen: "127.0.0.1:{leaves}" }}') as hub, \
+        # What is asked of JetStream goes on to the hub.
+        domain = 'default_js_domain { "$G": "" }'
+        with NatsServer(f'{JETSTREAM}\n{domain}\nleafnodes {{ listen: "127.0.0.1:{leaves}" }}') \
+                as hub, \
                 Cable(leaves) as cable, \
-                NatsServer("leafnodes { reconnect: 1, remotes: [ { url: \"nats://127.0.0.1:"
-                           f'{cable.port}" }} ] }}') as site, \
+                NatsServer(f"{domain}\nleafnodes {{ reconnect: 1, remotes: [ {{"
+                           f' url: "nats://127.0.0.1:{cable.port}" }} ] }}') as site, \
                 Publisher(hub) as publisher, from_room(site) as gateway, Guest(gateway) as guest:
             first, second = Volume(noise(10), 7), Volume(noise(11), 8)
             publisher.show(first)
