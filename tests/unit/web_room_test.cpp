@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/web/nats/beat.h"
 #include "client/web/nats/room_copy.h"
 #include "client/web/volume/blob_name.h"
 #include "client/web/volume/manifest.h"
@@ -475,6 +476,25 @@ TEST_F(RoomCopies, ATextThatCameLiveIsNotReplacedByAnOlderAnswer) {
 
   copy_.TakeLive(subjects_.volume(), VolumeMessage("", "new"), {});
   EXPECT_FALSE(copy_.TakeAnswer(subjects_.volume(), VolumeMessage("", "old"), {}).shown);
+}
+
+// What the publisher's beat is compared with.
+TEST_F(RoomCopies, KnowsWhichTextsItHas) {
+  const std::string settings = subjects_.text(Topic::kSettings), volume = subjects_.volume();
+  const std::string first = R"({"type":"settings","n":1})", second = R"({"type":"settings","n":2})";
+  EXPECT_EQ(copy_.kept(), ContentHash{});
+  copy_.Asks(64);
+  copy_.TakeAnswer(settings, first, {});
+  copy_.TakeAnswer(subjects_.text(Topic::kSeries), "", {});  // nothing is kept
+  EXPECT_EQ(NameOf(copy_.kept()), Hex(HashBytes(1, settings + '\0' + first)));
+  copy_.TakeLive(settings, second, {});
+  copy_.TakeLive(volume, "no volume", {});
+  copy_.TakeAnswer(volume, "an older one", {});
+  ContentHash expected = KeptHash(settings, second);
+  expected += KeptHash(volume, "no volume");
+  EXPECT_EQ(copy_.kept(), expected);
+  copy_.AskAnew(true);
+  EXPECT_EQ(copy_.kept(), expected);
 }
 
 TEST_F(RoomCopies, AVolumeWithoutAManifestOrWithTheShownOneIsShownAtOnce) {

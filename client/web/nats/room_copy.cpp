@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "client/web/nats/beat.h"
 #include "client/web/volume/blob_name.h"
 #include "client/web/volume/group.h"
 #include "common/error/error.h"
@@ -52,12 +53,12 @@ RoomCopy::News RoomCopy::Take(std::string_view subject, std::string_view bytes, 
   if (!kept) return news;
   switch (kept->kind) {
     case Kept::Kind::kText:
-      if (IsNewest(*kept, is_live) && !ObjectOf(bytes, kept->topic).is_null()) {
+      if (IsNewest(*kept, subject, bytes, is_live) && !ObjectOf(bytes, kept->topic).is_null()) {
         news.texts.emplace_back(kept->topic, bytes);
       }
       break;
     case Kept::Kind::kVolume:
-      if (IsNewest(*kept, is_live)) TakeVolume(bytes, news);
+      if (IsNewest(*kept, subject, bytes, is_live)) TakeVolume(bytes, news);
       break;
     case Kept::Kind::kManifest:
       TakePart(manifest_, kept->number, bytes, is_live, now);
@@ -75,12 +76,15 @@ RoomCopy::News RoomCopy::Take(std::string_view subject, std::string_view bytes, 
 }
 
 // False: an answer that was not asked for, or is older than a live message.
-bool RoomCopy::IsNewest(const Kept& kept, bool is_live) {
+bool RoomCopy::IsNewest(const Kept& kept, std::string_view subject, std::string_view bytes,
+                        bool is_live) {
   Text& text = *std::find_if(texts_.begin(), texts_.end(),
                              [&](const Text& one) { return one.kept == kept; });
+  const ContentHash hash = bytes.empty() ? kNone : KeptHash(subject, bytes);
   if (is_live) {
     text.ask = Ask::kDone;
     text.stale = text.under_way;
+    text.hash = hash;
     return true;
   }
   if (text.under_way == 0) return false;
@@ -90,6 +94,7 @@ bool RoomCopy::IsNewest(const Kept& kept, bool is_live) {
     return false;
   }
   text.ask = Ask::kDone;
+  text.hash = hash;
   return true;
 }
 
@@ -310,7 +315,7 @@ void RoomCopy::AskAnew(bool everything) {
   for (Text& text : texts_) {
     const bool is_volume = text.kept.kind == Kept::Kind::kVolume;
     if (everything) {
-      text = {.kept = text.kept};
+      text = {.kept = text.kept, .hash = text.hash};
     } else if (is_volume || text.ask == Ask::kUnderWay) {
       text.ask = Ask::kNo;
     }
@@ -324,6 +329,12 @@ void RoomCopy::AskAnew(bool everything) {
   for (auto n = static_cast<std::uint32_t>(newest_.groups.size()); n-- > 0;) {
     if (IsMissing(n)) to_ask_.push_back(n);
   }
+}
+
+ContentHash RoomCopy::kept() const {
+  ContentHash sum{};
+  for (const Text& text : texts_) sum += text.hash;
+  return sum;
 }
 
 bool RoomCopy::is_complete() const {

@@ -69,6 +69,8 @@ class RoomCopy {
   std::size_t missing_groups() const { return next_ ? missing_ : 0; }
   // The room was asked, and what it has is shown.
   bool is_complete() const;
+  // Of the newest texts and volume's message, as the publisher's Beat::kept.
+  ContentHash kept() const;
 
   BlobPtr Find(std::string_view name) const { return shelf_.Find(name); }
   const BlobShelf& shelf() const { return shelf_; }
@@ -78,6 +80,7 @@ class RoomCopy {
   // A text or the volume's message. Answers come in the order of asks.
   struct Text {
     Kept kept;
+    ContentHash hash{};  // zeros: nothing is kept
     Ask ask = Ask::kNo;
     std::uint32_t under_way = 0;
     std::uint32_t stale = 0;  // the first answers of these, which are older than a live message
@@ -99,7 +102,7 @@ class RoomCopy {
   };
 
   News Take(std::string_view subject, std::string_view bytes, bool is_live, Time now);
-  bool IsNewest(const Kept& kept, bool is_live);
+  bool IsNewest(const Kept& kept, std::string_view subject, std::string_view bytes, bool is_live);
   static std::optional<Volume> VolumeOf(std::string_view bytes);
   void TakeVolume(std::string_view bytes, News& news);
   void TakePart(Parted& parted, std::uint32_t number, std::string_view bytes, bool is_live,

@@ -6,6 +6,7 @@
 
 #include "client/web/source/pose_bytes.h"
 #include "client/web/source/topic_text.h"
+#include "client/web/volume/blob_name.h"
 #include "client/web/volume/group.h"
 #include "common/error/one_line.h"
 
@@ -95,13 +96,22 @@ void RoomSource::Log(const std::string& line) {
   if (line != std::exchange(last_line_, line)) options_.log(line);
 }
 
-// The thread of the beats. A silence may be that of a link between servers, which lost messages
-// while this gateway's own links stayed.
+// The thread of the beats. A link between two servers may have lost a message while this gateway's
+// own links stayed. One beat may come before the message that it counts.
 void RoomSource::HearBeat(const Beat& beat) {
-  constexpr std::chrono::seconds kShortSilence{1};
-  const auto now = steady_clock::now();
-  if (now - std::exchange(last_beat_, now) > kShortSilence) AskAnew(true);
+  constexpr std::chrono::seconds kAnswersIn{2};
   Note([&](News& news) { news.beat = beat; });
+  std::string kept;
+  {
+    const std::lock_guard lock(copy_mutex_);
+    kept = NameOf(copy_.kept());
+  }
+  const bool is_missed = beat.kept != kept && beat.kept == last_kept_;
+  last_kept_ = beat.kept;
+  const auto now = steady_clock::now();
+  if (!is_missed || beat.kept.empty() || now - asked_anew_ < kAnswersIn) return;
+  asked_anew_ = now;
+  AskAnew(true);
 }
 
 // Threads of links.
