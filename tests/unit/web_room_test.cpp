@@ -303,7 +303,6 @@ class Rig {
             .dump();
     const auto found = published_.find(shown_);
     ASSERT_NE(found, published_.end()) << "texts that were never published together";
-    ASSERT_TRUE(shown.has_groups);
     if (line_.reordered == 0 && line_.lost == 0 && !line_.two_publishers) {
       ASSERT_GE(found->second.revision, shown_revision_) << "an older volume";
     }
@@ -500,7 +499,7 @@ TEST_F(RoomCopies, KnowsWhichTextsItHas) {
 TEST_F(RoomCopies, AVolumeWithoutAManifestOrWithTheShownOneIsShownAtOnce) {
   const auto first = copy_.TakeLive(subjects_.volume(), VolumeMessage("", "loading"), {}).shown;
   ASSERT_TRUE(first);
-  EXPECT_TRUE(first->has_groups && first->manifest.empty());
+  EXPECT_TRUE(first->manifest.empty());
   Manifest alone;
   alone.size = {9, 9, 9};
   alone.overview = HashOf(HashBytes(0, "x"));
@@ -511,11 +510,9 @@ TEST_F(RoomCopies, AVolumeWithoutAManifestOrWithTheShownOneIsShownAtOnce) {
   for (const char* const name : {"one", "renamed"}) {
     const auto shown = copy_.TakeLive(subjects_.volume(), VolumeMessage(Hex(hash), name), {}).shown;
     ASSERT_TRUE(shown);
-    EXPECT_FALSE(shown->has_groups);
   }
   const auto last = copy_.TakeLive(subjects_.volume(), VolumeMessage("", "loading"), {}).shown;
   ASSERT_TRUE(last);
-  EXPECT_FALSE(last->has_groups);
   EXPECT_TRUE(copy_.Find(Hex(hash)));
 }
 

@@ -126,7 +126,6 @@ void RoomCopy::TakeVolume(std::string_view bytes, News& news) {
   if (volume->manifest == kNone || volume->manifest == shown_name_) {
     next_.reset();
     news.shown = std::move(volume->texts);
-    news.shown->has_groups = shown_name_ == kNone || !shown_.groups.empty();
     return;
   }
   if (!next_ || next_->manifest != volume->manifest) {
@@ -247,7 +246,6 @@ void RoomCopy::ShowNext(Time now, News& news) {
   }
   UseShown(now);
   news.shown = std::move(next_->texts);
-  news.shown->has_groups = !shown_.groups.empty();
   next_.reset();
 }
 

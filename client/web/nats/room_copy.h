@@ -37,7 +37,6 @@ class RoomCopy {
   // The texts of the topics kVolume, kPlacement and kManifest, which change together.
   struct Shown {
     std::string volume, placement, manifest;  // placement, manifest: may be empty
-    bool has_groups = true;                   // of the newest manifest shown; true before one
   };
   // What is new. Texts are JSON objects whose "type" is the topic's.
   struct News {

@@ -47,8 +47,6 @@ RoomSource::RoomSource(RoomOptions options, Hub& hub, Post post)
   steerer_ = std::make_unique<Worker>();
 }
 
-RoomSource::~RoomSource() = default;
-
 // Poses and voxels on connections of their own: voxels would hold up the poses.
 void RoomSource::Listen() {
   const auto log = [this](const std::string& line) {

@@ -36,7 +36,7 @@ namespace palpate::web {
 class RoomSource final : public Source {
  public:
   RoomSource(RoomOptions options, Hub& hub, Post post);
-  ~RoomSource() override;
+  ~RoomSource() override = default;
   RoomSource(const RoomSource&) = delete;
   RoomSource& operator=(const RoomSource&) = delete;
 
