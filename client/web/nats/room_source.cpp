@@ -112,23 +112,20 @@ void RoomSource::HearBeat(const Beat& beat) {
   AskAnew(true);
 }
 
-// Threads of links.
+// Threads of links. What is new is noted in the copy's order.
 void RoomSource::TakeKept(TakeIntoCopy take, std::string_view subject, std::string_view bytes) {
-  RoomCopy::News copy;
-  std::size_t missing = 0;
   {
     const std::lock_guard lock(copy_mutex_);
-    copy = (copy_.*take)(subject, bytes, steady_clock::now());
-    missing = copy_.missing_groups();
+    RoomCopy::News copy = (copy_.*take)(subject, bytes, steady_clock::now());
     is_complete_ = copy_.is_complete();
+    Note([&](News& news) {
+      news.missing_groups = copy_.missing_groups();
+      if (copy.shown) news.shown = std::move(copy.shown);
+      for (auto& [topic, text] : copy.texts) {
+        news.texts.at(static_cast<std::size_t>(topic)) = std::move(text);
+      }
+    });
   }
-  Note([&](News& news) {
-    news.missing_groups = missing;
-    if (copy.shown) news.shown = std::move(copy.shown);
-    for (auto& [topic, text] : copy.texts) {
-      news.texts.at(static_cast<std::size_t>(topic)) = std::move(text);
-    }
-  });
   Ask();
 }
 
