@@ -1,0 +1,232 @@
+"""deploy/nats: nats-server as the guide sets it up, a hub and a leaf server, with TLS, and users whose
+lines `palpate-web nats-user` printed. What others than these users may do is refused."""
+
+import os
+import pathlib
+import re
+import socket
+import ssl
+import subprocess
+import tempfile
+import unittest
+
+from authority import Authority
+from free_port import free_port
+from nats import NatsServer
+from support import PATIENCE_S, wait_until
+
+SHIPPED = pathlib.Path(__file__).resolve().parents[2] / "deploy/nats"
+HOST = "DNS:localhost,IP:127.0.0.1"
+
+
+class ShippedServer(NatsServer):
+    """name: hub or leaf. files: those that the configuration names, as text or a path to copy.
+    users: entries of users.conf."""
+
+    def __init__(self, name, files, users):
+        self.name, self.files, self._users = name, files, users
+        self.leaf_port = free_port()
+        super().__init__()
+
+    def configure(self, config):
+        text = (SHIPPED / f"{self.name}.conf").read_text()
+        for shipped, here in (("/etc/nats-server/", f"{self.folder}/nats-server/"),
+                              ("/run/nats-server", str(self.folder / "store")),
+                              ("0.0.0.0:4222", f"127.0.0.1:{self.port}"),
+                              ("0.0.0.0:7422", f"127.0.0.1:{self.leaf_port}")):
+            text = text.replace(shipped, here)
+        (self.folder / "nats.conf").write_text(text)
+        (self.folder / "nats-server").mkdir(exist_ok=True)
+        for file, source in self.files.items():
+            content = source if isinstance(source, str) else source.read_text()
+            (self.folder / "nats-server" / file).write_text(content)
+        (self.folder / "nats-server/users.conf").write_text(f"users = [\n{self._users}]\n")
+
+
+def new_user(name, *more):
+    """Password, and lines for users.conf."""
+    said = subprocess.run([os.environ["PALPATE_WEB"], "nats-user", name, "--room", "hall", *more],
+                          check=True, capture_output=True, text=True).stdout
+    first, _, lines = said.partition("\n")
+    return first.rpartition(" ")[2], lines
+
+
+class Servers:
+    def __init__(self, folder):
+        clients, leaves = Authority(folder, "servers"), Authority(folder, "leaves")
+        self.ca = clients.ca
+        hub, leaf = (clients.issue(name, HOST, purpose="serverAuth") for name in ("hub", "site"))
+        self.leaf_certificate = leaves.issue("leaf", HOST)
+        self.publisher, publisher_lines = new_user("or-2", "--publishes")
+        self.site, site_lines = new_user("site-a")
+        self.site_there, there_lines = new_user("site-a")
+        self.hub = ShippedServer("hub", {"cert.pem": hub[0], "key.pem": hub[1],
+                                         "leaf-ca.pem": leaves.ca}, publisher_lines + site_lines)
+        # Whoever rules the leaf server may write what they like into its files.
+        wide = '{ user: "wide", password: "wide", permissions: { publish: ">", subscribe: ">" } }\n'
+        remote = f'url: "tls://site-a:{self.site}@localhost:{self.hub.leaf_port}"\n'
+        self.leaf = ShippedServer("leaf", {
+            "cert.pem": leaf[0], "key.pem": leaf[1], "leaf.pem": self.leaf_certificate[0],
+            "leaf.key": self.leaf_certificate[1], "hub-ca.pem": clients.ca, "remote.conf": remote},
+            there_lines + wide)
+
+    def end(self):
+        for server in (self.leaf, self.hub):
+            server.__exit__()
+
+    def make_room(self):
+        """The publisher, with a stream as palpate-web makes it."""
+        publisher = self.hub.client("or-2", self.publisher, ca=self.ca)
+        made = publisher.request("$JS.API.STREAM.CREATE.PALPATE_hall", b"""{
+            "name": "PALPATE_hall", "subjects": ["palpate.hall.kept.>"], "storage": "memory",
+            "retention": "limits", "discard": "old", "max_msgs_per_subject": 1, "num_replicas": 1,
+            "max_consumers": 1, "allow_direct": true}""")
+        if "error" in made.json:
+            raise RuntimeError(made.json)
+        return publisher
+
+
+class ConfigTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="palpate-test-")
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.servers = Servers(cls.folder.name)
+        cls.addClassCleanup(cls.servers.end)
+
+    def context(self, certificate=None):
+        context = ssl.create_default_context(cafile=str(self.servers.ca))
+        if certificate:
+            context.load_cert_chain(*map(str, certificate))
+        return context
+
+    def answer(self, port, said, context=None):
+        """What the server says to a stranger after its INFO; nothing: it only hung up."""
+        with socket.create_connection(("127.0.0.1", port), PATIENCE_S) as stranger:
+            self.assertTrue(stranger.recv(65536).startswith(b"INFO "))
+            try:
+                if context:
+                    stranger = context.wrap_socket(stranger, server_hostname="localhost")
+                stranger.sendall(said)
+                return stranger.recv(65536)
+            except OSError:
+                return b""
+
+    def both(self):
+        for server in (self.servers.hub, self.servers.leaf):
+            with self.subTest(server=server.name):
+                yield server
+
+    def test_nobody_comes_in_without_tls_or_without_a_user_and_its_password(self):
+        hello = b'CONNECT {"user": "site-a", "pass": "%s"}\r\nPING\r\n' % self.servers.site.encode()
+        for server in self.both():
+            self.assertEqual(self.answer(server.port, hello), b"")
+            for user, password in ((None, None), ("site-a", "wrong"), ("nobody", "")):
+                with self.assertRaises(PermissionError):
+                    server.client(user, password, ca=self.servers.ca)
+
+    def test_tls_is_1_2_or_newer(self):
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+        context.set_ciphers("DEFAULT@SECLEVEL=0")
+        context.options &= ~(ssl.OP_NO_TLSv1 | ssl.OP_NO_TLSv1_1)
+        context.options |= ssl.OP_NO_TLSv1_2 | ssl.OP_NO_TLSv1_3
+        for server in self.both():
+            self.assertEqual(self.answer(server.port, b"PING\r\n", context), b"")
+
+    def test_no_other_port_is_open_and_no_websocket_on_these(self):
+        upgrade = (b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+                   b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n")
+        for server, ports in ((self.servers.hub, {self.servers.hub.port, self.servers.hub.leaf_port}),
+                              (self.servers.leaf, {self.servers.leaf.port})):
+            listening = subprocess.run(["ss", "-Hltnp"], check=True, capture_output=True, text=True)
+            self.assertEqual({int(line.split()[3].rpartition(":")[2])
+                              for line in listening.stdout.splitlines()
+                              if f"pid={server.process.pid}," in line}, ports)
+            self.assertNotIn(b"101", self.answer(server.port, upgrade, self.context()))
+
+    def test_without_users_nobody_comes_in(self):
+        empty = ShippedServer("hub", self.servers.hub.files, "")
+        self.addCleanup(empty.__exit__)
+        for user in (None, "no.user"):
+            with self.assertRaises(PermissionError):
+                empty.client(user, "", ca=self.servers.ca)
+
+    def test_a_user_without_permissions_may_do_nothing(self):
+        bare = ShippedServer("hub", self.servers.hub.files, '{ user: "bare", password: "bare" }\n')
+        self.addCleanup(bare.__exit__)
+        with bare.client("bare", "bare", ca=self.servers.ca) as client:
+            client.subscribe("palpate.hall.live.pose")
+            client.publish("palpate.hall.live.pose", b"")
+            client.flush()
+            # The first: the client's own inbox.
+            self.assertEqual(len(client.errors), 3, client.errors)
+
+    def test_a_message_of_more_than_a_mebibyte_and_an_endless_line_end_the_connection(self):
+        for said in (b"PUB palpate.hall.live.pose %d\r\n" % (2**20 + 1), b"PUB " + b"a" * 5000):
+            client = self.servers.hub.client("or-2", self.servers.publisher, ca=self.servers.ca)
+            client._send(said)
+            self.assertTrue(wait_until(lambda: not client.is_open))
+            client.close()
+
+    def test_the_leaf_port_reads_nothing_from_who_has_no_certificate_of_the_leaf_authority(self):
+        port = self.servers.hub.leaf_port
+        hello = b'CONNECT {"user": "site-a", "pass": "wrong"}\r\n'
+        self.assertEqual(self.answer(port, hello), b"")
+        self.assertEqual(self.answer(port, hello, self.context()), b"")
+        self.assertIn(b"Authorization",
+                      self.answer(port, hello, self.context(self.servers.leaf_certificate)))
+
+    def test_a_site_hears_asks_and_steers_through_its_leaf_server(self):
+        with self.servers.make_room() as publisher, self.servers.leaf.client(
+                "site-a", self.servers.site_there, ca=self.servers.ca) as gateway:
+            publisher.subscribe("palpate.hall.steer.*",
+                                lambda ask: publisher.publish(ask.reply, b"done"))
+            live = gateway.subscribe("palpate.hall.live.>")
+            publisher.request("palpate.hall.kept.group.7", b"voxels")
+            self.assertTrue(wait_until(lambda: gateway.kept("hall", "group.7") is not None))
+            self.assertEqual(gateway.kept("hall", "group.7").data, b"voxels")
+            self.assertEqual(gateway.request(
+                "$JS.API.DIRECT.GET.PALPATE_hall.palpate.hall.kept.group.8").status, 404)
+            self.assertTrue(wait_until(lambda: publisher.publish(
+                "palpate.hall.live.pose", b"pose") or live.messages))
+            self.assertEqual(live.newest.data, b"pose")
+            self.assertTrue(wait_until(lambda: (said := gateway.request(
+                "palpate.hall.steer.site-a", b"{}", 3)) and said.data == b"done"))
+
+    def test_whoever_rules_a_leaf_server_may_do_there_what_the_site_may_and_nothing_else(self):
+        with self.servers.make_room() as publisher, self.servers.leaf.client(
+                "wide", "wide", ca=self.servers.ca) as wide:
+            heard = [publisher.subscribe(subject) for subject in
+                     ("palpate.hall.steer.*", "palpate.hall.live.beat")]
+            publisher.request("palpate.hall.kept.group.9", b"voxels")
+            publisher.flush()
+            everything = wide.subscribe(">")
+            wide.flush()
+            for subject in ("palpate.hall.steer.site-b", "palpate.hall.live.beat",
+                            "palpate.hall.kept.group.9", "$JS.API.STREAM.PURGE.PALPATE_hall",
+                            "$JS.API.STREAM.DELETE.PALPATE_hall", "$JS.API.INFO",
+                            "$JS.API.STREAM.CREATE.PALPATE_mine", "$SYS.REQ.ACCOUNT.PING.CONNZ",
+                            "$JS.API.DIRECT.GET.PALPATE_hall.palpate.other.kept.group.9"):
+                wide.publish(subject, b"x", "_INBOX_site-a.attack")
+            # After it in order: when it has come, the others would have.
+            wide.publish("palpate.hall.steer.site-a", b"last")
+            self.assertTrue(wait_until(lambda: heard[0].messages))
+            self.assertEqual([message.data for message in heard[0].messages], [b"last"])
+            self.assertEqual(heard[1].messages, [])
+            # Of the servers only their own one may answer.
+            self.assertEqual([message for message in everything.messages
+                              if message.subject == "_INBOX_site-a.attack"
+                              and b"palpate-site-a" not in message.data], [])
+            with self.servers.hub.client("site-a", self.servers.site, ca=self.servers.ca) as site:
+                self.assertEqual(site.kept("hall", "group.9").data, b"voxels")
+            for message in ("palpate.other.live.pose", "_INBOX_or-2.x"):
+                publisher.publish(message, b"not for the site")
+            publisher.publish("palpate.hall.live.pose", b"for the site")
+            self.assertTrue(wait_until(lambda: any(
+                message.data == b"for the site" for message in everything.messages)))
+            self.assertNotIn(b"not for the site", [m.data for m in everything.messages])
+
+
+if __name__ == "__main__":
+    unittest.main()
