@@ -1,8 +1,10 @@
 """A nats-server of a test's own, and a client that speaks its protocol over a socket: no library of
 ours or of NATS judges what is on the server."""
 
+import io
 import json
 import pathlib
+import select
 import shutil
 import signal
 import socket
@@ -96,6 +98,40 @@ class NatsServer:
         self._temporary.cleanup()
 
 
+class SharedSocket(io.RawIOBase):
+    """One thread reads, others write: a TLS connection takes one call at a time."""
+
+    def __init__(self, connected):
+        self._socket, self._call, self._message = connected, threading.Lock(), threading.Lock()
+        connected.setblocking(False)
+
+    def _try(self, call, argument, reads):
+        while True:
+            with self._call:
+                try:
+                    return call(argument)
+                except (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
+                    pass
+            waits = [self._socket]
+            select.select(waits if reads else [], [] if reads else waits, [], PATIENCE_S)
+
+    def readable(self):
+        return True
+
+    def readinto(self, buffer):
+        return self._try(self._socket.recv_into, buffer, True)
+
+    def sendall(self, data):
+        with self._message:
+            rest = memoryview(data)
+            while rest:
+                rest = rest[self._try(self._socket.send, rest, False):]
+
+    def close(self):
+        super().close()
+        self._socket.close()
+
+
 class Message:
     def __init__(self, subject, reply, headers, data):
         self.subject, self.reply, self.headers, self.data = subject, reply, headers, data
@@ -144,7 +180,6 @@ class NatsClient:
                  host="127.0.0.1"):
         self.errors, self.is_open = [], True
         self._subscriptions, self._next, self._pongs = {}, 0, 0
-        self._lock = threading.Lock()
         self._socket = socket.create_connection((host, port), PATIENCE_S)
         # No byte more than INFO: after it TLS may begin.
         line = b""
@@ -159,7 +194,8 @@ class NatsClient:
             if certificate:
                 context.load_cert_chain(*map(str, certificate))
             self._socket = context.wrap_socket(self._socket, server_hostname=host)
-        self._file = self._socket.makefile("rb")
+        self._shared = SharedSocket(self._socket)
+        self._file = io.BufferedReader(self._shared)
         options = {"verbose": False, "pedantic": False, "lang": "test", "version": "0",
                    "protocol": 1, "headers": True, "no_responders": True}
         if user:
@@ -175,8 +211,7 @@ class NatsClient:
         self.subscribe(self._inbox + ".*", self._take_answer)
 
     def _send(self, data):
-        with self._lock:
-            self._socket.sendall(data)
+        self._shared.sendall(data)
 
     def _follow(self):
         try:
@@ -262,7 +297,6 @@ class NatsClient:
             pass
         self._thread.join(PATIENCE_S)
         self._file.close()
-        self._socket.close()
 
     def __enter__(self):
         return self
