@@ -141,7 +141,8 @@ if(TARGET palpate_web_page)
 "Shows guests in a browser what palpated makes felt
 A gateway between one palpated, near or far, and the browsers of guests: the
 volume, the surface, the stylus and the forces, live. Guests watch; named users
-may change named settings. With a systemd service, which is not enabled until
+may change named settings. Several gateways, also at other sites, show one
+palpated over NATS. With a systemd service, which is not enabled until
 an administrator has said who may watch.")
   palpate_program(web palpate-web "serves guests' browsers")
   get_target_property(page palpate_web_page PALPATE_FOLDER)
@@ -155,9 +156,12 @@ an administrator has said who may watch.")
   install(FILES deploy/systemd/palpate-web.service DESTINATION /lib/systemd/system COMPONENT web)
   install(FILES deploy/systemd/palpate-web.sysusers
     DESTINATION lib/sysusers.d RENAME palpate-web.conf COMPONENT web)
+  # For nats-server, which an administrator sets up: the guide nats.md.
+  install(FILES deploy/nats/hub.conf deploy/nats/leaf.conf deploy/nats/service.conf
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/nats COMPONENT web)
   set(CPACK_DEBIAN_WEB_PACKAGE_SHLIBDEPS ON)
   set(CPACK_DEBIAN_WEB_PACKAGE_DEPENDS "systemd, init-system-helpers (>= 1.54)")
-  set(CPACK_DEBIAN_WEB_PACKAGE_SUGGESTS "palpate-daemon")
+  set(CPACK_DEBIAN_WEB_PACKAGE_SUGGESTS "palpate-daemon, nats-server")
   set(CPACK_DEBIAN_WEB_PACKAGE_CONTROL_EXTRA
     ${PROJECT_SOURCE_DIR}/deploy/debian/web/conffiles
     ${PROJECT_SOURCE_DIR}/deploy/debian/web/postinst

@@ -66,7 +66,8 @@ check_contents() {
   holds palpate-web /usr/bin/palpate-web /usr/share/man/man1/palpate-web.1.gz \
     /lib/systemd/system/palpate-web.service /usr/lib/sysusers.d/palpate-web.conf \
     /etc/palpate/palpate-web.toml /usr/share/palpate/web/index.html /usr/share/palpate/web/app.js \
-    /usr/share/palpate/web/style.css /usr/share/palpate/web/licenses.txt
+    /usr/share/palpate/web/style.css /usr/share/palpate/web/licenses.txt \
+    /usr/share/palpate/nats/hub.conf /usr/share/palpate/nats/leaf.conf /usr/share/palpate/nats/service.conf
   holds palpate-client /usr/bin/palpate /usr/share/man/man1/palpate.1.gz \
     /usr/share/bash-completion/completions/palpate
   holds python3-palpate /usr/lib/python3/dist-packages/palpate/__init__.py \
