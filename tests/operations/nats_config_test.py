@@ -1,9 +1,10 @@
-"""deploy/nats: nats-server as the guide sets it up, a hub and a leaf server, with TLS, and users whose
-lines `palpate-web nats-user` printed. What others than these users may do is refused."""
+"""deploy/nats: nats-server as the guide sets it up, a hub and a leaf server, with TLS, and accounts
+that `palpate-web nats-user` printed. What others than their users may do is refused."""
 
+import json
 import os
 import pathlib
-import re
+import signal
 import socket
 import ssl
 import subprocess
@@ -20,11 +21,10 @@ HOST = "DNS:localhost,IP:127.0.0.1"
 
 
 class ShippedServer(NatsServer):
-    """name: hub or leaf. files: those that the configuration names, as text or a path to copy.
-    users: entries of users.conf."""
+    """name: hub or leaf. files: those that the configuration names, as text or a path to copy."""
 
-    def __init__(self, name, files, users):
-        self.name, self.files, self._users = name, files, users
+    def __init__(self, name, files):
+        self.name, self.files = name, files
         self.leaf_port = free_port()
         super().__init__()
 
@@ -40,15 +40,28 @@ class ShippedServer(NatsServer):
         for file, source in self.files.items():
             content = source if isinstance(source, str) else source.read_text()
             (self.folder / "nats-server" / file).write_text(content)
-        (self.folder / "nats-server/users.conf").write_text(f"users = [\n{self._users}]\n")
 
 
-def new_user(name, *more):
-    """Password, and lines for users.conf."""
-    said = subprocess.run([os.environ["PALPATE_WEB"], "nats-user", name, "--room", "hall", *more],
+def new_user(name, room, *more):
+    """Password, and an account for accounts.conf."""
+    said = subprocess.run([os.environ["PALPATE_WEB"], "nats-user", name, "--room", room, *more],
                           check=True, capture_output=True, text=True).stdout
-    first, _, lines = said.partition("\n")
-    return first.rpartition(" ")[2], lines
+    first, _, account = said.partition("\n")
+    return first.rpartition(" ")[2], account
+
+
+def users_of(account):
+    """As the guide's sed."""
+    return subprocess.run(["sed", "-n", "/users: /,/}]/p"], input=account, check=True,
+                          capture_output=True, text=True).stdout
+
+
+def stream(room, **more):
+    """As palpate-web makes it."""
+    return json.dumps({
+        "name": f"PALPATE_{room}", "subjects": [f"palpate.{room}.kept.>"], "storage": "memory",
+        "retention": "limits", "discard": "old", "max_msgs_per_subject": 1, "num_replicas": 1,
+        "max_consumers": 1, "allow_direct": True} | more)
 
 
 class Servers:
@@ -57,30 +70,34 @@ class Servers:
         self.ca = clients.ca
         hub, leaf = (clients.issue(name, HOST, purpose="serverAuth") for name in ("hub", "site"))
         self.leaf_certificate = leaves.issue("leaf", HOST)
-        self.publisher, publisher_lines = new_user("or-2", "--publishes")
-        self.site, site_lines = new_user("site-a")
-        self.site_there, there_lines = new_user("site-a")
+        self.passwords, self.accounts = {}, ""
+        for name, room, *more in (("or-2", "hall", "--publishes"), ("site-a", "hall"),
+                                  ("or-3", "other", "--publishes")):
+            self.passwords[name], account = new_user(name, room, *more)
+            self.accounts += account
+            if name == "site-a":
+                site_users = users_of(account)
         self.hub = ShippedServer("hub", {"cert.pem": hub[0], "key.pem": hub[1],
-                                         "leaf-ca.pem": leaves.ca}, publisher_lines + site_lines)
+                                         "leaf-ca.pem": leaves.ca, "accounts.conf": self.accounts})
         # Whoever rules the leaf server may write what they like into its files.
-        wide = '{ user: "wide", password: "wide", permissions: { publish: ">", subscribe: ">" } }\n'
-        remote = f'url: "tls://site-a:{self.site}@localhost:{self.hub.leaf_port}"\n'
+        wide = '{ user: "wide", password: "wide", permissions: { publish: ">", subscribe: ">" } }'
+        remote = f'url: "tls://site-a:{self.passwords["site-a"]}@localhost:{self.hub.leaf_port}"\n'
         self.leaf = ShippedServer("leaf", {
             "cert.pem": leaf[0], "key.pem": leaf[1], "leaf.pem": self.leaf_certificate[0],
-            "leaf.key": self.leaf_certificate[1], "hub-ca.pem": clients.ca, "remote.conf": remote},
-            there_lines + wide)
+            "leaf.key": self.leaf_certificate[1], "hub-ca.pem": clients.ca, "remote.conf": remote,
+            "users.conf": site_users.replace("[{", f'[{wide}, {{ user: "bare", password: "b" }}, {{', 1)})
 
     def end(self):
         for server in (self.leaf, self.hub):
             server.__exit__()
 
-    def make_room(self):
-        """The publisher, with a stream as palpate-web makes it."""
-        publisher = self.hub.client("or-2", self.publisher, ca=self.ca)
-        made = publisher.request("$JS.API.STREAM.CREATE.PALPATE_hall", b"""{
-            "name": "PALPATE_hall", "subjects": ["palpate.hall.kept.>"], "storage": "memory",
-            "retention": "limits", "discard": "old", "max_msgs_per_subject": 1, "num_replicas": 1,
-            "max_consumers": 1, "allow_direct": true}""")
+    def client(self, server, user):
+        return server.client(user, self.passwords[user], ca=self.ca)
+
+    def make_room(self, hub, user, room):
+        """The room's publisher, with its stream."""
+        publisher = self.client(hub, user)
+        made = publisher.request(f"$JS.API.STREAM.CREATE.PALPATE_{room}", stream(room))
         if "error" in made.json:
             raise RuntimeError(made.json)
         return publisher
@@ -118,7 +135,7 @@ class ConfigTest(unittest.TestCase):
                 yield server
 
     def test_nobody_comes_in_without_tls_or_without_a_user_and_its_password(self):
-        hello = b'CONNECT {"user": "site-a", "pass": "%s"}\r\nPING\r\n' % self.servers.site.encode()
+        hello = b'CONNECT {"user": "site-a", "pass": "%s"}\r\nPING\r\n' % self.servers.passwords["site-a"].encode()
         for server in self.both():
             self.assertEqual(self.answer(server.port, hello), b"")
             for user, password in ((None, None), ("site-a", "wrong"), ("nobody", "")):
@@ -145,26 +162,76 @@ class ConfigTest(unittest.TestCase):
                               if f"pid={server.process.pid}," in line}, ports)
             self.assertNotIn(b"101", self.answer(server.port, upgrade, self.context()))
 
-    def test_without_users_nobody_comes_in(self):
-        empty = ShippedServer("hub", self.servers.hub.files, "")
-        self.addCleanup(empty.__exit__)
-        for user in (None, "no.user"):
-            with self.assertRaises(PermissionError):
-                empty.client(user, "", ca=self.servers.ca)
+    def test_while_no_account_is_there_nobody_comes_in(self):
+        for server, file in ((self.servers.hub, "accounts.conf"), (self.servers.leaf, "users.conf")):
+            with self.subTest(server=server.name):
+                empty = ShippedServer(server.name, server.files | {file: ""})
+                self.addCleanup(empty.__exit__)
+                for user in (None, "nobody", "site-a"):
+                    with self.assertRaises(PermissionError):
+                        empty.client(user, "", ca=self.servers.ca)
 
-    def test_a_user_without_permissions_may_do_nothing(self):
-        bare = ShippedServer("hub", self.servers.hub.files, '{ user: "bare", password: "bare" }\n')
-        self.addCleanup(bare.__exit__)
-        with bare.client("bare", "bare", ca=self.servers.ca) as client:
+    def test_an_account_that_is_added_or_removed_counts_after_a_reload(self):
+        hub = ShippedServer("hub", self.servers.hub.files)
+        self.addCleanup(hub.__exit__)
+
+        def reload(accounts):
+            (hub.folder / "nats-server/accounts.conf").write_text(accounts)
+            # New accounts have what they import after the second time.
+            for _ in range(2):
+                count = len(hub.said)
+                hub.process.send_signal(signal.SIGHUP)
+                self.assertTrue(wait_until(lambda: any(
+                    "Reloaded server configuration" in line for line in hub.said[count:])), hub.said)
+        publisher = self.enterContext(self.servers.make_room(hub, "or-2", "hall"))
+        publisher.request("palpate.hall.kept.group.1", b"voxels")
+        password, account = new_user("site-b", "hall")
+        reload(self.servers.accounts + account)
+        site = self.enterContext(hub.client("site-b", password, ca=self.servers.ca))
+        self.assertEqual(site.kept("hall", "group.1").data, b"voxels")
+        self.assertTrue(publisher.is_open)
+        reload(self.servers.accounts)
+        self.assertTrue(wait_until(lambda: not site.is_open))
+        with self.assertRaises(PermissionError):
+            hub.client("site-b", password, ca=self.servers.ca)
+        self.assertEqual(publisher.stream("hall")["state"]["messages"], 1)
+
+    def test_a_user_without_permissions_may_do_nothing_at_a_leaf_server(self):
+        with self.servers.leaf.client("bare", "b", ca=self.servers.ca) as client:
             client.subscribe("palpate.hall.live.pose")
             client.publish("palpate.hall.live.pose", b"")
             client.flush()
             # The first: the client's own inbox.
             self.assertEqual(len(client.errors), 3, client.errors)
 
+    def test_no_publisher_keeps_what_is_of_another_room_or_on_disk(self):
+        judged = self.servers.accounts.replace("[{", '[{ user: "judge", password: "j" }, {', 1)
+        hub = ShippedServer("hub", self.servers.hub.files | {"accounts.conf": judged})
+        self.addCleanup(hub.__exit__)
+        other = self.enterContext(self.servers.make_room(hub, "or-3", "other"))
+        publisher = self.enterContext(self.servers.client(hub, "or-2"))
+        judge = self.enterContext(hub.client("judge", "j", ca=self.servers.ca))
+        outside = {"api": "$JS.palpate.other.API", "deliver": "palpate.other.kept"}
+        copied = ({"name": "PALPATE_other"}, {"name": "PALPATE_other", "external": outside})
+
+        def kept():
+            """Subjects of the room's stream."""
+            said = judge.request("$JS.API.STREAM.INFO.PALPATE_hall", '{"subjects_filter": ">"}').json
+            return list(said["state"].get("subjects", ()) if "state" in said else ())
+        for more in ({"storage": "file"}, {"subjects": ["palpate.other.kept.>"]}, {"subjects": [">"]},
+                     *({"mirror": one, "subjects": []} for one in copied),
+                     *({"sources": [one]} for one in copied)):
+            with self.subTest(**more):
+                made = publisher.request("$JS.API.STREAM.CREATE.PALPATE_hall", stream("hall", **more))
+                self.assertEqual("error" in made.json, "storage" in more)
+                other.request("palpate.other.kept.group.1", b"voxels of the other room")
+                # A stream that copies begins at once.
+                self.assertFalse(wait_until(lambda: any(".other." in one for one in kept()), 1))
+                judge.request("$JS.API.STREAM.DELETE.PALPATE_hall")
+
     def test_a_message_of_more_than_a_mebibyte_and_an_endless_line_end_the_connection(self):
         for said in (b"PUB palpate.hall.live.pose %d\r\n" % (2**20 + 1), b"PUB " + b"a" * 5000):
-            client = self.servers.hub.client("or-2", self.servers.publisher, ca=self.servers.ca)
+            client = self.servers.client(self.servers.hub, "or-2")
             client._send(said)
             self.assertTrue(wait_until(lambda: not client.is_open))
             client.close()
@@ -178,8 +245,8 @@ class ConfigTest(unittest.TestCase):
                       self.answer(port, hello, self.context(self.servers.leaf_certificate)))
 
     def test_a_site_hears_asks_and_steers_through_its_leaf_server(self):
-        with self.servers.make_room() as publisher, self.servers.leaf.client(
-                "site-a", self.servers.site_there, ca=self.servers.ca) as gateway:
+        with self.servers.make_room(self.servers.hub, "or-2", "hall") as publisher, self.servers.client(
+                self.servers.leaf, "site-a") as gateway:
             publisher.subscribe("palpate.hall.steer.*",
                                 lambda ask: publisher.publish(ask.reply, b"done"))
             live = gateway.subscribe("palpate.hall.live.>")
@@ -195,7 +262,7 @@ class ConfigTest(unittest.TestCase):
                 "palpate.hall.steer.site-a", b"{}", 3)) and said.data == b"done"))
 
     def test_whoever_rules_a_leaf_server_may_do_there_what_the_site_may_and_nothing_else(self):
-        with self.servers.make_room() as publisher, self.servers.leaf.client(
+        with self.servers.make_room(self.servers.hub, "or-2", "hall") as publisher, self.servers.leaf.client(
                 "wide", "wide", ca=self.servers.ca) as wide:
             heard = [publisher.subscribe(subject) for subject in
                      ("palpate.hall.steer.*", "palpate.hall.live.beat")]
@@ -213,6 +280,11 @@ class ConfigTest(unittest.TestCase):
                             "$JS.API.STREAM.CREATE.PALPATE_mine", "$SYS.REQ.ACCOUNT.PING.CONNZ",
                             "$JS.API.DIRECT.GET.PALPATE_hall.palpate.other.kept.group.9"):
                 wide.publish(subject, b"x", "_INBOX_site-a.attack")
+            # Nobody checks where the sender of a request wants the answer.
+            for reply in ("$JS.API.STREAM.PURGE.PALPATE_hall", "palpate.hall.kept.group.9",
+                          "palpate.other.kept.group.9", "palpate.hall.live.beat"):
+                wide.publish("$JS.API.DIRECT.GET.PALPATE_hall.palpate.hall.kept.group.9", b"", reply)
+                wide.publish("palpate.hall.steer.site-a", b"first", reply)
             # After them in order: when it has come, the others would have.
             wide.publish("palpate.hall.steer.site-a", b"last")
             steered = heard[0].messages
@@ -223,7 +295,7 @@ class ConfigTest(unittest.TestCase):
             self.assertEqual([message for message in everything.messages
                               if message.subject == "_INBOX_site-a.attack"
                               and b"palpate-site-a" not in message.data], [])
-            with self.servers.hub.client("site-a", self.servers.site, ca=self.servers.ca) as site:
+            with self.servers.client(self.servers.hub, "site-a") as site:
                 self.assertEqual(site.kept("hall", "group.9").data, b"voxels")
             for message in ("palpate.other.live.pose", "_INBOX_or-2.x"):
                 publisher.publish(message, b"not for the site")
