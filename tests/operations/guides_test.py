@@ -37,11 +37,13 @@ PATIENCE_S = 300
 FENCE = re.compile(r"^```(.*)$")
 REASON = re.compile(r"^<!-- not run: (.*) -->$")
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
-# Ends what the page has started: a daemon that does not end in order fails the page.
+# Ends what the page has started: a daemon that does not end in order fails the page. nats-server's
+# order is to end with 1.
 EPILOGUE = """
 for job in $(jobs -p); do
+  name=$(cat "/proc/$job/comm")
   kill -TERM "$job"
-  wait "$job"
+  wait "$job" || [ $?-$name = 1-nats-server ]
 done
 """
 
@@ -118,7 +120,7 @@ def script(page_blocks):
             body = f"{sys.executable} <<'END_OF_PYTHON'\n{body}END_OF_PYTHON\n"
         text += f"echo '== {block}'\n{body}"
     # Others may have the ports that the pages name.
-    for port in ("7400", "7480"):
+    for port in ("4222", "7400", "7480", "7481"):
         text = text.replace(port, str(free_port()))
     return text + "echo '== the end of the page'\n" + EPILOGUE
 
