@@ -81,11 +81,12 @@ class Servers:
                                          "leaf-ca.pem": leaves.ca, "accounts.conf": self.accounts})
         # Whoever rules the leaf server may write what they like into its files.
         wide = '{ user: "wide", password: "wide", permissions: { publish: ">", subscribe: ">" } }'
+        bare = '{ user: "bare", password: "bare" }'
         remote = f'url: "tls://site-a:{self.passwords["site-a"]}@localhost:{self.hub.leaf_port}"\n'
         self.leaf = ShippedServer("leaf", {
             "cert.pem": leaf[0], "key.pem": leaf[1], "leaf.pem": self.leaf_certificate[0],
             "leaf.key": self.leaf_certificate[1], "hub-ca.pem": clients.ca, "remote.conf": remote,
-            "users.conf": site_users.replace("[{", f'[{wide}, {{ user: "bare", password: "b" }}, {{', 1)})
+            "users.conf": site_users.replace("[{", f"[{wide}, {bare}, {{", 1)})
 
     def end(self):
         for server in (self.leaf, self.hub):
@@ -135,7 +136,8 @@ class ConfigTest(unittest.TestCase):
                 yield server
 
     def test_nobody_comes_in_without_tls_or_without_a_user_and_its_password(self):
-        hello = b'CONNECT {"user": "site-a", "pass": "%s"}\r\nPING\r\n' % self.servers.passwords["site-a"].encode()
+        password = self.servers.passwords["site-a"]
+        hello = f'CONNECT {{"user": "site-a", "pass": "{password}"}}\r\nPING\r\n'.encode()
         for server in self.both():
             self.assertEqual(self.answer(server.port, hello), b"")
             for user, password in ((None, None), ("site-a", "wrong"), ("nobody", "")):
@@ -163,7 +165,8 @@ class ConfigTest(unittest.TestCase):
             self.assertNotIn(b"101", self.answer(server.port, upgrade, self.context()))
 
     def test_while_no_account_is_there_nobody_comes_in(self):
-        for server, file in ((self.servers.hub, "accounts.conf"), (self.servers.leaf, "users.conf")):
+        for server, file in ((self.servers.hub, "accounts.conf"),
+                             (self.servers.leaf, "users.conf")):
             with self.subTest(server=server.name):
                 empty = ShippedServer(server.name, server.files | {file: ""})
                 self.addCleanup(empty.__exit__)
@@ -182,7 +185,7 @@ class ConfigTest(unittest.TestCase):
                 count = len(hub.said)
                 hub.process.send_signal(signal.SIGHUP)
                 self.assertTrue(wait_until(lambda: any(
-                    "Reloaded server configuration" in line for line in hub.said[count:])), hub.said)
+                    "Reloaded server configuration" in line for line in hub.said[count:])))
         publisher = self.enterContext(self.servers.make_room(hub, "or-2", "hall"))
         publisher.request("palpate.hall.kept.group.1", b"voxels")
         password, account = new_user("site-b", "hall")
@@ -197,7 +200,7 @@ class ConfigTest(unittest.TestCase):
         self.assertEqual(publisher.stream("hall")["state"]["messages"], 1)
 
     def test_a_user_without_permissions_may_do_nothing_at_a_leaf_server(self):
-        with self.servers.leaf.client("bare", "b", ca=self.servers.ca) as client:
+        with self.servers.leaf.client("bare", "bare", ca=self.servers.ca) as client:
             client.subscribe("palpate.hall.live.pose")
             client.publish("palpate.hall.live.pose", b"")
             client.flush()
@@ -216,13 +219,14 @@ class ConfigTest(unittest.TestCase):
 
         def kept():
             """Subjects of the room's stream."""
-            said = judge.request("$JS.API.STREAM.INFO.PALPATE_hall", '{"subjects_filter": ">"}').json
-            return list(said["state"].get("subjects", ()) if "state" in said else ())
-        for more in ({"storage": "file"}, {"subjects": ["palpate.other.kept.>"]}, {"subjects": [">"]},
-                     *({"mirror": one, "subjects": []} for one in copied),
+            said = judge.request("$JS.API.STREAM.INFO.PALPATE_hall", '{"subjects_filter": ">"}')
+            return list(said.json.get("state", {}).get("subjects", ()))
+        for more in ({"storage": "file"}, {"subjects": ["palpate.other.kept.>"]},
+                     {"subjects": [">"]}, *({"mirror": one, "subjects": []} for one in copied),
                      *({"sources": [one]} for one in copied)):
             with self.subTest(**more):
-                made = publisher.request("$JS.API.STREAM.CREATE.PALPATE_hall", stream("hall", **more))
+                made = publisher.request("$JS.API.STREAM.CREATE.PALPATE_hall",
+                                         stream("hall", **more))
                 self.assertEqual("error" in made.json, "storage" in more)
                 other.request("palpate.other.kept.group.1", b"voxels of the other room")
                 # A stream that copies begins at once.
@@ -245,8 +249,8 @@ class ConfigTest(unittest.TestCase):
                       self.answer(port, hello, self.context(self.servers.leaf_certificate)))
 
     def test_a_site_hears_asks_and_steers_through_its_leaf_server(self):
-        with self.servers.make_room(self.servers.hub, "or-2", "hall") as publisher, self.servers.client(
-                self.servers.leaf, "site-a") as gateway:
+        with self.servers.make_room(self.servers.hub, "or-2", "hall") as publisher, \
+                self.servers.client(self.servers.leaf, "site-a") as gateway:
             publisher.subscribe("palpate.hall.steer.*",
                                 lambda ask: publisher.publish(ask.reply, b"done"))
             live = gateway.subscribe("palpate.hall.live.>")
@@ -262,8 +266,8 @@ class ConfigTest(unittest.TestCase):
                 "palpate.hall.steer.site-a", b"{}", 3)) and said.data == b"done"))
 
     def test_whoever_rules_a_leaf_server_may_do_there_what_the_site_may_and_nothing_else(self):
-        with self.servers.make_room(self.servers.hub, "or-2", "hall") as publisher, self.servers.leaf.client(
-                "wide", "wide", ca=self.servers.ca) as wide:
+        with self.servers.make_room(self.servers.hub, "or-2", "hall") as publisher, \
+                self.servers.leaf.client("wide", "wide", ca=self.servers.ca) as wide:
             heard = [publisher.subscribe(subject) for subject in
                      ("palpate.hall.steer.*", "palpate.hall.live.beat")]
             publisher.request("palpate.hall.kept.group.9", b"voxels")
@@ -283,7 +287,8 @@ class ConfigTest(unittest.TestCase):
             # Nobody checks where the sender of a request wants the answer.
             for reply in ("$JS.API.STREAM.PURGE.PALPATE_hall", "palpate.hall.kept.group.9",
                           "palpate.other.kept.group.9", "palpate.hall.live.beat"):
-                wide.publish("$JS.API.DIRECT.GET.PALPATE_hall.palpate.hall.kept.group.9", b"", reply)
+                wide.publish("$JS.API.DIRECT.GET.PALPATE_hall.palpate.hall.kept.group.9", b"",
+                             reply)
                 wide.publish("palpate.hall.steer.site-a", b"first", reply)
             # After them in order: when it has come, the others would have.
             wide.publish("palpate.hall.steer.site-a", b"last")
