@@ -35,7 +35,9 @@ def hub_config(room):
 
 
 def leaf_config(address, site):
-    return ("leafnodes { reconnect: 1s, remotes: [ { "
+    """Without a domain of its own, nats-server would not let asks of JetStream through."""
+    return ('default_js_domain { "$G": "" }\n'
+            "leafnodes { reconnect: 1, remotes: [ { "
             f'url: "nats-leaf://{site.name}:{site.password}@{address}:{LEAF_PORT}" }} ] }}')
 
 
