@@ -19,26 +19,11 @@ from copy_guest import CopyGuest
 from nats import NatsServer
 from nats_join import texture
 from network_sites import Sites
-from room import KEY, ROOM, Room, hash_of_palpated
+from room import KEY, Room, hash_of_palpated, hub_config, leaf_config
 from support import PALPATED
 
 WEB_GUESTS = pathlib.Path(PALPATED).parent.parent / "tests" / "web_guests"
 LEAF_PORT = 7422
-
-
-def hub_config(room):
-    """A leaf is bound to its site's account."""
-    users = "\n".join(f'{{ user: "{site.name}", password: "{site.password}", '
-                      f'account: "palpate.{ROOM}.{site.name}" }}' for site in room.sites)
-    return (f'leafnodes {{ listen: "0.0.0.0:{LEAF_PORT}"\n'
-            f"authorization {{ users: [\n{users}\n] }} }}")
-
-
-def leaf_config(address, site):
-    """Without a domain of its own, nats-server would not let asks of JetStream through."""
-    return ('default_js_domain { "$G": "" }\n'
-            "leafnodes { reconnect: 1, remotes: [ { "
-            f'url: "nats-leaf://{site.name}:{site.password}@{address}:{LEAF_PORT}" }} ] }}')
 
 
 class Site:
@@ -47,7 +32,8 @@ class Site:
     def __init__(self, stack, room, sites, number):
         self.wrapper, self.name = sites.sites[number], f"site {number}"
         self.nats = stack.enter_context(NatsServer(
-            leaf_config(sites.hub_address(number), room.sites[number]), wrapper=self.wrapper))
+            leaf_config(sites.hub_address(number), LEAF_PORT, room.sites[number]),
+            wrapper=self.wrapper))
         self._room = room
 
     def begin_to_copy(self, patience_s):
@@ -100,7 +86,8 @@ def main():
     parser.add_argument("--guests", type=int, default=10, help="at each site [10]")
     parser.add_argument("--seconds", type=float, default=30.0, help="of poses [30]")
     parser.add_argument("--patience", type=float, default=900.0, help="seconds for a copy [900]")
-    parser.add_argument("--congestion", help="cubic, reno or bbr [the machine's]")
+    parser.add_argument("--congestion",
+                        help="such as reno, if the kernel allows it there [the machine's]")
     options = parser.parse_args()
     with contextlib.ExitStack() as stack:
         network = stack.enter_context(Sites(2, options.round_trip_ms / 2e3, options.loss))
@@ -112,7 +99,7 @@ def main():
                              stdout=subprocess.PIPE, text=True, check=True).stdout.strip())
         # palpated is reached by its socket: it may be anywhere.
         room = stack.enter_context(Room(0, {"volume": "builtin:sphere:16"}, more_sites=2,
-                                        server=hub_config, wrapper=network.hub))
+                                        server=lambda room: hub_config(room, LEAF_PORT), wrapper=network.hub))
         with room.daemon.connect() as conn:
             conn.volume.upload(texture(options.edge), name="texture")
         sites = [Site(stack, room, network, number) for number in range(2)]

@@ -1,6 +1,7 @@
 """Kills at random in a room on NATS, and what guests are shown: palpated, the publishing palpate-web,
-nats-server and two receiving palpate-webs are killed (SIGKILL), one or several at once, and each is
-started again after a random pause. Now and then palpated's volume is edited meanwhile.
+nats-server, a leaf server of it and two receiving palpate-webs, one at each server, are killed
+(SIGKILL), one or several at once, and each is started again after a random pause. Now and then
+palpated's volume is edited meanwhile.
 
 - Within BACK_S of the last start, without a hand, a guest of each gateway is there again: it is told
   "connected", gets new poses that are fresh, and is shown palpated's volume.
@@ -24,12 +25,12 @@ import numpy as np
 
 import crash
 import palpate
+from free_port import free_port
 from gateway import Copy, Guest
 from nats import NatsServer
-from room import Room, content_hash, hash_of_palpated
+from room import Room, content_hash, hash_of_palpated, hub_config, leaf_config
 from support import PATIENCE_S, Daemon
 
-RECEIVERS = 2
 EDGE = 64
 VOLUME = f"builtin:bumps:{EDGE}"
 BACK_S = 5.0
@@ -153,7 +154,7 @@ def kill(program):
 
 
 class Kills:
-    def __init__(self, room, seed):
+    def __init__(self, room, leaf, seed):
         self.room, self._rng = room, random.Random(seed)
         with room.daemon.connect() as conn:
             base = np.array(conn.volume.download().values)
@@ -163,7 +164,8 @@ class Kills:
         gateways = [("publisher", room.publisher)] + [
             (f"receiver {n}", gateway) for n, gateway in enumerate(room.receivers)]
         self.followers = [Follower(name, gateway, self.states) for name, gateway in gateways]
-        self.programs = {"palpated": room.daemon, "nats-server": room.nats} | dict(gateways)
+        self.programs = {"palpated": room.daemon, "nats-server": room.nats,
+                         "leaf server": leaf} | dict(gateways)
         self.kills, self.edits = {name: 0 for name in self.programs}, 0
         self.back_s, self.found, self.said, self._starts_s = [], [], [], []
         self._edited_s = 0.0
@@ -203,7 +205,7 @@ class Kills:
     def round(self, most):
         """Kills up to `most` programs, and waits until all are back."""
         rng = self._rng
-        names = rng.sample(list(self.programs), min(most, rng.choice([1, 1, 1, 2, 2, 3, 5])))
+        names = rng.sample(list(self.programs), min(most, rng.choice([1, 1, 1, 2, 2, 3, 6])))
         threads = [threading.Thread(target=self._kill_and_start, args=(
             name, rng.uniform(0.0, 0.6), rng.choice([0.0, 0.2, 1.0, 2.5, 4.0]) * rng.random()))
             for name in names]
@@ -252,8 +254,11 @@ def main():
     parser.add_argument("--kills", type=int, default=100, help="in all [100]")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    with Room(RECEIVERS, {"volume": VOLUME}) as room:
-        kills = Kills(room, options.seed)
+    port = free_port()
+    with Room(1, {"volume": VOLUME}, server=lambda room: hub_config(room, port)) as room, \
+            NatsServer(leaf_config("127.0.0.1", port, room.sites[1])) as leaf:
+        room.receive(leaf)
+        kills = Kills(room, leaf, options.seed)
         try:
             kills.wait_until_back(time.monotonic(), "the start")
             while (left := options.kills - sum(kills.kills.values())) > 0 and len(kills.found) < 10:

@@ -34,6 +34,20 @@ class NatsUser:
         self.lines = f'\n[nats]\nuser = "{name}"\npassword_file = "{file}"\n'
 
 
+def hub_config(room, port):
+    """Lines for a server that leaf servers reach at this port of all addresses. Each is bound to the
+    account of the site as whose user it comes."""
+    users = "\n".join(f'{{ user: "{site.name}", password: "{site.password}", '
+                      f'account: "palpate.{ROOM}.{site.name}" }}' for site in room.sites)
+    return (f'leafnodes {{ listen: "0.0.0.0:{port}"\nauthorization {{ users: [\n{users}\n] }} }}')
+
+
+def leaf_config(address, port, site):
+    """Without a domain of its own, nats-server would not let asks of JetStream through."""
+    return ('default_js_domain { "$G": "" }\nleafnodes { reconnect: 1, remotes: [ { '
+            f'url: "nats-leaf://{site.name}:{site.password}@{address}:{port}" }} ] }}')
+
+
 class Room:
     """Its parts: `daemon`, `nats`, `publisher`, `receivers`, and `sites`: the receivers' NatsUsers,
     each for one. A `with` block ends all.
