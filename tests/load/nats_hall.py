@@ -128,7 +128,10 @@ def ramp(room, counts, seconds):
               f"the median guest {figures['median_p99_ms']:.1f} ms (p50 "
               f"{figures['median_p50_ms']:.1f}); the least gets {figures['least_hz']:.1f} poses/s; "
               f"{figures['lost']} lost; processors: {text_of(shares)}", flush=True)
-        if figures["worst_p99_ms"] <= BOUND_MS:
+        if figures["lost"]:
+            for receiver in room.receivers:
+                print("  a receiver said: " + "".join(receiver.said[-2:]).strip())
+        if figures["worst_p99_ms"] <= BOUND_MS and not figures["lost"]:
             below, passed = guests, None
         elif passed:
             break

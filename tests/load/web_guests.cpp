@@ -180,8 +180,10 @@ bool IsDropped(Socket& socket) {
 
 using Guests = std::vector<std::unique_ptr<LoadGuest>>;
 
-// What the guests get within this time.
+// What the guests get within this time. What waited while they joined, or while the last report was
+// made, does not count.
 json Watch(asio::io_context& io, const Guests& guests, double window_s) {
+  Run(io, std::chrono::seconds(1));
   for (const auto& guest : guests) guest->BeginToCount();
   const double begin_ms = NowMs();
   Run(io, std::chrono::duration<double>(window_s));
@@ -224,7 +226,7 @@ int Main(const std::vector<std::string>& arguments) {
     guests.push_back(std::make_unique<LoadGuest>(io, target));
     io.poll();
   }
-  Run(io, std::chrono::seconds(2));
+  Run(io, std::chrono::seconds(1));
   for (int n = arguments.size() > 7 ? std::stoi(arguments[7]) : 1; n > 0; --n) {
     json report = Watch(io, guests, std::stod(arguments[5]));
     report["stalled"] = stalled.size();
