@@ -13,9 +13,11 @@ import argparse
 import csv
 import json
 import pathlib
+import queue
 import statistics
 import subprocess
 import sys
+import threading
 import time
 
 from room import KEY, Room, machine_s, open_files, processor_s, resident_bytes
@@ -42,10 +44,22 @@ class Crowd:
             subprocess.Popen([WEB_GUESTS, "127.0.0.1", str(receiver.port), KEY, str(count),
                               str(window_s), "0", str(windows + 1)], stdout=subprocess.PIPE, text=True)
             for receiver, count in zip(room.receivers, counts)]
+        # Each is read at once: a report is larger than a pipe, and guests do not read meanwhile.
+        self._reports = [queue.Queue() for _ in self.processes]
+        self._threads = [threading.Thread(target=self._read, args=pair)
+                         for pair in zip(self.processes, self._reports)]
+        for thread in self._threads:
+            thread.start()
+
+    @staticmethod
+    def _read(process, reports):
+        for line in process.stdout:
+            reports.put(line)
+        reports.put("")
 
     def window(self):
         """The guests' figures of one window, once it is over."""
-        reports = [json.loads(process.stdout.readline()) for process in self.processes]
+        reports = [json.loads(reports.get()) for reports in self._reports]
         clients = [client for report in reports for client in report["clients"]]
         ages = [client["age_ms"] for client in clients if client["age_ms"]]
         if not ages:
@@ -61,7 +75,9 @@ class Crowd:
     def end(self):
         for process in self.processes:
             process.kill()
+        for process, thread in zip(self.processes, self._threads):
             process.wait()
+            thread.join()
             process.stdout.close()
 
     def __enter__(self):
