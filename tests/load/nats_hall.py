@@ -34,15 +34,15 @@ SHORT_FLAT_BYTES = 4 << 20
 
 
 class Crowd:
-    """Guests at all receivers, a process for each receiver. They stay for a while after the last
-    window, until end()."""
+    """Guests at all receivers, a process for each receiver, until end(). All have joined when this is
+    made."""
 
-    def __init__(self, room, guests, window_s, windows):
+    def __init__(self, room, guests, window_s):
         counts = [guests // len(room.receivers)] * len(room.receivers)
         counts[0] += guests - sum(counts)
         self.processes = [
             subprocess.Popen([WEB_GUESTS, "127.0.0.1", str(receiver.port), KEY, str(count),
-                              str(window_s), "0", str(windows + 1)], stdout=subprocess.PIPE, text=True)
+                              str(window_s), "0", "1000000"], stdout=subprocess.PIPE, text=True)
             for receiver, count in zip(room.receivers, counts)]
         # Each is read at once: a report is larger than a pipe, and guests do not read meanwhile.
         self._reports = [queue.Queue() for _ in self.processes]
@@ -50,6 +50,13 @@ class Crowd:
                          for pair in zip(self.processes, self._reports)]
         for thread in self._threads:
             thread.start()
+        self.window()
+        # Some joined sooner than others: what they have reported meanwhile, and the window that they
+        # are in.
+        for reports in self._reports:
+            while not reports.empty():
+                reports.get()
+        self.window()
 
     @staticmethod
     def _read(process, reports):
@@ -127,8 +134,7 @@ def bottleneck(shares):
 
 def step(room, guests, seconds):
     """The figures of so many guests."""
-    with Crowd(room, guests, seconds, 2) as crowd:
-        crowd.window()  # until all have joined
+    with Crowd(room, guests, seconds) as crowd:
         shares = Shares(room, crowd)
         figures = crowd.window()
         return figures, shares.take()
@@ -162,8 +168,9 @@ def ramp(room, counts, seconds):
 def watch(room, guests, seconds, window_s, file):
     """The long run. What was wrong, in words."""
     windows = max(1, round(seconds / window_s))
-    began_s, rows, found = time.monotonic(), [], []
-    with Crowd(room, guests, window_s, windows) as crowd:
+    rows, found = [], []
+    with Crowd(room, guests, window_s) as crowd:
+        began_s = time.monotonic()
         shares = Shares(room, crowd)
         writer = None
         for _ in range(windows):
