@@ -447,13 +447,10 @@ TEST_F(RoomCopies, WhileGroupsAreSupersededTheNextVolumeIsCompleteWhenItComes) {
   for (const std::string& subject : copy_.Asks(64)) copy_.TakeAnswer(subject, kept_[subject], {});
   const auto groups = copy_.Asks(3);
   ASSERT_FALSE(groups.empty());
-  int shows = 0;
   for (int n = 0; n < 4; ++n) {  // answers bring groups that no manifest here names yet
     const Messages messages = Publish();
     AnswerAll(copy_, kept_);
-    for (const auto& [subject, bytes] : messages) {
-      shows += copy_.TakeLive(subject, bytes, {}).shown ? 1 : 0;
-    }
+    for (const auto& [subject, bytes] : messages) copy_.TakeLive(subject, bytes, {});
   }
   for (const std::string& subject : groups) copy_.TakeAnswer(subject, kept_[subject], {});
   for (const auto& [subject, bytes] : Publish()) copy_.TakeLive(subject, bytes, {});
