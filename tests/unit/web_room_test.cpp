@@ -11,6 +11,7 @@
 #include <deque>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <random>
 #include <set>
 #include <span>
@@ -381,11 +382,9 @@ std::vector<RoomCopy::Shown> AnswerAll(RoomCopy& copy,
 }
 
 std::string VolumeMessage(const std::string& name, const std::string& text) {
-  const std::string manifest =
-      name.empty() ? "" : json{{"type", "manifest"}, {"name", name}}.dump();
   return json{{"volume", json{{"type", "volume"}, {"name", text}}.dump()},
               {"placement", ""},
-              {"manifest", manifest}}
+              {"manifest", json{{"type", "manifest"}, {"name", name}}.dump()}}
       .dump();
 }
 
@@ -407,6 +406,21 @@ class RoomCopies : public testing::Test {
     for (const auto& [subject, bytes] : MessagesOf(state_, none, subjects_, random_)) {
       kept_[subject] = bytes;
     }
+  }
+  // The copy shows a volume of an overview alone. Returns its manifest's name.
+  std::string Show() {
+    Manifest alone;
+    alone.size = {9, 9, 9};
+    alone.overview = HashOf(HashBytes(0, "x"));
+    alone.overview_size = {1, 1, 1};
+    const std::string text = ToJson(alone), hash = HashBytes(255, text);
+    copy_.TakeLive(subjects_.overview(0), PlainParts(0, HashBytes(0, "x"), Zip("x"), 1)[0], {});
+    copy_.TakeLive(subjects_.manifest(0), PlainParts(255, hash, Zip(text), 1)[0], {});
+    EXPECT_TRUE(Take(VolumeMessage(Hex(hash), "shown")));
+    return Hex(hash);
+  }
+  std::optional<RoomCopy::Shown> Take(const std::string& volume_message) {
+    return copy_.TakeLive(subjects_.volume(), volume_message, {}).shown;
   }
 
   Random random_{5};
@@ -470,8 +484,8 @@ TEST_F(RoomCopies, ATextThatCameLiveIsNotReplacedByAnOlderAnswer) {
   copy_.Asks(64);
   EXPECT_EQ(copy_.TakeAnswer(subject, next, {}).texts.size(), 1U);
 
-  copy_.TakeLive(subjects_.volume(), VolumeMessage("", "new"), {});
-  EXPECT_FALSE(copy_.TakeAnswer(subjects_.volume(), VolumeMessage("", "old"), {}).shown);
+  const std::string name = Show();
+  EXPECT_FALSE(copy_.TakeAnswer(subjects_.volume(), VolumeMessage(name, "old"), {}).shown);
 }
 
 // What the publisher's beat is compared with.
@@ -493,29 +507,33 @@ TEST_F(RoomCopies, KnowsWhichTextsItHas) {
   EXPECT_EQ(copy_.kept(), expected);
 }
 
-TEST_F(RoomCopies, AVolumeWithoutAManifestOrWithTheShownOneIsShownAtOnce) {
-  const auto first = copy_.TakeLive(subjects_.volume(), VolumeMessage("", "loading"), {}).shown;
-  ASSERT_TRUE(first);
-  EXPECT_TRUE(first->manifest.empty());
-  Manifest alone;
-  alone.size = {9, 9, 9};
-  alone.overview = HashOf(HashBytes(0, "x"));
-  alone.overview_size = {1, 1, 1};
-  const std::string text = ToJson(alone), hash = HashBytes(255, text);
-  copy_.TakeLive(subjects_.overview(0), PlainParts(0, HashBytes(0, "x"), Zip("x"), 1)[0], {});
-  copy_.TakeLive(subjects_.manifest(0), PlainParts(255, hash, Zip(text), 1)[0], {});
-  for (const char* const name : {"one", "renamed"}) {
-    const auto shown = copy_.TakeLive(subjects_.volume(), VolumeMessage(Hex(hash), name), {}).shown;
-    ASSERT_TRUE(shown);
-  }
-  const auto last = copy_.TakeLive(subjects_.volume(), VolumeMessage("", "loading"), {}).shown;
-  ASSERT_TRUE(last);
-  EXPECT_TRUE(copy_.Find(Hex(hash)));
+TEST_F(RoomCopies, AnotherTextOfTheShownManifestIsShownAtOnce) {
+  const std::string name = Show();
+  const auto shown = Take(VolumeMessage(name, "renamed"));
+  ASSERT_TRUE(shown);
+  EXPECT_EQ(json::parse(shown->volume)["name"], "renamed");
+  EXPECT_TRUE(copy_.Find(name));
+}
+
+// Else guests read of one volume and see the voxels of another.
+TEST_F(RoomCopies, AVolumeWithoutAManifestIsDropped) {
+  json message = json::parse(VolumeMessage("", "another"));
+  message["manifest"] = "";
+  EXPECT_FALSE(Take(message.dump()));
+  const std::string name = Show();
+  EXPECT_FALSE(Take(message.dump()));
+  message.erase("manifest");
+  EXPECT_FALSE(Take(message.dump()));
+  // One that waits for its voxels still comes.
+  Begin();
+  EXPECT_FALSE(Take(state_.message));
+  EXPECT_FALSE(Take(message.dump()));
+  EXPECT_EQ(AnswerAll(copy_, kept_).size(), 1U);
+  EXPECT_TRUE(copy_.Find(state_.name));
 }
 
 TEST_F(RoomCopies, BadTextsAreDropped) {
-  const std::string name = std::string(31, '0') + "1";
-  const json good = json::parse(VolumeMessage("", "x"));
+  const json good = json::parse(VolumeMessage(Show(), "x"));
   const auto with = [&](const char* key, const json& value) {
     json bad = good;
     bad[key] = value;
@@ -538,10 +556,10 @@ TEST_F(RoomCopies, BadTextsAreDropped) {
       with("manifest", json{{"type", "manifest"}, {"name", std::string(32, '0')}}.dump()),
       with("volume", json{{"type", "volume"}, {"a", std::string(1 << 20, 'a')}}.dump())};
   for (const std::string& text : bad) {
-    EXPECT_FALSE(copy_.TakeLive(subjects_.volume(), text, {}).shown) << text.substr(0, 90);
+    EXPECT_FALSE(Take(text)) << text.substr(0, 90);
     EXPECT_TRUE(copy_.TakeLive(subjects_.text(Topic::kSeries), text, {}).texts.empty());
   }
-  EXPECT_TRUE(copy_.TakeLive(subjects_.volume(), good.dump(), {}).shown);
+  EXPECT_TRUE(Take(good.dump()));
   EXPECT_TRUE(
       copy_.TakeLive("palpate.other.kept.text.series", R"({"type":"series"})", {}).texts.empty());
 }

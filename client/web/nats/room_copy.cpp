@@ -111,7 +111,6 @@ std::optional<RoomCopy::Volume> RoomCopy::VolumeOf(std::string_view bytes) {
   if (!texts.placement.empty() && ObjectOf(texts.placement, Topic::kPlacement).is_null()) {
     return std::nullopt;
   }
-  if (texts.manifest.empty()) return volume;
   const Json manifest = ObjectOf(texts.manifest, Topic::kManifest);
   const bool is_named = manifest.contains("name") && manifest["name"].is_string();
   const auto name = is_named ? ParseName(manifest["name"].get<std::string>()) : std::nullopt;
@@ -123,7 +122,7 @@ std::optional<RoomCopy::Volume> RoomCopy::VolumeOf(std::string_view bytes) {
 void RoomCopy::TakeVolume(std::string_view bytes, News& news) {
   auto volume = VolumeOf(bytes);
   if (!volume) return;
-  if (volume->manifest == kNone || volume->manifest == shown_name_) {
+  if (volume->manifest == shown_name_) {
     next_.reset();
     news.shown = std::move(volume->texts);
     return;

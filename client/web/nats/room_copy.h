@@ -36,7 +36,7 @@ class RoomCopy {
 
   // The texts of the topics kVolume, kPlacement and kManifest, which change together.
   struct Shown {
-    std::string volume, placement, manifest;  // placement, manifest: may be empty
+    std::string volume, placement, manifest;  // placement: may be empty
   };
   // What is new. Texts are JSON objects whose "type" is the topic's.
   struct News {
@@ -97,7 +97,7 @@ class RoomCopy {
   };
   struct Volume {
     Shown texts;
-    ContentHash manifest{};  // zeros: none
+    ContentHash manifest{};
   };
 
   News Take(std::string_view subject, std::string_view bytes, bool is_live, Time now);

@@ -196,7 +196,7 @@ void RoomSource::Take() {
 void RoomSource::PutShown(RoomCopy::Shown shown) {
   hub_.Put(Topic::kVolume, std::move(shown.volume));
   if (!shown.placement.empty()) hub_.Put(Topic::kPlacement, std::move(shown.placement));
-  if (!shown.manifest.empty()) hub_.Put(Topic::kManifest, std::move(shown.manifest));
+  hub_.Put(Topic::kManifest, std::move(shown.manifest));
 }
 
 void RoomSource::PutPose() {
