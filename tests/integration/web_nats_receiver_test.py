@@ -376,46 +376,52 @@ class Away(ReceiverTest):
 
 
 class Cable:
-    """Forwards a port, until it is cut: then all connections end, and there are no new ones."""
+    """Forwards a port, until it is cut: then connections end, and there are no new ones. is_of: of
+    which connections this is true, by the first bytes that the client sends; others go on."""
 
-    def __init__(self, to):
-        self._to, self._ends, self.is_cut = to, [], False
+    def __init__(self, to, is_of=lambda first: True):
+        self._to, self._is_of, self._ends, self.is_cut = to, is_of, [], False
         self._door = socket.create_server(("127.0.0.1", 0))
         self.port = self._door.getsockname()[1]
+        self.url = f"nats://127.0.0.1:{self.port}"
         threading.Thread(target=self._listen, daemon=True).start()
 
     def _listen(self):
         try:
             while True:
                 near, _ = self._door.accept()
-                if self.is_cut:
-                    near.close()
-                    continue
                 far = socket.create_connection(("127.0.0.1", self._to))
-                self._ends += [near, far]
-                for one, other in ((near, far), (far, near)):
-                    threading.Thread(target=self._pump, args=(one, other), daemon=True).start()
+                for one, other, is_first in ((near, far, True), (far, near, False)):
+                    threading.Thread(target=self._pump, args=(one, other, is_first),
+                                     daemon=True).start()
         except OSError:
             return
 
-    @staticmethod
-    def _pump(one, other):
+    def _pump(self, one, other, is_first):
         try:
             while data := one.recv(65536):
+                if is_first and self._is_of(data):
+                    self._ends += [one, other]
+                    if self.is_cut:
+                        break
+                is_first = False
                 other.sendall(data)
-            other.shutdown(socket.SHUT_RDWR)
+        except OSError:
+            pass
+        for end in (one, other):
+            self._end(end)
+
+    @staticmethod
+    def _end(end):
+        try:
+            end.shutdown(socket.SHUT_RDWR)
         except OSError:
             pass
 
     def cut(self):
         self.is_cut = True
         while self._ends:
-            end = self._ends.pop()
-            try:
-                end.shutdown(socket.SHUT_RDWR)
-            except OSError:
-                pass
-            end.close()
+            self._end(self._ends.pop())
 
     def __enter__(self):
         return self
@@ -423,6 +429,31 @@ class Cable:
     def __exit__(self, *_):
         self.cut()
         self._door.close()
+
+
+class Voxels(ReceiverTest):
+    def test_poses_go_on_while_the_connection_of_the_voxels_is_lost(self):
+        with NatsServer() as server, \
+                Cable(server.port, lambda first: b'volume"' in first) as cable, \
+                Publisher(server) as publisher, from_room(cable) as gateway, \
+                Guest(gateway) as guest:
+            first, second = Volume(noise(12), 7), Volume(noise(13), 8)
+            publisher.show(first)
+            self.assert_shown(guest, first)
+            self.await_connection(guest, "connected")
+            self.assertEqual(guest.topics["copy"]["problem"], "")
+            heard = len(guest.heard)
+            cable.cut()
+            guest.wait_for("copy", lambda message: "NATS" in message["problem"])
+            publisher.show(second)
+            poses = guest.poses
+            self.assertTrue(wait_until(lambda: guest.poses > poses + 20))
+            self.assertTrue(guest.pose[1] & 16)
+            cable.is_cut = False
+            self.assert_shown(guest, second)
+            guest.wait_for("copy", lambda message: message["problem"] == "")
+            whys = [text.get("why", "") for text in guest.heard[heard:]]
+            self.assertFalse([why for why in whys if "NATS" in why])
 
 
 class Site(ReceiverTest):

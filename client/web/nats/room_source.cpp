@@ -170,7 +170,7 @@ void RoomSource::Take() {
     is_take_posted_ = false;
   }
   const auto now = steady_clock::now();
-  state_.TakeLink(is_connected(), now);
+  state_.TakeLink(live_->is_connected(), now);
   if (news.beat) state_.TakeBeat(*news.beat, now);
   for (std::size_t topic = 0; topic < news.texts.size(); ++topic) {
     std::optional<std::string>& text = news.texts[topic];
@@ -182,10 +182,8 @@ void RoomSource::Take() {
     }
   }
   if (news.shown) PutShown(*std::move(news.shown));
-  if (news.missing_groups) {
-    constexpr std::uint64_t kBricks = std::uint64_t{kGroupBricks} * kGroupBricks * kGroupBricks;
-    hub_.Put(Topic::kCopy, CopyText(kBricks * *news.missing_groups, ""));
-  }
+  if (news.missing_groups) missing_groups_ = *news.missing_groups;
+  PutCopy();
   PutConnection();
   if (news.pose && state_.is_published(now)) {
     pose_ = *std::move(news.pose);
@@ -197,6 +195,13 @@ void RoomSource::PutShown(RoomCopy::Shown shown) {
   hub_.Put(Topic::kVolume, std::move(shown.volume));
   if (!shown.placement.empty()) hub_.Put(Topic::kPlacement, std::move(shown.placement));
   hub_.Put(Topic::kManifest, std::move(shown.manifest));
+}
+
+// Poses and voxels come by connections of their own, so the loss of one says nothing of the other.
+void RoomSource::PutCopy() {
+  constexpr std::uint64_t kBricks = std::uint64_t{kGroupBricks} * kGroupBricks * kGroupBricks;
+  hub_.Put(Topic::kCopy,
+           CopyText(kBricks * missing_groups_, kept_->is_connected() ? "" : "NATS is not reached"));
 }
 
 void RoomSource::PutPose() {

@@ -50,9 +50,9 @@ class RoomSource final : public Source {
                     const std::vector<std::string>& may_steer) const override;
 
   std::optional<double> pose_age_s() const override;
-  bool is_copy_complete() const override { return is_complete_; }
+  bool is_copy_complete() const override { return is_complete_ && kept_->is_connected(); }
 
-  // To NATS. Any thread.
+  // To NATS, for poses and for voxels. Any thread.
   bool is_connected() const { return live_->is_connected() && kept_->is_connected(); }
 
  private:
@@ -75,6 +75,7 @@ class RoomSource final : public Source {
   void Note(const std::function<void(News&)>& note);
   void Take();
   void PutShown(RoomCopy::Shown shown);
+  void PutCopy();
   void PutPose();
   void PutConnection();
   void Log(const std::string& line);
@@ -91,6 +92,7 @@ class RoomSource final : public Source {
   RoomState::Connection connection_;
   std::int64_t connection_since_ms_ = 0;
   std::string pose_;  // the newest, as the publisher sent it
+  std::uint64_t missing_groups_ = 0;
   std::string last_line_;
 
   std::atomic<std::int64_t> pose_time_ns_{0};

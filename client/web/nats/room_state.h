@@ -1,5 +1,5 @@
-// What a room's guests are told of the way to its palpated: the gateway's link to NATS, then the
-// room's publisher, then the publisher's own word.
+// What a room's guests are told of the way to its palpated: the gateway's link to NATS by which
+// poses and beats come, then the room's publisher, then the publisher's own word.
 //
 // A publisher is heard by its beats, twice a second. Threads: pure. Time is passed in.
 // Errors: none. What is no message of the room is ignored.
