@@ -120,10 +120,8 @@ class Publisher:
             self._hashes[subject] = hash_of(1, f"{subject}\0{data}".encode())
 
     def _kept(self):
-        halves = np.zeros(2, np.uint64)
-        for digest in list(self._hashes.values()):
-            halves += np.frombuffer(digest, ">u8").astype(np.uint64)
-        return halves.astype(">u8").tobytes().hex()
+        return {subject.rpartition(".")[2]: digest.hex()
+                for subject, digest in list(self._hashes.items())}
 
     def text(self, topic, **members):
         self.keep(f"text.{topic}", json.dumps({"type": topic} | members))

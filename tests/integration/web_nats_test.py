@@ -46,16 +46,16 @@ class Room:
         return name.hex(), zstandard.ZstdDecompressor().decompress(
             b"".join(part.data[22:] for part in parts))
 
-    def sum(self):
-        """What the publisher's beat says that the room keeps."""
-        total = np.zeros(2, ">u8")
-        for subject in ["volume", *(f"text.{topic}" for topic in
-                                    ("connection", "settings", "steering", "series", "recording"))]:
+    def hashes(self):
+        """What the publisher's beat says that it has put."""
+        found = {}
+        for name in ["volume", "connection", "settings", "steering", "series", "recording"]:
+            subject = name if name == "volume" else f"text.{name}"
             message = self.client.kept(ROOM, subject)
             if message is not None:
-                total += np.frombuffer(xxhash.xxh3_128_digest(
-                    b"\1" + f"palpate.{ROOM}.kept.{subject}".encode() + b"\0" + message.data), ">u8")
-        return total.tobytes().hex()
+                found[name] = xxhash.xxh3_128_hexdigest(
+                    b"\1" + f"palpate.{ROOM}.kept.{subject}".encode() + b"\0" + message.data)
+        return found
 
     def blob(self, name):
         return self._groups.get(name)
@@ -132,7 +132,7 @@ class PublisherTest(DaemonTest):
         self.assertEqual({len(pose.data) for pose in poses.wait(20)[:20]}, {176})
         beat = beats.wait(2)[0].json
         self.assertEqual([beat["protocol"], len(beat["session"]), len(beat["machine"])], [1, 16, 32])
-        self.assertTrue(wait_until(lambda: beats.newest.json["kept"] == room.sum()))
+        self.assertTrue(wait_until(lambda: beats.newest.json["kept"] == room.hashes()))
         self.assertTrue(wait_until(
             lambda: client.kept(ROOM, "text.connection").json["state"] == "connected"))
         self.assertEqual(client.kept(ROOM, "text.settings").json["type"], "settings")

@@ -488,23 +488,63 @@ TEST_F(RoomCopies, ATextThatCameLiveIsNotReplacedByAnOlderAnswer) {
   EXPECT_FALSE(copy_.TakeAnswer(subjects_.volume(), VolumeMessage(name, "old"), {}).shown);
 }
 
-// What the publisher's beat is compared with.
-TEST_F(RoomCopies, KnowsWhichTextsItHas) {
+// What a publisher's beat names of these texts and this volume's message.
+using Named = std::map<std::string, std::string>;
+std::string NameIn(const std::string& subject, const std::string& message) {
+  return Hex(HashBytes(1, subject + '\0' + message));
+}
+
+TEST_F(RoomCopies, WhatABeatNamesAndDidNotComeIsAskedForAnew) {
   const std::string settings = subjects_.text(Topic::kSettings), volume = subjects_.volume();
   const std::string first = R"({"type":"settings","n":1})", second = R"({"type":"settings","n":2})";
-  EXPECT_EQ(copy_.kept(), ContentHash{});
-  copy_.Asks(64);
-  copy_.TakeAnswer(settings, first, {});
-  copy_.TakeAnswer(subjects_.text(Topic::kSeries), "", {});  // nothing is kept
-  EXPECT_EQ(NameOf(copy_.kept()), Hex(HashBytes(1, settings + '\0' + first)));
-  copy_.TakeLive(settings, second, {});
-  copy_.TakeLive(volume, "no volume", {});
-  copy_.TakeAnswer(volume, "an older one", {});
-  ContentHash expected = KeptHash(settings, second);
-  expected += KeptHash(volume, "no volume");
-  EXPECT_EQ(copy_.kept(), expected);
-  copy_.AskAnew(true);
-  EXPECT_EQ(copy_.kept(), expected);
+  Time now{std::chrono::hours(1)};
+  const auto beat = [&](const Named& named) {
+    return copy_.TakeBeat(named, now += std::chrono::milliseconds(500));
+  };
+  AnswerAll(copy_, {{settings, first}, {volume, "bad"}});
+  // Only what it names is compared: a session that has put nothing yet names nothing.
+  for (const Named& named :
+       {Named{}, Named{{"settings", NameIn(settings, first)}},
+        Named{{"settings", NameIn(settings, first)}, {"volume", NameIn(volume, "bad")}},
+        Named{{"another", "?"}}}) {
+    for (int n = 0; n < 9; ++n) EXPECT_FALSE(beat(named));
+  }
+  EXPECT_TRUE(copy_.Asks(64).empty());
+  // One beat may come before the message.
+  const Named next{{"settings", NameIn(settings, second)}, {"volume", NameIn(volume, "bad")}};
+  EXPECT_FALSE(beat(next));
+  copy_.TakeLive(settings, second, now);
+  EXPECT_FALSE(beat(next));
+  EXPECT_TRUE(copy_.Asks(64).empty());
+  for (const Named& lost : {Named{{"settings", NameIn(settings, first)}},
+                            Named{{"series", NameIn(subjects_.text(Topic::kSeries), "x")}},
+                            Named{{"volume", NameIn(volume, "x")}}}) {
+    now += std::chrono::seconds(60);
+    EXPECT_FALSE(beat(lost));
+    EXPECT_TRUE(beat(lost));
+    EXPECT_GT(copy_.Asks(64).size(), std::size(kTextTopics));
+  }
+}
+
+TEST_F(RoomCopies, WhatNeverComesIsAskedForEverMoreSeldom) {
+  const std::string settings = subjects_.text(Topic::kSettings), text = R"({"type":"settings"})";
+  const Named lost{{"settings", NameIn(settings, text)}};
+  const Time start{std::chrono::hours(1)};
+  std::vector<double> waits;
+  Time now = start, last = start;
+  for (; now < start + std::chrono::minutes(6); now += std::chrono::milliseconds(500)) {
+    if (!copy_.TakeBeat(lost, now)) continue;
+    waits.push_back(std::chrono::duration<double>(now - last).count());
+    last = now;
+    AnswerAll(copy_, {});
+  }
+  EXPECT_EQ(waits, (std::vector<double>{0.5, 2, 4, 8, 16, 32, 60, 60, 60, 60}));
+  // It came: the next loss is asked for soon.
+  copy_.TakeLive(settings, text, now);
+  EXPECT_FALSE(copy_.TakeBeat(lost, now));
+  copy_.TakeLive(settings, R"({"type":"settings","n":1})", now);
+  EXPECT_FALSE(copy_.TakeBeat(lost, now));
+  EXPECT_TRUE(copy_.TakeBeat(lost, last + std::chrono::seconds(2)));
 }
 
 TEST_F(RoomCopies, AnotherTextOfTheShownManifestIsShownAtOnce) {

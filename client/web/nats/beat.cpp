@@ -23,7 +23,7 @@ std::optional<Beat> ParseBeat(std::string_view json) {
     Beat beat{.protocol = read.at("protocol").get<int>()};
     beat.session = read.value("session", std::string());
     beat.machine = read.value("machine", std::string());
-    beat.kept = read.value("kept", std::string());
+    if (beat.protocol == kRoomProtocol) beat.kept = read.value("kept", beat.kept);
     return beat;
   } catch (const nlohmann::json::exception&) {
     return std::nullopt;

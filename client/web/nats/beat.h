@@ -1,13 +1,15 @@
 // The heartbeat of a room's publisher: says that it is there, and who it is. JSON:
 //   {"protocol": 1, "session": 16 hex digits, random at each start, "machine": 32 hex digits,
-//    "kept": 32 hex digits}
-// kept: NameOf the sum of KeptHash over the texts and the volume's message that the room keeps. A
-// receiver with another sum has missed one: a leaf server loses messages while its link is cut.
+//    "kept": {"settings": 32 hex digits, ..., "volume": ...}}
+// kept: NameOf the KeptHash of the newest messages that this session has put; a topic's name, or
+// "volume" for the volume's message. A receiver that has another one has missed it: a leaf server
+// loses messages while its link is cut.
 //
 // Threads: pure; ThisMachine reads a file.
 #pragma once
 
 #include <chrono>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -24,7 +26,7 @@ struct Beat {
   int protocol = kRoomProtocol;
   std::string session{};
   std::string machine{};
-  std::string kept{};
+  std::map<std::string, std::string> kept{};
 };
 
 std::string ToJson(const Beat& beat);

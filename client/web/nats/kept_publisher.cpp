@@ -166,9 +166,12 @@ void KeptPublisher::PublishTexts() {
 void KeptPublisher::Put(Topic topic, const std::string& subject, const std::string& message) {
   stream_.Publish(subject, message);
   put_.at(At(topic)) = KeptHash(subject, message);
-  ContentHash sum{};
-  for (const ContentHash& hash : put_) sum += hash;
-  calls_.kept(NameOf(sum));
+  std::map<std::string, std::string> kept;
+  for (std::size_t n = 0; n < put_.size(); ++n) {
+    if (put_[n] != ContentHash{})
+      kept[std::string(NameOf(static_cast<Topic>(n)))] = NameOf(put_[n]);
+  }
+  calls_.kept(std::move(kept));
 }
 
 // False: a blob is superseded and gone.

@@ -15,6 +15,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -39,7 +40,7 @@ class KeptPublisher {
 
   struct Calls {
     std::function<void()> problem_changed{};
-    std::function<void(std::string kept)> kept{};  // see Beat::kept
+    std::function<void(std::map<std::string, std::string> kept)> kept{};  // see Beat::kept
   };
 
   KeptPublisher(const NatsServer& server, const Subjects& subjects, FindBlob find_blob,

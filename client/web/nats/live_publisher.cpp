@@ -48,7 +48,7 @@ void LivePublisher::PutPose(std::shared_ptr<const std::string> pose) {
   wake_.notify_all();
 }
 
-void LivePublisher::SetKept(std::string kept) {
+void LivePublisher::SetKept(std::map<std::string, std::string> kept) {
   const std::lock_guard lock(mutex_);
   beat_.kept = std::move(kept);
 }

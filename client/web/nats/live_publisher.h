@@ -43,7 +43,7 @@ class LivePublisher {
 
   void PutPose(std::shared_ptr<const std::string> pose);
   // See Beat::kept.
-  void SetKept(std::string kept);
+  void SetKept(std::map<std::string, std::string> kept);
   // Each request that `steer` was called for takes one.
   void Reply(std::string subject, std::string json);
 

@@ -328,10 +328,24 @@ void RoomCopy::AskAnew(bool everything) {
   }
 }
 
-ContentHash RoomCopy::kept() const {
-  ContentHash sum{};
-  for (const Text& text : texts_) sum += text.hash;
-  return sum;
+bool RoomCopy::TakeBeat(const std::map<std::string, std::string>& kept, Time now) {
+  constexpr std::chrono::seconds kLeast{1}, kMost{60};
+  std::map<std::string, std::string> missed;
+  for (const Text& text : texts_) {
+    const bool is_volume = text.kept.kind == Kept::Kind::kVolume;
+    const auto named = kept.find(std::string(NameOf(is_volume ? Topic::kVolume : text.kept.topic)));
+    if (named != kept.end() && named->second != NameOf(text.hash)) missed.insert(*named);
+  }
+  if (missed != missed_) {
+    missed_ = std::move(missed);
+    patience_ = kLeast;
+    return false;
+  }
+  if (missed.empty() || now - asked_anew_ < patience_) return false;
+  asked_anew_ = now;
+  patience_ = std::min(2 * patience_, kMost);
+  AskAnew(true);
+  return true;
 }
 
 bool RoomCopy::is_complete() const {

@@ -13,6 +13,7 @@
 // constructor (no room); bad messages are dropped.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -61,6 +62,10 @@ class RoomCopy {
   // Asks that are under way are lost. `everything`: messages may be lost, too, as after a
   // connection. Otherwise: call it if something is missing and no answer came for a second.
   void AskAnew(bool everything);
+  // Beat::kept of the publisher's newest beat. If two in a row name the same messages that did not
+  // come here, asks anew for everything and returns true; ever more seldom, up to once a minute,
+  // while that changes nothing. (One beat may come before a message that it names.)
+  bool TakeBeat(const std::map<std::string, std::string>& kept, Time now);
   // Drops blobs that were superseded long ago; Take does so, too.
   void Expire(Time now) { shelf_.Expire(now); }
 
@@ -68,8 +73,6 @@ class RoomCopy {
   std::size_t missing_groups() const { return next_ ? missing_ : 0; }
   // The room was asked, and what it has is shown.
   bool is_complete() const;
-  // Of the newest texts and volume's message, as the publisher's Beat::kept.
-  ContentHash kept() const;
 
   BlobPtr Find(std::string_view name) const { return shelf_.Find(name); }
   const BlobShelf& shelf() const { return shelf_; }
@@ -118,7 +121,10 @@ class RoomCopy {
 
   const Subjects subjects_;
   BlobShelf shelf_;
-  std::vector<Text> texts_;  // the volume's message first
+  std::vector<Text> texts_;                    // the volume's message first
+  std::map<std::string, std::string> missed_;  // of the newest beat
+  Time asked_anew_;                            // because of a beat
+  std::chrono::seconds patience_{0};           // until the next time
   Parted manifest_{.kind = Kept::Kind::kManifest};
   Parted overview_{.kind = Kept::Kind::kOverview};
   Manifest newest_;                    // of manifest_.held

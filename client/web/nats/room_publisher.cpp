@@ -16,10 +16,11 @@ RoomPublisher::RoomPublisher(RoomOptions options, Hub& hub, Post post)
   const Subjects subjects(options_.room);
   kept_ = std::make_unique<KeptPublisher>(
       options_.server, subjects, hub_.find_blob,
-      KeptPublisher::Calls{
-          .problem_changed = [this] { post_([this] { LogProblem(); }); },
-          .kept =
-              [this](const std::string& kept) { post_([this, kept] { live_->SetKept(kept); }); }});
+      KeptPublisher::Calls{.problem_changed = [this] { post_([this] { LogProblem(); }); },
+                           .kept =
+                               [this](const std::map<std::string, std::string>& kept) {
+                                 post_([this, kept] { live_->SetKept(kept); });
+                               }});
   live_ = std::make_unique<LivePublisher>(options_.server, subjects, Calls());
   hub_.Subscribe(this);
   OnTopic(Topic::kVolume);

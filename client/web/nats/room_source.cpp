@@ -95,21 +95,15 @@ void RoomSource::Log(const std::string& line) {
 }
 
 // The thread of the beats. A link between two servers may have lost a message while this gateway's
-// own links stayed. One beat may come before the message that it counts.
+// own links stayed.
 void RoomSource::HearBeat(const Beat& beat) {
-  constexpr std::chrono::seconds kAnswersIn{2};
   Note([&](News& news) { news.beat = beat; });
-  std::string kept;
   {
     const std::lock_guard lock(copy_mutex_);
-    kept = NameOf(copy_.kept());
+    if (!copy_.TakeBeat(beat.kept, steady_clock::now())) return;
+    under_way_ = 0;
   }
-  const bool is_missed = beat.kept != kept && beat.kept == last_kept_;
-  last_kept_ = beat.kept;
-  const auto now = steady_clock::now();
-  if (!is_missed || beat.kept.empty() || now - asked_anew_ < kAnswersIn) return;
-  asked_anew_ = now;
-  AskAnew(true);
+  Ask();
 }
 
 // Threads of links. What is new is noted in the copy's order.

@@ -107,10 +107,6 @@ class RoomSource final : public Source {
   RoomCopy copy_;              // Find needs no mutex
   std::size_t under_way_ = 0;  // asks
 
-  // The thread of the beats.
-  std::string last_kept_;
-  std::chrono::steady_clock::time_point asked_anew_;
-
   std::string inbox_;  // begins the subjects of answers
   std::unique_ptr<NatsLink> live_, kept_;
   std::unique_ptr<Worker> asker_, steerer_;  // end before the links, which they use
