@@ -25,6 +25,14 @@ struct Room {
   void Beat(int protocol = kRoomProtocol, const std::string& machine = kHere) {
     state.TakeBeat({.protocol = protocol, .session = "0123456789abcdef", .machine = machine}, now);
   }
+  // Beats for this time, one at its end.
+  void Publish(int ms) {
+    Beat();
+    for (int at = 0; at < ms; at += 500) {
+      Wait(500);
+      Beat();
+    }
+  }
   void Word(const std::string& state_name, const std::string& why = "") {
     state.TakeText(R"({"type":"connection","state":")" + state_name + R"(","why":")" + why +
                    R"(","palpated":"theatre-2","since_ms":5})");
@@ -82,8 +90,29 @@ TEST(RoomState, EachReasonIsAnother) {
   room.Link(false);
   EXPECT_EQ(room.At(), ConnectionState::kLost);  // NATS, at once
   whys.insert(room.Why());
-  EXPECT_EQ(whys.size(), 4u);
+  room.Link(true);
+  room.Publish(3000);
+  whys.insert(room.Why());
+  EXPECT_EQ(whys.size(), 5u);
   EXPECT_FALSE(whys.contains(""));
+}
+
+TEST(RoomState, APublisherWithoutAWordIsGivenAWhileEachTimeThatItComes) {
+  Room room;
+  room.Link(true);
+  const std::string connecting = room.Why();
+  room.Publish(2500);
+  EXPECT_EQ(room.Why(), connecting);
+  room.Publish(500);
+  EXPECT_NE(room.Why(), connecting);
+  EXPECT_EQ(room.At(), ConnectionState::kConnecting);
+  room.Wait(3000);
+  room.Beat();
+  EXPECT_EQ(room.Why(), connecting);
+  room.Publish(3000);
+  EXPECT_NE(room.Why(), connecting);
+  room.Word("connected");
+  EXPECT_EQ(room.At(), ConnectionState::kConnected);
 }
 
 TEST(RoomState, AServerThatDoesNotComeIsLostAfterAWhile) {

@@ -32,6 +32,7 @@ void RoomState::TakeLink(bool is_connected, Time now) {
 
 void RoomState::TakeBeat(const Beat& beat, Time now) {
   const bool is_known = beat.protocol == kRoomProtocol;
+  if (is_known && !is_published(now)) published_since_ = now;
   (is_known ? heard_ : heard_other_) = now;
   if (is_known) shares_clock_ = beat.machine == machine_;
 }
@@ -54,6 +55,8 @@ bool RoomState::is_published(Time now) const {
 RoomState::Connection RoomState::At(Time now) const {
   const std::string palpated = word_ ? word_->palpated : std::string();
   const Connection connecting{ConnectionState::kConnecting, "connecting to the room", palpated};
+  // The server does not take what the publisher puts, or does not answer.
+  const Connection silent{ConnectionState::kConnecting, "the room keeps nothing yet", palpated};
   const auto lost = [&](const char* why) {
     return Connection{ConnectionState::kLost, why, palpated};
   };
@@ -61,7 +64,10 @@ RoomState::Connection RoomState::At(Time now) const {
   if (!is_connected_) {
     return is_new && !was_connected_ ? connecting : lost("NATS is not reached");
   }
-  if (is_published(now)) return word_.value_or(connecting);
+  if (is_published(now)) {
+    const bool is_late = now - published_since_ >= kBeatLife;
+    return word_.value_or(is_late ? silent : connecting);
+  }
   if (heard_other_ && *heard_other_ >= since_ && now - *heard_other_ < kBeatLife) {
     return lost("the room's publisher is another version");
   }

@@ -45,6 +45,7 @@ class RoomState {
   Time since_;  // of the link's state
   bool is_connected_ = false, was_connected_ = false;
   std::optional<Time> heard_, heard_other_;  // a publisher of this protocol, of another one
+  Time published_since_;                     // while is_published
   bool shares_clock_ = false;
   std::optional<Connection> word_;  // the publisher's own
 };
