@@ -25,7 +25,7 @@ struct Free {
 std::string CompressBytes(std::span<const std::byte> values) {
   // One context per thread: making one costs more than compressing a few bricks.
   thread_local const std::unique_ptr<ZSTD_CCtx, Free> context(ZSTD_createCCtx());
-  std::string zstd(ZSTD_compressBound(values.size()), '\0');
+  std::string zstd(MostCompressedBytes(values.size()), '\0');
   const std::size_t size = ZSTD_compressCCtx(context.get(), zstd.data(), zstd.size(), values.data(),
                                              values.size(), kLevel);
   if (ZSTD_isError(size)) {
@@ -35,6 +35,8 @@ std::string CompressBytes(std::span<const std::byte> values) {
   zstd.resize(size);
   return zstd;
 }
+
+std::size_t MostCompressedBytes(std::size_t bytes) { return ZSTD_compressBound(bytes); }
 
 std::size_t CountValues(std::string_view zstd, std::size_t value_bytes, std::size_t most) {
   const unsigned long long size = ZSTD_getFrameContentSize(zstd.data(), zstd.size());

@@ -18,6 +18,9 @@ std::string Compress(std::span<const T> values) {
   return CompressBytes(std::as_bytes(values));
 }
 
+// The longest that so many bytes become. A longer frame holds what no voxels need.
+std::size_t MostCompressedBytes(std::size_t bytes);
+
 // Returns the number of values that `zstd` claims to hold. Errors: kInvalidArgument if `zstd`
 // states no size, or more than `most` values.
 std::size_t CountValues(std::string_view zstd, std::size_t value_bytes, std::size_t most);

@@ -604,6 +604,13 @@ TEST_F(RoomCopies, BadTextsAreDropped) {
       copy_.TakeLive("palpate.other.kept.text.series", R"({"type":"series"})", {}).texts.empty());
 }
 
+// A frame that zstd skips.
+std::string Skipped(std::size_t bytes) {
+  std::string frame{0x50, 0x2a, 0x4d, 0x18};
+  for (int n = 0; n < 4; ++n) frame += static_cast<char>(bytes >> 8 * n & 255);
+  return frame + std::string(bytes, 's');
+}
+
 TEST_F(RoomCopies, FalseBlobsAreNotHeld) {
   const std::string group = RandomGroup(random_), hash = HashBytes(0, group), zstd = Zip(group);
   const std::string bomb(std::size_t{65} << 20, 'a'), small(9, 'a');
@@ -615,6 +622,8 @@ TEST_F(RoomCopies, FalseBlobsAreNotHeld) {
                                       part(255, HashBytes(255, group), zstd),    // a manifest
                                       part(0, hash, zstd.substr(0, zstd.size() / 2)),
                                       part(0, hash, zstd + "x"),
+                                      part(0, hash, zstd + Skipped(400000)),
+                                      part(0, hash, Skipped(400000) + zstd),
                                       part(0, hash, group),
                                       part(0, HashBytes(0, small), Zip(small)),  // no 32^3 voxels
                                       part(0, HashBytes(0, bomb), Zip(bomb)),
@@ -628,6 +637,7 @@ TEST_F(RoomCopies, FalseBlobsAreNotHeld) {
   copy_.TakeLive(subjects_.group(RoomCopy::kMostGroups), part(0, hash, zstd), {});
   copy_.TakeLive(subjects_.overview(0), part(0, HashBytes(0, bomb), Zip(bomb)), {});
   copy_.TakeLive(subjects_.overview(0), part(255, HashBytes(255, group), zstd), {});
+  copy_.TakeLive(subjects_.overview(0), part(0, hash, zstd + Skipped(400000)), {});
   copy_.TakeLive(subjects_.manifest(0), part(255, HashBytes(255, "{}"), Zip("{}")), {});
   copy_.TakeLive(subjects_.manifest(0), part(0, hash, zstd), {});
   EXPECT_EQ(copy_.shelf().size(), 0U);

@@ -76,6 +76,8 @@ std::string BackgroundPart() { return EncodePart({}); }
 std::string VerifiedBytes(std::uint8_t kind, const ContentHash& hash, std::string_view zstd,
                           std::size_t most) {
   std::string bytes(CountValues(zstd, 1, most), '\0');
+  if (zstd.size() > MostCompressedBytes(bytes.size()))
+    Refuse("zstd bytes that hold something else");
   DecompressBytes(zstd, std::as_writable_bytes(std::span(bytes)));
   const ContentHash found =
       kind == kManifestKind ? HashOfManifest(bytes) : HashOfVoxels(LeafType{kind}, bytes);

@@ -47,8 +47,8 @@ std::vector<std::string> PartsOf(std::uint8_t kind, const ContentHash& hash, std
 // What stands for a group of background.
 std::string BackgroundPart();
 
-// The plain bytes. Errors: kInvalidArgument if `zstd` holds more than `most` bytes, or if `hash` is
-// not that of its bytes under this kind.
+// The plain bytes. Errors: kInvalidArgument if `zstd` holds more than `most` bytes, if it is longer
+// than they need, or if `hash` is not that of its bytes under this kind.
 std::string VerifiedBytes(std::uint8_t kind, const ContentHash& hash, std::string_view zstd,
                           std::size_t most);
 

@@ -9,6 +9,9 @@
 // is complete when its message comes. While the copy begins, newer groups may take the place of
 // those that a manifest names; one of the next manifests is complete then.
 //
+// A publisher is trusted with memory: its groups may be as many as those of the largest lattice,
+// each as long as zstd's bytes of random voxels, whether or not a manifest names them.
+//
 // Threads: Find on any; all else one at a time. Time is passed in. Errors: kInvalidArgument of the
 // constructor (no room); bad messages are dropped.
 #pragma once
