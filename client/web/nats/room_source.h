@@ -108,7 +108,8 @@ class RoomSource final : public Source {
   std::size_t under_way_ = 0;  // asks
 
   std::string inbox_;  // begins the subjects of answers
-  std::unique_ptr<NatsLink> live_, kept_;
+  std::unique_ptr<NatsLink> kept_;
+  std::unique_ptr<NatsLink> live_;           // ends first: a beat asks by kept_
   std::unique_ptr<Worker> asker_, steerer_;  // end before the links, which they use
 };
 
