@@ -80,21 +80,9 @@ bool RoomCopy::IsNewest(const Kept& kept, std::string_view subject, std::string_
                         bool is_live) {
   Text& text = *std::find_if(texts_.begin(), texts_.end(),
                              [&](const Text& one) { return one.kept == kept; });
-  const ContentHash hash = bytes.empty() ? kNone : KeptHash(subject, bytes);
-  if (is_live) {
-    text.ask = Ask::kDone;
-    text.stale = text.under_way;
-    text.hash = hash;
-    return true;
-  }
-  if (text.under_way == 0) return false;
-  --text.under_way;
-  if (text.stale > 0) {
-    --text.stale;
-    return false;
-  }
+  if (!is_live && text.ask != Ask::kUnderWay) return false;
   text.ask = Ask::kDone;
-  text.hash = hash;
+  text.hash = bytes.empty() ? kNone : KeptHash(subject, bytes);
   return true;
 }
 
@@ -274,7 +262,6 @@ std::vector<std::string> RoomCopy::Asks(std::size_t most) {
   for (Text& text : texts_) {
     if (asks.size() == most || text.ask != Ask::kNo) continue;
     text.ask = Ask::kUnderWay;
-    ++text.under_way;
     asks.push_back(subjects_.SubjectOf(text.kept));
   }
   for (Parted* const parted : {&manifest_, &overview_}) {
@@ -311,11 +298,7 @@ std::vector<std::uint16_t> RoomCopy::PartsToAsk(const Parted& parted,
 void RoomCopy::AskAnew(bool everything) {
   for (Text& text : texts_) {
     const bool is_volume = text.kept.kind == Kept::Kind::kVolume;
-    if (everything) {
-      text = {.kept = text.kept, .hash = text.hash};
-    } else if (is_volume || text.ask == Ask::kUnderWay) {
-      text.ask = Ask::kNo;
-    }
+    if (everything || is_volume || text.ask == Ask::kUnderWay) text.ask = Ask::kNo;
   }
   manifest_.asked.clear();
   overview_.asked.clear();

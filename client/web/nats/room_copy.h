@@ -57,7 +57,7 @@ class RoomCopy {
   // A message that came by the subscription of kept_all(), in the order in which they came.
   News TakeLive(std::string_view subject, std::string_view bytes, Time now);
   // The answer to an ask. Empty: nothing is kept there. Ignored if a live message of this subject
-  // came since the ask.
+  // came since the ask; but not if it was asked for twice, until a beat tells.
   News TakeAnswer(std::string_view subject, std::string_view bytes, Time now);
 
   // Subjects to ask for now; counts them as asked.
@@ -82,13 +82,11 @@ class RoomCopy {
 
  private:
   enum class Ask : std::uint8_t { kNo, kUnderWay, kDone };  // kDone: not again until AskAnew
-  // A text or the volume's message. Answers come in the order of asks.
+  // A text or the volume's message.
   struct Text {
     Kept kept;
     ContentHash hash{};  // zeros: nothing is kept
     Ask ask = Ask::kNo;
-    std::uint32_t under_way = 0;
-    std::uint32_t stale = 0;  // the first answers of these, which are older than a live message
   };
   // The manifest or the overview.
   struct Parted {
