@@ -267,11 +267,8 @@ class Rig {
   }
 
   void Deliver() {
-    while (asked_.size() + answers_.size() < 16) {
-      const auto asks = copy_.Asks(16 - asked_.size() - answers_.size());
-      asked_.insert(asked_.end(), asks.begin(), asks.end());
-      if (asks.empty()) break;
-    }
+    const auto asks = copy_.Asks(16);
+    asked_.insert(asked_.end(), asks.begin(), asks.end());
     // An ask is served at some time, and the answer comes at some later time.
     for (std::size_t n = random_() % 6; n > 0 && !asked_.empty(); --n) {
       const auto found = kept_.find(asked_.front());

@@ -43,6 +43,7 @@ RoomCopy::News RoomCopy::TakeLive(std::string_view subject, std::string_view byt
 }
 
 RoomCopy::News RoomCopy::TakeAnswer(std::string_view subject, std::string_view bytes, Time now) {
+  if (under_way_ > 0) --under_way_;
   return Take(subject, bytes, false, now);
 }
 
@@ -259,6 +260,7 @@ void RoomCopy::UseShown(Time now) {
 
 std::vector<std::string> RoomCopy::Asks(std::size_t most) {
   std::vector<std::string> asks;
+  most -= std::min(most, under_way_);
   for (Text& text : texts_) {
     if (asks.size() == most || text.ask != Ask::kNo) continue;
     text.ask = Ask::kUnderWay;
@@ -281,6 +283,7 @@ std::vector<std::string> RoomCopy::Asks(std::size_t most) {
     groups_[number].ask = Ask::kUnderWay;
     asks.push_back(subjects_.group(number));
   }
+  under_way_ += asks.size();
   return asks;
 }
 
@@ -296,6 +299,7 @@ std::vector<std::uint16_t> RoomCopy::PartsToAsk(const Parted& parted,
 }
 
 void RoomCopy::AskAnew(bool everything) {
+  under_way_ = 0;
   for (Text& text : texts_) {
     const bool is_volume = text.kept.kind == Kept::Kind::kVolume;
     if (everything || is_volume || text.ask == Ask::kUnderWay) text.ask = Ask::kNo;

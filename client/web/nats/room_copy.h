@@ -60,7 +60,7 @@ class RoomCopy {
   // came since the ask; but not if it was asked for twice, until a beat tells.
   News TakeAnswer(std::string_view subject, std::string_view bytes, Time now);
 
-  // Subjects to ask for now; counts them as asked.
+  // Subjects to ask for now, so that at most so many asks are under way; counts them as asked.
   std::vector<std::string> Asks(std::size_t most);
   // Asks that are under way are lost. `everything`: messages may be lost, too, as after a
   // connection. Otherwise: call it if something is missing and no answer came for a second.
@@ -123,6 +123,7 @@ class RoomCopy {
   const Subjects subjects_;
   BlobShelf shelf_;
   std::vector<Text> texts_;                    // the volume's message first
+  std::size_t under_way_ = 0;                  // asks
   std::map<std::string, std::string> missed_;  // of the newest beat
   Time asked_anew_;                            // because of a beat
   std::chrono::seconds patience_{0};           // until the next time

@@ -80,10 +80,6 @@ void RoomSource::Listen() {
   inbox_ = kept_->NewInbox() + ".";
   kept_->Subscribe(inbox_ + ">", [this](const NatsMessage& message) {
     const bool is_kept = message.status == 0;
-    {
-      const std::lock_guard lock(copy_mutex_);
-      if (under_way_ > 0) --under_way_;
-    }
     if (is_kept) is_answered_ = true;
     TakeKept(&RoomCopy::TakeAnswer, message.subject.substr(inbox_.size()),
              is_kept ? message.bytes : std::string_view());
@@ -101,7 +97,6 @@ void RoomSource::HearBeat(const Beat& beat) {
   {
     const std::lock_guard lock(copy_mutex_);
     if (!copy_.TakeBeat(beat.kept, steady_clock::now())) return;
-    under_way_ = 0;
   }
   Ask();
 }
@@ -128,7 +123,6 @@ void RoomSource::AskAnew(bool everything) {
   {
     const std::lock_guard lock(copy_mutex_);
     copy_.AskAnew(everything);
-    under_way_ = 0;
   }
   Ask();
 }
@@ -137,8 +131,7 @@ void RoomSource::Ask() {
   std::vector<std::string> asked;
   {
     const std::lock_guard lock(copy_mutex_);
-    asked = copy_.Asks(kMostAsked - under_way_);
-    under_way_ += asked.size();
+    asked = copy_.Asks(kMostAsked);
   }
   for (const std::string& subject : asked) {
     // What cannot be asked for now is asked for at the next connection.

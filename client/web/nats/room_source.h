@@ -103,9 +103,8 @@ class RoomSource final : public Source {
   News news_;
   bool is_take_posted_ = false;
 
-  std::mutex copy_mutex_;      // never the network thread's: blobs are unpacked under it
-  RoomCopy copy_;              // Find needs no mutex
-  std::size_t under_way_ = 0;  // asks
+  std::mutex copy_mutex_;  // never the network thread's: blobs are unpacked under it
+  RoomCopy copy_;          // Find needs no mutex
 
   std::string inbox_;  // begins the subjects of answers
   std::unique_ptr<NatsLink> kept_;
