@@ -70,7 +70,7 @@ void KeptStream::Publish(const std::string& subject, std::string_view bytes) {
     ++under_way_;
     reply += std::to_string(run_);
   }
-  if (!link_.Ask(subject, reply, bytes)) Fail("NATS is not reached");
+  if (!link_.Publish(subject, bytes, reply)) Fail("NATS is not reached");
 }
 
 void KeptStream::Wait() { WaitUntilFewerThan(1); }

@@ -263,11 +263,8 @@ bool NatsLink::WaitFor(std::chrono::milliseconds time) {
   return wake_.wait_for(lock, time, [this] { return stopping_; });
 }
 
-bool NatsLink::Publish(const std::string& subject, std::string_view bytes) {
-  return Ask(subject, {}, bytes);
-}
-
-bool NatsLink::Ask(const std::string& subject, const std::string& reply, std::string_view bytes) {
+bool NatsLink::Publish(const std::string& subject, std::string_view bytes,
+                       const std::string& reply) {
   const std::shared_lock lock(session_mutex_, std::try_to_lock);
   if (!lock || !is_connected_) return false;
   const int length = static_cast<int>(bytes.size());

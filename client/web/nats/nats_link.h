@@ -5,7 +5,7 @@
 // 500 ms; libnats 3.4.1 by itself gives up after two refusals of a password, and queues messages
 // while it reconnects. A server that does not answer for 6 s is lost.
 //
-// Threads: methods on any after Start; Publish, Ask and Request may wait for up to 5 s on a slow
+// Threads: methods on any after Start; Publish and Request may wait for up to 5 s on a slow
 // server, so not on the network thread. Callbacks run on threads of the link: one per subscription,
 // and one for events; they may call methods, but not destroy the link.
 // Errors: the constructor throws kInvalidArgument as Check does.
@@ -60,9 +60,8 @@ class NatsLink {
   void End();
 
   // False: not connected, or the server takes nothing; dropped.
-  bool Publish(const std::string& subject, std::string_view bytes);
-  // With a subject for the answer.
-  bool Ask(const std::string& subject, const std::string& reply, std::string_view bytes);
+  // `reply`: a subject for the answer; empty: none.
+  bool Publish(const std::string& subject, std::string_view bytes, const std::string& reply = {});
   // None: no answer, or nobody is there to answer.
   std::optional<std::string> Request(const std::string& subject, std::string_view text,
                                      std::chrono::milliseconds timeout);

@@ -135,7 +135,7 @@ void RoomSource::Ask() {
   }
   for (const std::string& subject : asked) {
     // What cannot be asked for now is asked for at the next connection.
-    if (!kept_->Ask(subjects_.direct_get(subject), inbox_ + subject, "")) return;
+    if (!kept_->Publish(subjects_.direct_get(subject), "", inbox_ + subject)) return;
   }
 }
 
