@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "client/web/source/clock.h"
 #include "client/web/source/pose_bytes.h"
 #include "client/web/source/topic_text.h"
 #include "client/web/volume/blob_name.h"
@@ -18,19 +19,11 @@ using std::chrono::steady_clock;
 constexpr std::size_t kMostAsked = 64;  // at a time
 constexpr std::chrono::seconds kSteerPatience{3};
 
-std::int64_t NowMs() {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
-}
-
-std::int64_t MonotonicNs() {
-  return std::chrono::nanoseconds(steady_clock::now().time_since_epoch()).count();
-}
-
 }  // namespace
 
 RoomSource::RoomSource(RoomOptions options, Hub& hub, Post post)
-    : options_(std::move(options)),
+    : Source({options.version, options.log, options.steered}),
+      options_(std::move(options)),
       hub_(hub),
       post_(std::move(post)),
       subjects_(options_.room),
@@ -198,7 +191,7 @@ void RoomSource::PutPose() {
   if (!pose) return;
   const double age_ms = PoseAgeMs(*pose);
   if (is_fresh) {
-    pose_time_ns_ = std::isnan(age_ms) ? now_ns : now_ns - static_cast<std::int64_t>(1e6 * age_ms);
+    SetPoseTime(std::isnan(age_ms) ? now_ns : now_ns - static_cast<std::int64_t>(1e6 * age_ms));
   }
   hub_.PutPose(*std::move(pose));
 }
@@ -247,7 +240,7 @@ void RoomSource::Steer(const SteerRequest& request, std::function<void(std::stri
                     [this, request, done = std::move(done)](bool is_replaced) {
                       if (is_replaced) return done("");
                       post_([this, request, done, error = AskPublisher(request)] {
-                        PutSteered(request, error);
+                        TellSteered(request, error);
                         done(error);
                       });
                     });
@@ -266,27 +259,6 @@ std::string RoomSource::AskPublisher(const SteerRequest& request) {
     return kSilent;
   }
   return OneLine(parsed["error"].get<std::string>());
-}
-
-void RoomSource::PutSteered(const SteerRequest& request, const std::string& error) {
-  options_.steered(error.empty());
-  const std::string line =
-      request.user + " sets " + request.key + " to " + std::to_string(request.value);
-  options_.log(error.empty() ? line : line + ": refused: " + error);
-}
-
-std::string RoomSource::Hello(const std::string& user,
-                              const std::vector<std::string>& may_steer) const {
-  return HelloText({.version = options_.version,
-                    .user = user,
-                    .may_steer = may_steer,
-                    .server_time_ms = NowMs()});
-}
-
-std::optional<double> RoomSource::pose_age_s() const {
-  const std::int64_t time_ns = pose_time_ns_;
-  if (time_ns == 0) return std::nullopt;
-  return 1e-9 * static_cast<double>(MonotonicNs() - time_ns);
 }
 
 }  // namespace palpate::web

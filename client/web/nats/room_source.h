@@ -46,10 +46,6 @@ class RoomSource final : public Source {
   // one that waits; that is done then.
   void Steer(const SteerRequest& request, std::function<void(std::string error)> done) override;
   std::string Health() const override { return connection_.why; }
-  std::string Hello(const std::string& user,
-                    const std::vector<std::string>& may_steer) const override;
-
-  std::optional<double> pose_age_s() const override;
   bool is_copy_complete() const override { return is_complete_ && kept_->is_connected(); }
 
   // To NATS, for poses and for voxels. Any thread.
@@ -80,7 +76,6 @@ class RoomSource final : public Source {
   void PutConnection();
   void Log(const std::string& line);
   std::string AskPublisher(const SteerRequest& request);
-  void PutSteered(const SteerRequest& request, const std::string& error);
 
   const RoomOptions options_;
   Hub& hub_;
@@ -95,7 +90,6 @@ class RoomSource final : public Source {
   std::uint64_t missing_groups_ = 0;
   std::string last_line_;
 
-  std::atomic<std::int64_t> pose_time_ns_{0};
   std::atomic<bool> is_complete_{false};
   std::atomic<bool> is_answered_{false};  // since Poll looked
 

@@ -3,9 +3,9 @@
 #include <unistd.h>
 
 #include <array>
-#include <chrono>
 #include <utility>
 
+#include "client/web/source/clock.h"
 #include "client/web/source/pose_bytes.h"
 #include "client/web/source/rights.h"
 #include "common/error/error.h"
@@ -16,16 +16,6 @@ namespace palpate::web {
 namespace {
 
 constexpr std::size_t kMostSteered = 20;
-
-std::int64_t NowMs() {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
-}
-
-std::int64_t MonotonicNs() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return std::chrono::nanoseconds(now).count();
-}
 
 // An address of this machine may lead to another one (a tunnel), whose clock is another one: then
 // the age makes no sense.
@@ -57,7 +47,10 @@ std::string PlainName(const client::Client& palpated) {
 }  // namespace
 
 PalpatedSource::PalpatedSource(PalpatedOptions options, Hub& hub, Post post)
-    : options_(std::move(options)), hub_(hub), post_(std::move(post)) {
+    : Source({options.version, options.log, options.steered}),
+      options_(std::move(options)),
+      hub_(hub),
+      post_(std::move(post)) {
   connection_since_ms_ = NowMs();
   hub_.Put(Topic::kVolume, NoVolumeText(""));
   hub_.Put(Topic::kSteering, SteeringText(steered_));
@@ -107,14 +100,8 @@ void PalpatedSource::PutPose(bool is_fresh) {
   }
   const std::int64_t now_ns = MonotonicNs();
   const bool shares_clock = SharesClock(*client_, now_ns - pose.time_ns);
-  if (is_fresh) pose_time_ns_ = shares_clock ? pose.time_ns : now_ns;
+  if (is_fresh) SetPoseTime(shares_clock ? pose.time_ns : now_ns);
   hub_.PutPose(EncodePose(pose, {now_ns, shares_clock, is_fresh}));
-}
-
-std::optional<double> PalpatedSource::pose_age_s() const {
-  const std::int64_t time_ns = pose_time_ns_;
-  if (time_ns == 0) return std::nullopt;
-  return 1e-9 * static_cast<double>(MonotonicNs() - time_ns);
 }
 
 void PalpatedSource::PutConnection(const client::Connection& connection) {
@@ -236,24 +223,11 @@ void PalpatedSource::Steer(const SteerRequest& request,
 }
 
 void PalpatedSource::PutSteered(const SteerRequest& request, const std::string& error) {
-  options_.steered(error.empty());
-  std::string line = request.user + " sets " + request.key + " to " + std::to_string(request.value);
-  if (!error.empty()) {
-    options_.log(line + ": refused: " + OneLine(error));
-    return;
-  }
-  options_.log(line);
+  TellSteered(request, error);
+  if (!error.empty()) return;
   steered_.push_back({request.user, request.key, request.value, NowMs()});
   if (steered_.size() > kMostSteered) steered_.pop_front();
   hub_.Put(Topic::kSteering, SteeringText(steered_));
-}
-
-std::string PalpatedSource::Hello(const std::string& user,
-                                  const std::vector<std::string>& may_steer) const {
-  return HelloText({.version = options_.version,
-                    .user = user,
-                    .may_steer = may_steer,
-                    .server_time_ms = NowMs()});
 }
 
 }  // namespace palpate::web

@@ -6,7 +6,6 @@
 // Errors: those of client::Client's constructor.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -49,10 +48,6 @@ class PalpatedSource final : public Source {
   // that waits; that is done then.
   void Steer(const SteerRequest& request, std::function<void(std::string error)> done) override;
   std::string Health() const override { return PlainWhy(connection_.state); }
-  std::string Hello(const std::string& user,
-                    const std::vector<std::string>& may_steer) const override;
-
-  std::optional<double> pose_age_s() const override;
   bool is_copy_complete() const override { return client_->volume_status().complete; }
 
  private:
@@ -86,7 +81,6 @@ class PalpatedSource final : public Source {
   std::mutex pose_mutex_;
   client::Pose pose_;            // the newest
   bool is_pose_posted_ = false;  // PutPose will run
-  std::atomic<std::int64_t> pose_time_ns_{0};
 
   std::unique_ptr<client::Client> client_;
   std::unique_ptr<VolumeThread> volume_;

@@ -6,10 +6,13 @@
 // Threads: methods on the network thread, unless stated. Errors: none.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "client/web/hub/hub.h"
@@ -19,8 +22,16 @@ namespace palpate::web {
 // Runs a function on the network thread.
 using Post = std::function<void(std::function<void()>)>;
 
+struct SourceOptions {
+  std::string version;
+  // On the network thread; one line each.
+  std::function<void(const std::string& line)> log;
+  std::function<void(bool is_accepted)> steered;
+};
+
 class Source {
  public:
+  explicit Source(SourceOptions options) : common_(std::move(options)) {}
   virtual ~Source() = default;
 
   // Asks for what is not told by itself. Call it once a second.
@@ -30,13 +41,22 @@ class Source {
   virtual BlobPtr FindBlob(std::string_view name) const = 0;
   virtual void Steer(const SteerRequest& request, std::function<void(std::string error)> done) = 0;
   virtual std::string Health() const = 0;
-  virtual std::string Hello(const std::string& user,
-                            const std::vector<std::string>& may_steer) const = 0;
+  std::string Hello(const std::string& user, const std::vector<std::string>& may_steer) const;
 
   // For metrics. Any thread.
   // Age of the newest pose [s]; none before the first. Of another machine: since it came.
-  virtual std::optional<double> pose_age_s() const = 0;
+  std::optional<double> pose_age_s() const;
   virtual bool is_copy_complete() const = 0;
+
+ protected:
+  // When the newest pose was, by MonotonicNs. Any thread.
+  void SetPoseTime(std::int64_t time_ns) { pose_time_ns_ = time_ns; }
+  // `error`: why the change was refused; empty: it was not.
+  void TellSteered(const SteerRequest& request, const std::string& error);
+
+ private:
+  const SourceOptions common_;
+  std::atomic<std::int64_t> pose_time_ns_{0};
 };
 
 }  // namespace palpate::web
