@@ -224,6 +224,8 @@ TEST_F(WebConfig, ARoomIsPublishedOrServed) {
   EXPECT_EQ(CheckConfig(good), std::vector<std::string>{});
   const std::function<void(Config&)> faults[] = {
       [](Config& c) { c.nats.publish.clear(), c.nats.sites.clear(); },
+      [](Config& c) { c.nats.publish.clear(), c.nats.sites.clear(), c.nats.room.clear(); },
+      [](Config& c) { c.nats.sites.push_back(c.nats.sites[0]); },
       [](Config& c) { c.nats.from = c.nats.publish; },
       [](Config& c) { c.nats.from.swap(c.nats.publish); },  // with a site
       [](Config& c) { c.nats.room.clear(); },
@@ -235,6 +237,12 @@ TEST_F(WebConfig, ARoomIsPublishedOrServed) {
         c.nats.from.swap(c.nats.publish);
         c.nats.sites.clear();
         c.with_groups = false;
+      },
+      [](Config& c) {
+        c.nats.from.swap(c.nats.publish);
+        c.nats.sites.clear();
+        c.nats.server.user.clear(), c.nats.server.password_file.clear();
+        c.users = {{"ada", kHash, {"isovalue"}}};
       },
   };
   for (const auto& fault : faults) {
@@ -266,8 +274,8 @@ TEST_F(WebConfig, OnlyThisMachinesNatsServerIsUsedWithoutTls) {
 }
 
 TEST_F(WebConfig, SecretsOfNatsStandInFilesThatOthersDoNotRead) {
-  for (const char* const url :
-       {"nats://user:secret@127.0.0.1:1", "tls://secret@nats.example.org"}) {
+  for (const char* const url : {"nats://user:secret@127.0.0.1:1", "tls://secret@nats.example.org",
+                                "natss://user:secret@127.0.0.1:1", "user:secret@127.0.0.1"}) {
     Config config;
     config.nats.from = url;
     config.nats.room = "hall";

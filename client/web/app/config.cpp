@@ -15,6 +15,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Its publisher knows this gateway by its NATS user.
+void CheckSteering(const Config& config) {
+  if (config.nats.from.empty() || !config.nats.server.user.empty()) return;
+  for (const User& user : config.users) {
+    if (!user.may_steer.empty()) Refuse("user: " + user.name + " cannot steer without nats.user");
+  }
+}
+
 void CheckListen(const HttpOptions& http) {
   boost::system::error_code problem;
   boost::asio::ip::make_address(http.listen.host, problem);
@@ -65,6 +73,7 @@ std::vector<std::string> CheckConfig(const Config& config) {
         "metrics.listen: must be loopback (127.0.0.1, ::1): metrics are neither "
         "encrypted nor authorised");
   }
+  attempt([&] { CheckSteering(config); });
   for (std::string& fault : CheckNats(config.nats)) faults.push_back(std::move(fault));
   if (!config.nats.from.empty() && !config.with_groups) {
     faults.emplace_back(

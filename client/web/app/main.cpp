@@ -93,7 +93,8 @@ bool NamesServer(const client::ServerChoice& choice) {
          !who.certificate_file.empty() || !who.key_file.empty() || !who.token_file.empty();
 }
 
-// The command line goes before the file; a server named there replaces the file's altogether.
+// The command line goes before the file; a server named there replaces the file's altogether, and
+// what it says of a room says whether this gateway publishes one or receives it.
 void Apply(const CommandLine& line, Config& config) {
   if (NamesServer(line.palpated)) config.palpated = line.palpated;
   if (!line.listen.empty()) config.http.listen = ParseHostPort(line.listen);
@@ -103,8 +104,10 @@ void Apply(const CommandLine& line, Config& config) {
   if (line.no_volume) config.with_groups = false;
   if (!line.room_key_file.empty()) config.room_key_file = line.room_key_file;
   if (!line.metrics.empty()) config.metrics = ParseHostPort(line.metrics);
-  if (!line.publish.empty()) config.nats.publish = line.publish;
-  if (!line.from.empty()) config.nats.from = line.from;
+  if (!line.publish.empty() || !line.from.empty()) {
+    config.nats.publish = line.publish;
+    config.nats.from = line.from;
+  }
   if (!line.room.empty()) config.nats.room = line.room;
 }
 

@@ -1,6 +1,8 @@
 #include "client/web/app/nats_config.h"
 
 #include <functional>
+#include <set>
+#include <string>
 
 #include "client/web/app/secret_file.h"
 #include "client/web/nats/subjects.h"
@@ -16,11 +18,18 @@ void CheckUse(const NatsConfig& nats) {
   if (nats.is_used() && !IsRoom(nats.room)) {
     Refuse("nats.room: name the room by 1 to 32 of a-z, 0-9, '_' and '-'");
   }
-  if (!nats.is_used() && !nats.room.empty()) {
-    Refuse("nats.room: say with nats.publish or nats.from what to do with it");
+  const NatsServer& server = nats.server;
+  if (!nats.is_used() &&
+      !(nats.room.empty() && server.user.empty() && server.password_file.empty() &&
+        server.ca_file.empty() && server.certificate_file.empty() && server.key_file.empty())) {
+    Refuse("nats: give nats.publish or nats.from, or remove what stands there");
   }
   if (nats.publish.empty() && !nats.sites.empty()) {
     Refuse("site: belongs to the configuration of the gateway that publishes the room");
+  }
+  std::set<std::string> names;
+  for (const RemoteSite& site : nats.sites) {
+    if (!names.insert(site.name).second) Refuse("site: " + site.name + " stands there twice");
   }
 }
 

@@ -15,6 +15,10 @@ constexpr std::string_view kPlainScheme = "nats://";
 constexpr std::string_view kTlsScheme = "tls://";
 
 HostPort AddressOf(const std::string& url) {
+  // Before anything that shows the URL, which may hold a password.
+  if (url.find('@') != std::string::npos) {
+    Refuse("the NATS server's address holds a user: give nats.user and nats.password_file");
+  }
   std::string address = url;
   if (url.starts_with(kPlainScheme)) {
     address.erase(0, kPlainScheme.size());
@@ -22,9 +26,6 @@ HostPort AddressOf(const std::string& url) {
     address.erase(0, kTlsScheme.size());
   } else {
     Refuse(url + " is no address of a NATS server: write nats://HOST:PORT or tls://HOST:PORT");
-  }
-  if (address.find('@') != std::string::npos) {
-    Refuse("the NATS server's address holds a user: give nats.user and nats.password_file");
   }
   const bool has_port = address.find(':', address.rfind(']') + 1) != std::string::npos;
   return ParseHostPort(has_port ? address : address + ":4222");
