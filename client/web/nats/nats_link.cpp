@@ -33,6 +33,12 @@ using Message = std::unique_ptr<natsMsg, DestroyMessage>;
 
 void Must(natsStatus status) {
   if (status == NATS_OK) return;
+  if (status == NATS_NO_SERVER) {
+    // libnats says no more of a name that nobody knows, a port that is shut, or silence.
+    throw Error(
+        ErrorKind::kUnavailable,
+        "no server answers: check name and port, firewalls, and IPAddressAllow= of the unit");
+  }
   const char* const detail = nats_GetLastError(nullptr);
   std::string text = detail != nullptr ? detail : "";
   // It begins with libnats's file and line.
