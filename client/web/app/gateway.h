@@ -7,8 +7,8 @@
 
 namespace palpate::web {
 
-// Serves until SIGINT or SIGTERM. Prints the link for guests when they are served; without the key
-// if that is in a file and the standard output is no terminal.
-void Serve(const Config& config);
+// Serves until SIGINT or SIGTERM, and ends the program. Prints the link for guests when they are
+// served; without the key if that is in a file and the standard output is no terminal.
+[[noreturn]] void Serve(const Config& config);
 
 }  // namespace palpate::web

@@ -152,7 +152,6 @@ int Main(int argc, char** argv) {
   }
   if (exit_code != 0 || line.check_config) return exit_code;
   Serve(config);
-  return 0;
 }
 
 // Returns the program's exit code.
