@@ -62,16 +62,18 @@ TEST_F(WebConfig, ReadsEveryKey) {
       {"metrics.listen = '127.0.0.1:9'", [](auto& c) { return c.metrics->port == 9; }},
       {"nats.publish = 'nats://a'", [](auto& c) { return c.nats.publish == "nats://a"; }},
       {"nats.from = 'nats://a'", [](auto& c) { return c.nats.from == "nats://a"; }},
-      {"nats.room = 'hall'", [](auto& c) { return c.nats.room == "hall"; }},
-      {"nats.user = 'lyon'", [](auto& c) { return c.nats.server.user == "lyon"; }},
-      {"nats.password_file = '/a'", [](auto& c) { return c.nats.server.password_file == "/a"; }},
-      {"nats.tls_ca = '/a'", [](auto& c) { return c.nats.server.ca_file == "/a"; }},
-      {"nats.tls_cert = '/a'", [](auto& c) { return c.nats.server.certificate_file == "/a"; }},
-      {"nats.tls_key = '/a'", [](auto& c) { return c.nats.server.key_file == "/a"; }},
+      {"nats.room = 'hall'", [](auto& c) { return c.nats.options.room == "hall"; }},
+      {"nats.user = 'lyon'", [](auto& c) { return c.nats.options.server.user == "lyon"; }},
+      {"nats.password_file = '/a'",
+       [](auto& c) { return c.nats.options.server.password_file == "/a"; }},
+      {"nats.tls_ca = '/a'", [](auto& c) { return c.nats.options.server.ca_file == "/a"; }},
+      {"nats.tls_cert = '/a'",
+       [](auto& c) { return c.nats.options.server.certificate_file == "/a"; }},
+      {"nats.tls_key = '/a'", [](auto& c) { return c.nats.options.server.key_file == "/a"; }},
       {"site = [{name = 'lyon', may_steer = ['isovalue']}]",
        [](auto& c) {
-         return c.nats.sites.size() == 1 && c.nats.sites[0].name == "lyon" &&
-                c.nats.sites[0].may_steer == std::vector<std::string>{"isovalue"};
+         return c.nats.options.sites.size() == 1 && c.nats.options.sites[0].name == "lyon" &&
+                c.nats.options.sites[0].may_steer == std::vector<std::string>{"isovalue"};
        }},
       {user, [](auto& c) { return c.users.size() == 1 && c.users[0].may_steer.size() == 2; }},
   };
@@ -217,31 +219,35 @@ TEST_F(WebConfig, ARoomIsPublishedOrServed) {
   const auto password = Write("password", "secret\n");
   Config good;
   good.nats.publish = "nats://127.0.0.1:4222";
-  good.nats.room = "hall-1";
-  good.nats.server.user = "or-2";
-  good.nats.server.password_file = password;
-  good.nats.sites = {{"lyon", {"isovalue"}}};
+  good.nats.options.room = "hall-1";
+  good.nats.options.server.user = "or-2";
+  good.nats.options.server.password_file = password;
+  good.nats.options.sites = {{"lyon", {"isovalue"}}};
   EXPECT_EQ(CheckConfig(good), std::vector<std::string>{});
   const std::function<void(Config&)> faults[] = {
-      [](Config& c) { c.nats.publish.clear(), c.nats.sites.clear(); },
-      [](Config& c) { c.nats.publish.clear(), c.nats.sites.clear(), c.nats.room.clear(); },
-      [](Config& c) { c.nats.sites.push_back(c.nats.sites[0]); },
+      [](Config& c) { c.nats.publish.clear(), c.nats.options.sites.clear(); },
+      [](Config& c) {
+        c.nats.publish.clear(), c.nats.options.sites.clear(), c.nats.options.room.clear();
+      },
+      [](Config& c) { c.nats.options.sites.push_back(c.nats.options.sites[0]); },
       [](Config& c) { c.nats.from = c.nats.publish; },
       [](Config& c) { c.nats.from.swap(c.nats.publish); },  // with a site
-      [](Config& c) { c.nats.room.clear(); },
-      [](Config& c) { c.nats.room = "Hall 1"; },
-      [](Config& c) { c.nats.server.password_file.clear(); },
-      [](Config& c) { c.nats.server.certificate_file = c.nats.server.password_file; },
-      [&](Config& c) { c.nats.server.ca_file = folder_.path() / "missing"; },
+      [](Config& c) { c.nats.options.room.clear(); },
+      [](Config& c) { c.nats.options.room = "Hall 1"; },
+      [](Config& c) { c.nats.options.server.password_file.clear(); },
+      [](Config& c) {
+        c.nats.options.server.certificate_file = c.nats.options.server.password_file;
+      },
+      [&](Config& c) { c.nats.options.server.ca_file = folder_.path() / "missing"; },
       [](Config& c) {
         c.nats.from.swap(c.nats.publish);
-        c.nats.sites.clear();
+        c.nats.options.sites.clear();
         c.with_groups = false;
       },
       [](Config& c) {
         c.nats.from.swap(c.nats.publish);
-        c.nats.sites.clear();
-        c.nats.server.user.clear(), c.nats.server.password_file.clear();
+        c.nats.options.sites.clear();
+        c.nats.options.server.user.clear(), c.nats.options.server.password_file.clear();
         c.users = {{"ada", kHash, {"isovalue"}}};
       },
   };
@@ -256,8 +262,8 @@ TEST_F(WebConfig, OnlyThisMachinesNatsServerIsUsedWithoutTls) {
   const auto faults = [this](const std::string& url, bool has_ca = false) {
     Config config;
     config.nats.from = url;
-    config.nats.room = "hall";
-    if (has_ca) config.nats.server.ca_file = Write("ca.pem", "");
+    config.nats.options.room = "hall";
+    if (has_ca) config.nats.options.server.ca_file = Write("ca.pem", "");
     return CheckConfig(config);
   };
   for (const char* const url : {"nats://127.0.0.1:1", "nats://localhost", "nats://[::1]:4222",
@@ -278,7 +284,7 @@ TEST_F(WebConfig, SecretsOfNatsStandInFilesThatOthersDoNotRead) {
                                 "natss://user:secret@127.0.0.1:1", "user:secret@127.0.0.1"}) {
     Config config;
     config.nats.from = url;
-    config.nats.room = "hall";
+    config.nats.options.room = "hall";
     const std::vector<std::string> found = CheckConfig(config);
     ASSERT_EQ(found.size(), 1u) << url;
     EXPECT_NE(found[0].find("nats.password_file"), std::string::npos) << found[0];
@@ -286,12 +292,13 @@ TEST_F(WebConfig, SecretsOfNatsStandInFilesThatOthersDoNotRead) {
   }
   Config config;
   config.nats.from = "nats://127.0.0.1:1";
-  config.nats.room = "hall";
-  config.nats.server.user = "lyon";
-  for (auto* const file : {&config.nats.server.password_file, &config.nats.server.key_file}) {
-    config.nats.server.password_file = Write("password", "secret");
-    config.nats.server.certificate_file = Write("cert", "");
-    config.nats.server.key_file = Write("key", "");
+  config.nats.options.room = "hall";
+  config.nats.options.server.user = "lyon";
+  for (auto* const file :
+       {&config.nats.options.server.password_file, &config.nats.options.server.key_file}) {
+    config.nats.options.server.password_file = Write("password", "secret");
+    config.nats.options.server.certificate_file = Write("cert", "");
+    config.nats.options.server.key_file = Write("key", "");
     EXPECT_EQ(CheckConfig(config), std::vector<std::string>{});
     for (const unsigned mode : {0644u, 0660u, 0602u}) {
       std::filesystem::permissions(*file, std::filesystem::perms(mode));

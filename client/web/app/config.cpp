@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 // Its publisher knows this gateway by its NATS user.
 void CheckSteering(const Config& config) {
-  if (config.nats.from.empty() || !config.nats.server.user.empty()) return;
+  if (config.nats.from.empty() || !config.nats.options.server.user.empty()) return;
   for (const User& user : config.users) {
     if (!user.may_steer.empty()) Refuse("user: " + user.name + " cannot steer without nats.user");
   }
@@ -74,7 +74,7 @@ std::vector<std::string> CheckConfig(const Config& config) {
         "encrypted nor authorised");
   }
   attempt([&] { CheckSteering(config); });
-  for (std::string& fault : CheckNats(config.nats)) faults.push_back(std::move(fault));
+  CheckNats(config.nats, attempt);
   if (!config.nats.from.empty() && !config.with_groups) {
     faults.emplace_back(
         "web.volume: guests of a room see what its publisher gives: set web.volume = false there");

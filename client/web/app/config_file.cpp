@@ -74,7 +74,7 @@ std::string Site(const toml::node& node) {
 Setters SettersOf(Config& c) {
   client::Address& address = c.palpated.address;
   client::Credentials& who = c.palpated.credentials;
-  NatsServer& nats = c.nats.server;
+  NatsServer& nats = c.nats.options.server;
   const int most_guests = c.http.max_connections - c.http.max_strangers;
   return {
       {"palpated.profile", [&](auto& n) { c.palpated.profile = Text(n); }},
@@ -97,7 +97,7 @@ Setters SettersOf(Config& c) {
       {"metrics.listen", [&](auto& n) { c.metrics = ParseHostPort(Text(n)); }},
       {"nats.publish", [&](auto& n) { c.nats.publish = Text(n); }},
       {"nats.from", [&](auto& n) { c.nats.from = Text(n); }},
-      {"nats.room", [&](auto& n) { c.nats.room = Text(n); }},
+      {"nats.room", [&](auto& n) { c.nats.options.room = Text(n); }},
       {"nats.user", [&](auto& n) { nats.user = Site(n); }},
       {"nats.password_file", [&](auto& n) { nats.password_file = File(n); }},
       {"nats.tls_ca", [&](auto& n) { nats.ca_file = File(n); }},
@@ -146,7 +146,7 @@ class Reader {
       if (key == "user") {
         ReadEach("user", node, UserSetters, {"name", "token_sha256"}, config_.users);
       } else if (key == "site") {
-        ReadEach("site", node, SiteSetters, {"name", "may_steer"}, config_.nats.sites);
+        ReadEach("site", node, SiteSetters, {"name", "may_steer"}, config_.nats.options.sites);
       } else if (is_table && node.is_table()) {
         ReadTable(*node.as_table(), key + ".", setters);
       } else {

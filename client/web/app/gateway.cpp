@@ -68,7 +68,8 @@ PalpatedOptions OptionsOf(const Config& config, Metrics& metrics) {
   return {.server = config.palpated,
           .with_groups = config.with_groups,
           .steers = std::any_of(config.users.begin(), config.users.end(), may_steer) ||
-                    std::any_of(config.nats.sites.begin(), config.nats.sites.end(), may_steer),
+                    std::any_of(config.nats.options.sites.begin(), config.nats.options.sites.end(),
+                                may_steer),
           .version = PALPATE_VERSION,
           .log = Log,
           .steered = CountSteered(metrics)};
@@ -94,8 +95,10 @@ void Join(Hub& hub, Source& source, Metrics& metrics) {
 class Ends {
  public:
   Ends(const Config& config, Hub& hub, Metrics& metrics, const Post& post)
-      : room_(config.nats.room) {
-    RoomOptions room = RoomOptionsOf(config.nats);
+      : room_(config.nats.options.room) {
+    RoomOptions room = config.nats.options;
+    room.server.url = config.nats.url();
+    room.version = PALPATE_VERSION;
     room.log = Log;
     room.steered = CountSteered(metrics);
     if (config.nats.from.empty()) {

@@ -108,7 +108,7 @@ void Apply(const CommandLine& line, Config& config) {
     config.nats.publish = line.publish;
     config.nats.from = line.from;
   }
-  if (!line.room.empty()) config.nats.room = line.room;
+  if (!line.room.empty()) config.nats.options.room = line.room;
 }
 
 int Fail(const std::string& message, int exit_code) {

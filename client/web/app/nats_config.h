@@ -3,8 +3,8 @@
 // Threads: main only; reads files.
 #pragma once
 
+#include <functional>
 #include <string>
-#include <vector>
 
 #include "client/web/nats/nats_options.h"
 
@@ -13,18 +13,17 @@ namespace palpate::web {
 struct NatsConfig {
   std::string publish{};  // URL: what palpated does goes there
   std::string from{};     // URL: guests see what comes from there; no palpated is followed
-  std::string room{};
-  NatsServer server{};              // without its URL
-  std::vector<RemoteSite> sites{};  // may steer from elsewhere, if this gateway publishes
+  // The file's keys: the room, the server without its URL, and sites, which may steer from
+  // elsewhere if this gateway publishes.
+  RoomOptions options{};
 
-  bool is_used() const { return !publish.empty() || !from.empty(); }
+  // Empty: no NATS server is used.
+  const std::string& url() const { return publish.empty() ? from : publish; }
 };
 
-// What is wrong, one line each; empty: nothing. Plain text goes to loopback alone, and nobody else
-// may read the password. Looks for the files that are named.
-std::vector<std::string> CheckNats(const NatsConfig& nats);
-
-// For the room's publisher or source. `log` and `steered` are not set.
-RoomOptions RoomOptionsOf(const NatsConfig& nats);
+// Calls `attempt` with each check, which throws what is wrong. Plain text goes to loopback alone,
+// and nobody else may read the password. Looks for the files that are named.
+void CheckNats(const NatsConfig& nats,
+               const std::function<void(const std::function<void()>& check)>& attempt);
 
 }  // namespace palpate::web
