@@ -742,26 +742,8 @@ TEST(RoomSubjects, NamesAreSingleTokens) {
         std::string("\xc3\xa4"), std::string("a\0", 2), std::string(65, 'a')}) {
     EXPECT_FALSE(IsRoom(wrong) || IsNatsUser(wrong)) << wrong;
     EXPECT_ANY_THROW(Subjects{wrong});
-    EXPECT_ANY_THROW(PermissionsOf("room", wrong, true));
   }
   EXPECT_FALSE(IsRoom("Hall") || IsRoom(std::string(33, 'a')));
-}
-
-using Patterns = std::vector<std::string>;
-
-TEST(RoomSubjects, UsersMayUseTheirRoomAlone) {
-  const auto guest = PermissionsOf("r", "site", false);
-  EXPECT_EQ(guest.publish,
-            (Patterns{"$JS.API.DIRECT.GET.PALPATE_r.palpate.r.kept.>", "palpate.r.steer.site"}));
-  EXPECT_EQ(guest.subscribe, (Patterns{"palpate.r.live.>", "palpate.r.kept.>", "_INBOX_site.>"}));
-  EXPECT_FALSE(guest.allows_responses);
-  const auto publisher = PermissionsOf("r", "main", true);
-  EXPECT_EQ(publisher.publish,
-            (Patterns{"palpate.r.kept.>", "palpate.r.live.>", "$JS.API.STREAM.CREATE.PALPATE_r",
-                      "$JS.API.STREAM.INFO.PALPATE_r"}));
-  EXPECT_EQ(publisher.subscribe,
-            (Patterns{"palpate.r.live.beat", "palpate.r.steer.*", "_INBOX_main.>"}));
-  EXPECT_TRUE(publisher.allows_responses);
 }
 
 // Prints what a large volume costs; judges only that it is shown.

@@ -42,13 +42,20 @@ Lines Quoted(Lines texts) {
   return texts;
 }
 
-std::string UserBlock(const std::string& name, const std::string& password,
-                      const NatsUserPermissions& may) {
-  const std::string responses =
-      may.allows_responses ? "      allow_responses: {max: 1, expires: \"10s\"}\n" : "";
-  return "  users: [{\n    user: " + Quoted(name) + "\n    password: " + Quoted(Bcrypt(password)) +
-         "\n    permissions: {\n" + List("      ", "publish", Quoted(may.publish)) +
-         List("      ", "subscribe", Quoted(may.subscribe)) + responses + "    }\n  }]\n";
+// What nats-server lets the user send and hear.
+std::string PermissionsOf(const NatsUserLine& line, const Subjects& room) {
+  const std::string inboxes = InboxPrefix(line.name) + ".>";
+  Lines publish = {room.direct_get(room.kept_all()), room.steer(line.name)};
+  Lines subscribe = {room.live_all(), room.kept_all(), inboxes};
+  std::string responses;
+  if (line.publishes) {
+    publish = {room.kept_all(), room.live_all(), "$JS.API.STREAM.CREATE." + room.stream(),
+               "$JS.API.STREAM.PURGE." + room.stream()};
+    subscribe = {room.beat(), room.steer_all(), inboxes};
+    responses = "      allow_responses: {max: 1, expires: \"10s\"}\n";
+  }
+  return "    permissions: {\n" + List("      ", "publish", Quoted(publish)) +
+         List("      ", "subscribe", Quoted(subscribe)) + responses + "    }\n";
 }
 
 // What goes from the room's account to those of its receivers.
@@ -75,11 +82,13 @@ void AddNatsUser(arguments::Command& app, NatsUserLine& line) {
 }
 
 std::string NatsUserText(const NatsUserLine& line) {
-  const NatsUserPermissions may = PermissionsOf(line.room, line.name, line.publishes);
+  if (!IsNatsUser(line.name)) Refuse("a NATS user's name has 1 to 64 letters, digits, '_' and '-'");
   const Subjects subjects(line.room);
   const std::string room_account = "palpate." + line.room;
   const std::string password = NewSecret(256);
-  const std::string user = UserBlock(line.name, password, may);
+  const std::string user = "  users: [{\n    user: " + Quoted(line.name) +
+                           "\n    password: " + Quoted(Bcrypt(password)) + "\n" +
+                           PermissionsOf(line, subjects) + "  }]\n";
   const std::string begin =
       "# For " + line.name + " alone; it is not shown again: " + password + "\n\n";
   if (line.publishes) {

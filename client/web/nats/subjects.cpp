@@ -91,22 +91,4 @@ std::optional<std::string> Subjects::ParseSteer(std::string_view subject) const 
 
 std::string InboxPrefix(const std::string& user) { return "_INBOX_" + user; }
 
-NatsUserPermissions PermissionsOf(const std::string& room, const std::string& user,
-                                  bool publishes) {
-  const Subjects subjects(room);
-  if (!IsNatsUser(user)) {
-    Refuse("a NATS user's name has 1 to 64 letters, digits, '_' and '-'");
-  }
-  const std::string inboxes = InboxPrefix(user) + ".>";
-  if (!publishes) {
-    return {.publish = {subjects.direct_get(subjects.kept_all()), subjects.steer(user)},
-            .subscribe = {subjects.live_all(), subjects.kept_all(), inboxes}};
-  }
-  return {.publish = {subjects.kept_all(), subjects.live_all(),
-                      "$JS.API.STREAM.CREATE." + subjects.stream(),
-                      "$JS.API.STREAM.INFO." + subjects.stream()},
-          .subscribe = {subjects.beat(), subjects.steer_all(), inboxes},
-          .allows_responses = true};
-}
-
 }  // namespace palpate::web

@@ -1,4 +1,4 @@
-// The subjects of a room on a NATS server, and who may use which.
+// The subjects of a room on a NATS server.
 //
 //   palpate.R.live.pose        a pose (pose_bytes.h)
 //   palpate.R.live.beat        the publisher's heartbeat
@@ -19,7 +19,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "client/web/hub/hub.h"
 
@@ -90,13 +89,5 @@ class Subjects {
 
 // Inboxes of a user's connections begin with this and a dot, so that no user hears another's.
 std::string InboxPrefix(const std::string& user);
-
-// What nats-server lets a user of a room do.
-struct NatsUserPermissions {
-  std::vector<std::string> publish, subscribe;  // subjects and patterns
-  bool allows_responses = false;                // may answer the requests that it gets
-};
-// Errors: kInvalidArgument if `room` or `user` is none.
-NatsUserPermissions PermissionsOf(const std::string& room, const std::string& user, bool publishes);
 
 }  // namespace palpate::web
