@@ -1,9 +1,7 @@
 #include "client/web/volume/manifest.h"
 
 #include <cstddef>
-#include <cstdint>
 #include <exception>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
@@ -62,28 +60,13 @@ std::vector<ContentHash> GroupsIn(const std::string& base64, std::size_t count) 
   return groups;
 }
 
-// JSON has no NaN.
-double NumberIn(const Json& number) {
-  return number.is_null() ? std::numeric_limits<double>::quiet_NaN() : number.get<double>();
-}
-
 Manifest Parse(std::string_view text) {
   const Json json = Json::parse(text);
   const Json& lattice = json.at("lattice");
-  const Json& overview = json.at("overview");
-  Manifest manifest{.size = SizeOf(lattice.at("size")),
-                    .type = TypeIn(lattice.at("voxel_type")),
-                    .background = static_cast<float>(NumberIn(lattice.at("background"))),
-                    .value_min = NumberIn(lattice.at("value_min")),
-                    .value_max = NumberIn(lattice.at("value_max")),
-                    .revision = {},
-                    .content_hash = NameIn(json.at("content_hash")),
-                    .overview = NameIn(overview.at("name")),
-                    .overview_size = SizeOf(overview.at("size")),
-                    .overview_factor = overview.at("factor").get<int>(),
-                    .groups = {}};
-  manifest.revision.volume_revision = json.at("revision").get<std::uint64_t>();
-  manifest.revision.daemon_id = std::stoull(json.at("daemon_id").get<std::string>());
+  Manifest manifest;
+  manifest.size = SizeOf(lattice.at("size"));
+  manifest.type = TypeIn(lattice.at("voxel_type"));
+  manifest.overview = NameIn(json.at("overview").at("name"));
   manifest.groups = GroupsIn(json.at("groups").get<std::string>(), GroupsOf(manifest.size));
   return manifest;
 }

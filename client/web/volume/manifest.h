@@ -36,6 +36,7 @@ struct Manifest {
 };
 
 std::string ToJson(const Manifest& manifest);
+// What names the blobs: size, type, overview and groups; the rest of the result is not filled in.
 // Errors: kInvalidArgument (no manifest, or not as many groups as the lattice has).
 Manifest ParseManifest(std::string_view json);
 
