@@ -14,7 +14,8 @@ struct NatsServer {
   std::string url{};   // nats://HOST:PORT or tls://HOST:PORT; the port is 4222 unless given
   std::string user{};  // of NATS; letters, digits, '_' and '-'. Empty: the server asks for none
   std::filesystem::path password_file{};
-  // ca_file alone makes the connection use TLS, too. Without it: the system's authorities.
+  // ca_file alone makes the connection use TLS, too. libnats 3.4.1 trusts the system's authorities
+  // beside it. The server's certificate must be for the host of the URL.
   std::filesystem::path ca_file{}, certificate_file{}, key_file{};
 };
 
