@@ -3,10 +3,12 @@ are told is what the daemon does, and everything comes back after a loss. How th
 guests is tested in web_http_test.cpp, how groups are made in web_volume_test.cpp."""
 
 import json
+import pathlib
 import resource
 import signal
 import struct
 import subprocess
+import tempfile
 import threading
 import unittest
 
@@ -162,6 +164,20 @@ class Steering(WebTest):
             return {change["user"]: change["value"] for change in message["changes"]}
         users[0].wait_for("steering", lambda message: last(message) == {
             "lecturer-1": 0.2, "lecturer-2": 0.25})
+
+
+class Options(unittest.TestCase):
+    def test_a_room_to_receive_or_publish_replaces_that_of_the_file(self):
+        folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+        (folder / "index.html").touch()
+        file = folder / "web.toml"
+        file.touch(0o600)
+        for key, option in (("publish", "--from"), ("from", "--publish")):
+            file.write_text(f'nats = {{{key} = "nats://127.0.0.1:1", room = "hall"}}\n')
+            check = subprocess.run(
+                [PALPATE_WEB, "--check-config", "--config", str(file), "--page", str(folder), option,
+                 "nats://127.0.0.1:2"], capture_output=True, text=True, check=False)
+            self.assertEqual((check.returncode, check.stderr), (0, ""), option)
 
 
 class Losses(unittest.TestCase):
