@@ -175,7 +175,6 @@ void NatsLink::Session::OnError(natsConnection* connection, natsSubscription*, n
 void NatsLink::Session::OnMessage(natsConnection*, natsSubscription*, natsMsg* taken,
                                   void* subscription) {
   const Message message(taken);
-  const std::string kept_subject = HeaderOf(taken, "Nats-Subject");
   const std::string status = HeaderOf(taken, "Status");
   const char* const subject = natsMsg_GetSubject(taken);
   const char* const reply = natsMsg_GetReply(taken);
@@ -185,7 +184,6 @@ void NatsLink::Session::OnMessage(natsConnection*, natsSubscription*, natsMsg* t
                    .reply = reply != nullptr ? reply : "",
                    .bytes = {natsMsg_GetData(taken),
                              static_cast<std::size_t>(natsMsg_GetDataLength(taken))},
-                   .kept_subject = kept_subject,
                    .status = std::atoi(status.c_str())});
   } catch (const std::exception&) {
     // A message that makes no sense is dropped.

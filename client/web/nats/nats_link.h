@@ -31,8 +31,7 @@ namespace palpate::web {
 
 struct NatsMessage {
   std::string_view subject, reply, bytes;
-  std::string_view kept_subject;  // of an answer of a stream: header Nats-Subject
-  int status = 0;                 // header Status: 404 (not kept), 503 (nobody there); 0: none
+  int status = 0;  // header Status: 404 (not kept), 503 (nobody there); 0: none
 };
 
 class NatsLink {
