@@ -62,6 +62,7 @@ class Subjects {
   // Patterns.
   std::string live_all() const { return prefix_ + "live.>"; }
   std::string kept_all() const { return kept_ + ">"; }
+  std::string group_all() const { return kept_ + "group.>"; }
   std::string steer_all() const { return prefix_ + "steer.*"; }
 
   // JetStream's.
