@@ -2,7 +2,11 @@
 or of ours: the room keeps the daemon's volume, and everything comes back after a loss."""
 
 import json
+import pathlib
+import socket
 import struct
+import tempfile
+import threading
 import time
 import unittest
 
@@ -101,18 +105,77 @@ class Room:
         return manifest
 
 
-class PublisherTest(DaemonTest):
-    volume = "builtin:bumps:50"
-    carved = 0
+class Cable:
+    """To a server: the connections of voxels break after so many bytes on the way there."""
 
+    def __init__(self, server, most):
+        self._server, self._most = server, most
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"nats://127.0.0.1:{self._listener.getsockname()[1]}"
+        self.breaks = 0
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        while True:
+            try:
+                near, _ = self._listener.accept()
+            except OSError:
+                return
+            far = socket.create_connection(("127.0.0.1", self._server.port))
+            for way in ((near, far, self._most), (far, near, None)):
+                threading.Thread(target=self._pass, args=way, daemon=True).start()
+
+    def _pass(self, source, sink, most):
+        passed, may_break = 0, False
+        try:
+            while data := source.recv(4096):
+                passed += len(data)
+                may_break = may_break or (most is not None and b"volume of room" in data)
+                if may_break and passed > most:
+                    time.sleep(0.1)  # answers come back
+                    self.breaks += 1
+                    break
+                sink.sendall(data)
+        except OSError:
+            pass
+        for end in (source, sink):
+            try:
+                end.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass
+        source.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+
+class RoomTest(DaemonTest):
     def setUp(self):
         self.server = self.enterContext(NatsServer())
+
+    def serve(self, config):
+        self.server.end()
+        self.server.configure(config)
+        self.server.start()
 
     def join(self, *arguments, **named):
         return self.enterContext(self.server.client(*arguments, **named))
 
-    def publish(self, **named):
-        return self.enterContext(Publishing(self.daemon, self.server, **named))
+    def publish(self, by=None, **named):
+        return self.enterContext(Publishing(self.daemon, by or self.server, **named))
+
+    @staticmethod
+    def lines(gateway):
+        return [line for line in gateway.said if f"room {ROOM} " in line]
+
+
+class PublisherTest(RoomTest):
+    volume = "builtin:bumps:50"
+    carved = 0
 
     def carve(self):
         """The volume's revision afterwards."""
@@ -180,7 +243,7 @@ class PublisherTest(DaemonTest):
         Room(self.join()).wait_for_volume()
 
     def test_of_two_publishers_one_waits_and_takes_over(self):
-        gateways = [self.publish(), self.publish()]
+        gateways = [self.publish(config=SITES), self.publish(config=SITES)]
         client = self.join()
         sessions = lambda: {beat.json["session"] for beat in beats.messages[-6:]}
         beats = client.subscribe(f"palpate.{ROOM}.live.beat")
@@ -191,6 +254,15 @@ class PublisherTest(DaemonTest):
                      if wait_until(lambda: any("another gateway publishes" in line
                                                for line in gateway.said), 3))
         other = gateways[1 - gateways.index(waits)]
+        # It alone answers.
+        answers = client.subscribe("_INBOX_lab.>")
+        for value in (0.41, 0.42, 0.43):
+            client.publish(f"palpate.{ROOM}.steer.lab",
+                           json.dumps({"user": "ann", "key": "isovalue", "value": value}),
+                           "_INBOX_lab.one")
+        answers.wait(3)
+        time.sleep(0.5)
+        self.assertEqual([answer.json["error"] for answer in answers.messages], ["", "", ""])
         revision = self.carve()
         Room(client).wait_for_volume(revision)
         other.end()
@@ -230,6 +302,119 @@ class PublisherTest(DaemonTest):
                        "palpate.other.kept.volume")
         self.assertEqual(steer("lab", user="ann", key="isovalue", value=0.45), "")
         self.assertEqual((overheard.messages, self.conn.settings.isovalue), ([], 0.45))
+
+
+class FaultTest(RoomTest):
+    volume = "builtin:bumps:50"
+
+    def test_keeps_the_room_of_a_stream_that_somebody_deleted(self):
+        self.publish()
+        client = self.join()
+        room = Room(client)
+        room.wait_for_volume()
+        self.assertTrue(client.request(f"$JS.API.STREAM.DELETE.PALPATE_{ROOM}").json["success"])
+        room.wait_for_volume()
+        self.assertTrue(wait_until(lambda: client.kept(ROOM, "text.settings")))
+
+    def test_a_room_without_its_connection_of_voxels_is_not_published(self):
+        cable = self.enterContext(Cable(self.server, 0))
+        gateway = self.publish(by=cable)
+        self.assertTrue(wait_until(lambda: cable.breaks > 2 and self.lines(gateway)))
+        self.assertIn("is not published: NATS is not reached", self.lines(gateway)[0])
+
+    def test_what_the_server_refuses_is_logged_seldom_and_is_no_state(self):
+        password = self.server.folder / "password"
+        password.write_text("p")
+        password.chmod(0o600)
+        config = f'[nats]\nuser = "p"\npassword_file = "{password}"\n{SITES}'
+        users = """
+authorization { users = [
+            {user: lab, password: p},
+            {user: p, password: p, permissions: {
+                publish: [%s"palpate.hall.live.>", "$JS.API.STREAM.*.PALPATE_hall"],
+                subscribe: ["palpate.hall.live.beat", "palpate.hall.steer.*", "_INBOX_p.>"]}}]}"""
+        self.serve(JETSTREAM + users % '"palpate.hall.kept.>", ')
+        gateway = self.publish(config=config)
+        client = self.join("lab", "p")
+        Room(client).wait_for_volume()
+        for _ in range(8):
+            client.publish(f"palpate.{ROOM}.steer.lab", "{}", "_INBOX_lab.refused")
+        time.sleep(2.5)
+        self.assertEqual([line.endswith("is published\n") for line in self.lines(gateway)], [True])
+        client.close()
+        gateway.end()
+        self.serve(JETSTREAM + users % "")
+        gateway = self.publish(config=config)
+        self.assertTrue(wait_until(lambda: self.lines(gateway)))
+        time.sleep(5)
+        self.assertEqual(len(self.lines(gateway)), 1)
+        self.assertIn("is not published", self.lines(gateway)[0])
+
+
+class VolumesTest(RoomTest):
+    """Of voxels that do not compress."""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory()))
+        voxels = np.random.default_rng(1)
+        for name, edge in (("small", 32), ("large", 96)):
+            (folder / f"{name}.nrrd").write_bytes(
+                b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: %d %d %d\nencoding: raw\n\n" %
+                (edge, edge, edge) + voxels.bytes(edge ** 3))
+        cls.folder = folder
+        cls.volume = str(folder / "large.nrrd")
+        super().setUpClass()
+
+    def load(self, name):
+        self.daemon.palpate("load", str(self.folder / f"{name}.nrrd"), "--discard")
+
+    def setUp(self):
+        super().setUp()
+        self.load("large")
+
+    def test_of_a_volume_that_is_too_large_the_texts_are_kept_and_a_smaller_one_heals(self):
+        self.serve("jetstream { max_memory_store: 600KB, max_file_store: 0 }")
+        gateway = self.publish()
+        self.assertTrue(wait_until(lambda: self.lines(gateway)))
+        self.assertIn("insufficient", self.lines(gateway)[0])
+        client = self.join()
+        self.conn.settings.isovalue = 77.0
+        self.assertTrue(wait_until(lambda: (
+            lambda text: text and text.json["values"]["isovalue"] == 77.0)(
+                client.kept(ROOM, "text.settings"))))
+        self.assertIsNone(client.kept(ROOM, "volume"))
+        self.load("small")
+        Room(client).wait_for_volume()
+
+    def test_a_new_publisher_keeps_its_own_volume_alone(self):
+        client = self.join()
+        volumes = client.subscribe(f"palpate.{ROOM}.kept.volume")
+        gateway = self.publish()
+        Room(client).wait_for_volume()
+        self.assertTrue(client.kept(ROOM, "group.26"))
+        gateway.process.kill()
+        self.load("small")
+        self.publish()
+        volumes.wait(2)
+        self.assertEqual({json.loads(message.json["manifest"])["type"]
+                          for message in volumes.messages}, {"manifest"})
+        Room(client).wait_for_volume()
+        groups = [number for number in range(27) if client.kept(ROOM, f"group.{number}")]
+        self.assertEqual(groups, [0])
+
+    def test_a_link_that_breaks_now_and_then_publishes_everything(self):
+        # Less than the volume and its overview are together.
+        cable = self.enterContext(Cable(self.server, 1_200_000))
+        self.publish(by=cable)
+        Room(self.join()).wait_for_volume()
+        self.assertGreater(cable.breaks, 0)
+
+    def test_names_a_message_that_is_too_long_for_the_server(self):
+        self.serve(JETSTREAM + "\nmax_payload: 20000")
+        gateway = self.publish()
+        self.assertTrue(wait_until(lambda: self.lines(gateway)))
+        self.assertIn("max_payload", self.lines(gateway)[0])
 
 
 if __name__ == "__main__":

@@ -115,7 +115,12 @@ class Ends {
     }
   }
 
-  Source& source() { return *source_; }
+  const Source& source() const { return *source_; }
+  // Once a second.
+  void Poll() {
+    source_->Poll();
+    if (publisher_) publisher_->Poll();
+  }
 
   // Empty: no NATS server is used.
   const std::function<bool()>& is_nats_connected() const { return is_connected_; }
@@ -168,8 +173,8 @@ class Heartbeat {
 
  private:
   void Beat() {
-    Source& source = ends_.source();
-    source.Poll();
+    ends_.Poll();
+    const Source& source = ends_.source();
     metrics_.Set(Metric::kGuests, hub_.guests());
     metrics_.Set(Metric::kPoseAge,
                  source.pose_age_s().value_or(std::numeric_limits<double>::quiet_NaN()));

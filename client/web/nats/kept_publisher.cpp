@@ -16,8 +16,12 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kBetweenVolumes = 50ms;
+constexpr auto kBetweenLooks = 5s;
 constexpr auto kAfterProblem = 2s;
+constexpr std::chrono::seconds kLongestPause = 60s;
 constexpr std::size_t kGroupsBetweenTexts = 64;
+// Of a group: nobody's. Whether the stream has it is not known.
+constexpr ContentHash kNotKnown{~std::uint64_t{0}, ~std::uint64_t{0}};
 
 std::size_t At(Topic topic) { return static_cast<std::size_t>(topic); }
 
@@ -28,15 +32,14 @@ std::string TextIn(const Texts& texts, Topic topic) {
 }  // namespace
 
 KeptPublisher::KeptPublisher(const NatsServer& server, const Subjects& subjects, FindBlob find_blob,
-                             Calls calls)
+                             std::function<void(const std::string& why)> refused)
     : subjects_(subjects),
       find_blob_(std::move(find_blob)),
-      calls_(std::move(calls)),
       link_(server, "palpate-web: volume of room " + subjects.room(),
             {.connected = [this] { Wake(is_connection_, true); },
-             .lost = {},
+             .lost = [this](const std::string& why) { SetProblem("NATS is not reached: " + why); },
              .missed = {},
-             .refused = [this](const std::string& why) { SetProblem("NATS refuses: " + why); }}),
+             .refused = std::move(refused)}),
       stream_(link_, subjects_) {
   link_.Start();
   thread_ = std::thread([this] { Run(); });
@@ -66,35 +69,44 @@ void KeptPublisher::Put(Texts texts) {
 }
 
 void KeptPublisher::SetWaits(bool waits) {
-  Wake(is_anew_, true);
+  Wake(is_connection_, true);
   Wake(waits_, waits);
 }
-
-void KeptPublisher::PublishAnew() { Wake(is_anew_, true); }
 
 std::string KeptPublisher::problem() const {
   const std::lock_guard lock(mutex_);
   return problem_;
 }
 
+std::map<std::string, std::string> KeptPublisher::kept() const {
+  const std::lock_guard lock(mutex_);
+  return put_;
+}
+
 void KeptPublisher::SetProblem(const std::string& problem) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (std::exchange(problem_, problem) == problem) return;
-  }
-  calls_.problem_changed();
+  const std::lock_guard lock(mutex_);
+  problem_ = problem;
 }
 
 void KeptPublisher::Run() {
   while (WaitForWork()) {
-    const auto began = std::chrono::steady_clock::now();
-    auto pause = std::chrono::milliseconds(kBetweenVolumes);
+    const Time began = std::chrono::steady_clock::now();
+    std::chrono::milliseconds pause = kBetweenVolumes;
     try {
-      Publish();
-      SetProblem("");
+      if (Publish()) {
+        SetProblem("");
+        pause_ = 0s;
+        retry_at_ = {};
+      }
     } catch (const std::exception& error) {
-      // What was kept of that is not known.
-      PublishAnew();
+      ForgetSent();
+      Wake(is_connection_, true);
+      const auto* const known = dynamic_cast<const Error*>(&error);
+      if (known != nullptr && known->kind() == ErrorKind::kDiskFull) {
+        is_purged_ = false;
+        pause_ = std::clamp<std::chrono::seconds>(2 * pause_, kAfterProblem, kLongestPause);
+        retry_at_ = std::chrono::steady_clock::now() + pause_;
+      }
       if (link_.is_connected()) {
         SetProblem(error.what());
         pause = kAfterProblem;
@@ -107,45 +119,62 @@ void KeptPublisher::Run() {
 
 bool KeptPublisher::WaitForWork() {
   std::unique_lock lock(mutex_);
-  wake_.wait(lock, [this] {
-    const bool is_work = is_new_ || is_connection_ || is_anew_;
-    return stopping_ || (is_work && !waits_ && link_.is_connected());
-  });
+  const auto is_work = [this] {
+    return stopping_ || ((is_new_ || is_connection_) && !waits_ && link_.is_connected());
+  };
+  while (!wake_.wait_until(lock, look_at_, is_work)) {
+    look_at_ = std::chrono::steady_clock::now() + kBetweenLooks;
+    is_connection_ = true;
+  }
   return !stopping_;
 }
 
-void KeptPublisher::Publish() {
+// Returns whether everything is kept.
+bool KeptPublisher::Publish() {
   bool ensures = false;
-  bool forgets = false;
-  {
-    const std::lock_guard lock(mutex_);
-    forgets = std::exchange(is_anew_, false);
-    ensures = std::exchange(is_connection_, false) || forgets;
-    is_new_ = false;
-  }
-  if ((ensures && !stream_.Ensure()) || forgets) given_ = {};
-  PublishTexts();
   Texts texts;
   {
     const std::lock_guard lock(mutex_);
+    ensures = std::exchange(is_connection_, false);
+    is_new_ = false;
     texts = texts_;
   }
-  if (!texts.at(At(Topic::kVolume))) return;
-  const std::string manifest = TextIn(texts, Topic::kManifest);
-  const std::string volume = nlohmann::ordered_json{
-      {"volume", TextIn(texts, Topic::kVolume)},
-      {"placement", TextIn(texts, Topic::kPlacement)},
-      {"manifest", manifest}}.dump();
-  if (volume != given_.volume) {
-    if (!manifest.empty() && !PublishBlobs(manifest)) {
-      Wake(is_new_, true);  // there is a newer manifest, or will be at once
-      return;
-    }
-    stream_.Wait();
-    Put(Topic::kVolume, subjects_.volume(), volume);
-    given_.volume = volume;
+  if (ensures && !stream_.Ensure()) {
+    ForgetSent();
+    overview_ = {};
+    is_purged_ = false;
+    retry_at_ = {};
   }
+  const bool is_volume = !TextIn(texts, Topic::kManifest).empty();
+  if (is_volume && !is_purged_) {
+    stream_.Purge(subjects_.group_all());
+    groups_.clear();
+    manifest_.clear();
+    is_purged_ = true;
+  }
+  PublishTexts();
+  const bool is_whole = !is_volume || PublishVolume(texts);
   stream_.Wait();
+  sent_.clear();
+  return is_whole;
+}
+
+bool KeptPublisher::PublishVolume(const Texts& texts) {
+  const auto& manifest = texts.at(At(Topic::kManifest));
+  if (std::exchange(tried_, manifest) == manifest && std::chrono::steady_clock::now() < retry_at_) {
+    look_at_ = std::min(look_at_, retry_at_);
+    return false;
+  }
+  if (!PublishBlobs(*manifest)) {
+    Wake(is_new_, true);  // there is a newer manifest, or will be at once
+    return false;
+  }
+  Put("volume", subjects_.volume(),
+      nlohmann::ordered_json{{"volume", TextIn(texts, Topic::kVolume)},
+                             {"placement", TextIn(texts, Topic::kPlacement)},
+                             {"manifest", *manifest}}
+          .dump());
+  return true;
 }
 
 void KeptPublisher::PublishTexts() {
@@ -156,79 +185,93 @@ void KeptPublisher::PublishTexts() {
   }
   for (const Topic topic : kTextTopics) {
     const auto& text = texts.at(At(topic));
-    auto& given = given_.texts.at(At(topic));
-    if (!text || text == given) continue;
-    Put(topic, subjects_.text(topic), *text);
-    given = text;
+    if (text) Put(std::string(NameOf(topic)), subjects_.text(topic), *text);
   }
 }
 
-void KeptPublisher::Put(Topic topic, const std::string& subject, const std::string& message) {
+void KeptPublisher::Put(const std::string& name, const std::string& subject,
+                        const std::string& message) {
+  const std::string hash = NameOf(KeptHash(subject, message));
+  const auto found = put_.find(name);
+  if (found != put_.end() && found->second == hash) return;
   stream_.Publish(subject, message);
-  put_.at(At(topic)) = KeptHash(subject, message);
-  std::map<std::string, std::string> kept;
-  for (std::size_t n = 0; n < put_.size(); ++n) {
-    if (put_[n] != ContentHash{})
-      kept[std::string(NameOf(static_cast<Topic>(n)))] = NameOf(put_[n]);
-  }
-  calls_.kept(std::move(kept));
+  const std::lock_guard lock(mutex_);
+  put_[name] = hash;
+}
+
+void KeptPublisher::TakeAcknowledged() {
+  const std::uint64_t acknowledged = stream_.acknowledged();
+  while (!sent_.empty() && sent_.front().number <= acknowledged) sent_.pop_front();
+}
+
+// After an error. Texts are few, so all of them are sent again.
+void KeptPublisher::ForgetSent() {
+  TakeAcknowledged();
+  for (const Sent& one : sent_) groups_[one.group] = kNotKnown;
+  sent_.clear();
+  const std::lock_guard lock(mutex_);
+  put_.clear();
 }
 
 // False: a blob is superseded and gone.
 bool KeptPublisher::PublishBlobs(const std::string& manifest_text) {
   const std::string name = nlohmann::json::parse(manifest_text).at("name").get<std::string>();
-  if (name == given_.manifest) return true;
+  if (name == manifest_) return true;
   const BlobPtr blob = find_blob_(name);
   if (!blob) return false;
   const Manifest manifest = ParseManifest(*blob->Encoded(Encoding::kIdentity));
+  manifest_.clear();
   if (!PublishGroups(manifest)) return false;
-  if (manifest.overview != given_.overview) {
-    const auto subject = [this](std::uint32_t part) { return subjects_.overview(part); };
-    if (!PublishBlob(manifest.overview, static_cast<std::uint8_t>(manifest.type), subject)) {
-      return false;
-    }
-    given_.overview = manifest.overview;
+  if (std::exchange(overview_, {}) != manifest.overview &&
+      !PublishBlob(manifest.overview, static_cast<std::uint8_t>(manifest.type),
+                   [this](std::uint32_t part) { return subjects_.overview(part); })) {
+    return false;
   }
   const auto subject = [this](std::uint32_t part) { return subjects_.manifest(part); };
   if (!PublishBlob(*ParseName(name), kManifestKind, subject)) return false;
-  given_.manifest = name;
+  stream_.Wait();
+  sent_.clear();
+  groups_.resize(manifest.groups.size());
+  overview_ = manifest.overview;
+  manifest_ = name;
   return true;
 }
 
 bool KeptPublisher::PublishGroups(const Manifest& manifest) {
-  const std::size_t count = std::max(manifest.groups.size(), given_.groups.size());
-  given_.groups.resize(count);
-  for (std::size_t n = 0; n < count; ++n) {
+  groups_.resize(std::max(manifest.groups.size(), groups_.size()));
+  for (std::size_t n = 0; n < groups_.size(); ++n) {
     if (n % kGroupsBetweenTexts == 0) {
+      TakeAcknowledged();
+      PublishTexts();
       const std::lock_guard lock(mutex_);
       if (stopping_ || waits_) return false;
     }
-    if (n % kGroupsBetweenTexts == 0) PublishTexts();
     const ContentHash hash = n < manifest.groups.size() ? manifest.groups[n] : ContentHash{};
-    if (hash == given_.groups[n]) continue;
-    const auto subject = [&](std::uint32_t) {
-      return subjects_.group(static_cast<std::uint32_t>(n));
-    };
-    if (hash == ContentHash{}) {
-      stream_.Publish(subject(0), BackgroundPart());
-    } else if (!PublishBlob(hash, static_cast<std::uint8_t>(manifest.type), subject)) {
-      return false;
-    }
-    given_.groups[n] = hash;
+    if (hash == groups_[n]) continue;
+    groups_[n] = kNotKnown;
+    const std::string subject = subjects_.group(static_cast<std::uint32_t>(n));
+    const auto number = hash == ContentHash{}
+                            ? std::optional(stream_.Publish(subject, BackgroundPart()))
+                            : PublishBlob(hash, static_cast<std::uint8_t>(manifest.type),
+                                          [&](std::uint32_t) { return subject; });
+    if (!number) return false;
+    groups_[n] = hash;
+    sent_.push_back({.number = *number, .group = n});
   }
-  given_.groups.resize(manifest.groups.size());
   return true;
 }
 
-bool KeptPublisher::PublishBlob(const ContentHash& hash, std::uint8_t kind,
-                                const std::function<std::string(std::uint32_t part)>& subject) {
+std::optional<std::uint64_t> KeptPublisher::PublishBlob(
+    const ContentHash& hash, std::uint8_t kind,
+    const std::function<std::string(std::uint32_t part)>& subject) {
   const BlobPtr blob = find_blob_(NameOf(hash));
-  if (!blob) return false;
-  std::uint32_t number = 0;
-  for (const std::string& part : PartsOf(kind, hash, *blob->Encoded(Encoding::kZstd))) {
-    stream_.Publish(subject(number++), part);
+  if (!blob) return std::nullopt;
+  std::uint64_t number = 0;
+  std::uint32_t part = 0;
+  for (const std::string& bytes : PartsOf(kind, hash, *blob->Encoded(Encoding::kZstd))) {
+    number = stream_.Publish(subject(part++), bytes);
   }
-  return true;
+  return number;
 }
 
 }  // namespace palpate::web

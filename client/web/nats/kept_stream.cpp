@@ -1,10 +1,9 @@
 #include "client/web/nats/kept_stream.h"
 
-#include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
+#include <utility>
 
-#include "common/error/error.h"
 #include "common/error/one_line.h"
 
 namespace palpate::web {
@@ -15,7 +14,9 @@ using namespace std::chrono_literals;
 
 constexpr auto kPatience = 5s;
 
-[[noreturn]] void Fail(const std::string& why) { throw Error(ErrorKind::kUnavailable, why); }
+[[noreturn]] void Fail(const std::string& why, ErrorKind kind = ErrorKind::kUnavailable) {
+  throw Error(kind, why);
+}
 
 // Of an answer of the server; empty: none.
 std::string ProblemIn(const Json& answer) {
@@ -32,6 +33,16 @@ KeptStream::KeptStream(NatsLink& link, const Subjects& subjects)
   link_.Subscribe(inbox_ + "*", [this](const NatsMessage& message) { TakeAnswer(message); });
 }
 
+// The answer: JSON, and no error.
+std::string KeptStream::Ask(const std::string& call, const std::string& json) {
+  const std::string subject = "$JS.API.STREAM." + call + "." + subjects_.stream();
+  auto answer = link_.Request(subject, json, kPatience);
+  if (!answer) Fail("the NATS server has no JetStream, or does not answer");
+  const std::string problem = ProblemIn(Json::parse(*answer, nullptr, false));
+  if (!problem.empty()) Fail(problem);
+  return std::move(*answer);
+}
+
 bool KeptStream::Ensure() {
   const Json stream = {{"name", subjects_.stream()},
                        {"subjects", {subjects_.kept_all()}},
@@ -44,68 +55,81 @@ bool KeptStream::Ensure() {
                        {"max_consumers", 1},
                        {"num_replicas", 1},
                        {"allow_direct", true}};
-  const auto text =
-      link_.Request("$JS.API.STREAM.CREATE." + subjects_.stream(), stream.dump(), kPatience);
-  if (!text) Fail("the NATS server has no JetStream, or does not answer");
-  const Json answer = Json::parse(*text, nullptr, false);
-  if (const std::string problem = ProblemIn(answer); !problem.empty()) Fail(problem);
+  const Json answer = Json::parse(Ask("CREATE", stream.dump()));
   const std::string created = answer.value("created", std::string());
   const std::uint64_t last = answer.value("/state/last_seq"_json_pointer, std::uint64_t{0});
   const std::lock_guard lock(mutex_);
-  const bool is_known = created == created_ && last == last_sequence_ && problem_.empty() &&
-                        under_way_ == 0 && last > 0;
+  const std::uint64_t most = last_sequence_ + published_ - acknowledged_;
+  const bool is_known =
+      created == created_ && !is_shared_ && last >= last_sequence_ && last <= most;
   created_ = created;
   last_sequence_ = last;
+  is_shared_ = false;
   ++run_;
-  under_way_ = 0;
+  published_ = acknowledged_ = 0;
   problem_.clear();
   return is_known;
 }
 
-void KeptStream::Publish(const std::string& subject, std::string_view bytes) {
+void KeptStream::Purge(const std::string& subjects) {
+  Ask("PURGE", Json{{"filter", subjects}}.dump());
+}
+
+std::uint64_t KeptStream::Publish(const std::string& subject, std::string_view bytes) {
   WaitUntilFewerThan(kMostUnderWay);
   std::string reply = inbox_;
+  std::uint64_t number = 0;
   {
     const std::lock_guard lock(mutex_);
-    ++under_way_;
+    number = ++published_;
     reply += std::to_string(run_);
   }
-  if (!link_.Publish(subject, bytes, reply)) Fail("NATS is not reached");
+  if (!link_.Publish(subject, bytes, reply)) {
+    Fail(!link_.is_connected() ? "NATS is not reached"
+                               : "the NATS server's max_payload is less than the " +
+                                     std::to_string(bytes.size()) + " bytes of a message");
+  }
+  return number;
+}
+
+std::uint64_t KeptStream::acknowledged() {
+  const std::lock_guard lock(mutex_);
+  return acknowledged_;
 }
 
 void KeptStream::Wait() { WaitUntilFewerThan(1); }
 
 // Patience is for the next answer, not for all of them.
-void KeptStream::WaitUntilFewerThan(int count) {
+void KeptStream::WaitUntilFewerThan(std::uint64_t count) {
   std::unique_lock lock(mutex_);
   auto end = std::chrono::steady_clock::now() + kPatience;
-  int before = under_way_;
-  while (problem_.empty() && under_way_ >= count) {
+  std::uint64_t before = acknowledged_;
+  while (problem_.empty() && published_ - acknowledged_ >= count) {
     wake_.wait_for(lock, 100ms);
     const auto now = std::chrono::steady_clock::now();
-    if (under_way_ != before) end = now + kPatience;
-    before = under_way_;
-    if (!link_.is_connected()) problem_ = "NATS is not reached";
-    if (now > end) problem_ = "the NATS server does not answer";
+    if (acknowledged_ != before) end = now + kPatience;
+    before = acknowledged_;
+    if (!link_.is_connected()) Fail("NATS is not reached");
+    if (now > end) Fail("the NATS server does not answer");
   }
-  if (!problem_.empty()) Fail(problem_);
+  if (!problem_.empty()) Fail(problem_, kind_);
 }
 
 void KeptStream::TakeAnswer(const NatsMessage& message) {
-  std::string problem;
-  std::uint64_t sequence = 0;
-  if (message.status != 0) {
-    problem = "the NATS server has lost the room";
-  } else {
-    const Json answer = Json::parse(message.bytes, nullptr, false);
-    problem = ProblemIn(answer);
-    if (problem.empty()) sequence = answer.value("seq", std::uint64_t{0});
-  }
+  const Json answer = Json::parse(message.bytes, nullptr, false);
+  const bool is_lost = message.status != 0;
+  const std::string problem = is_lost ? "the NATS server has lost the room" : ProblemIn(answer);
   const std::lock_guard lock(mutex_);
   if (message.subject.substr(inbox_.size()) != std::to_string(run_)) return;
-  --under_way_;
-  last_sequence_ = std::max(last_sequence_, sequence);
-  if (problem_.empty()) problem_ = problem;
+  if (problem.empty()) {
+    const std::uint64_t sequence = answer.value("seq", std::uint64_t{0});
+    if (sequence != last_sequence_ + 1) is_shared_ = true;
+    last_sequence_ = sequence;
+    if (problem_.empty()) ++acknowledged_;
+  } else if (problem_.empty()) {
+    problem_ = problem;
+    kind_ = is_lost ? ErrorKind::kUnavailable : ErrorKind::kDiskFull;
+  }
   wake_.notify_all();
 }
 

@@ -1,8 +1,8 @@
 // The stream of a room, which keeps the newest message of each kept subject in the server's memory.
 //
 // Threads: methods on one, which they let wait. Ownership: borrows the link.
-// Errors: kUnavailable: the server does not answer, or has no room for it; kPermissionDenied and
-// kConflict by the server's words. After one of them, Ensure() begins anew.
+// Errors: kDiskFull: the server refuses a message, for lack of memory; kUnavailable: all else.
+// After one of them, Ensure() begins anew.
 #pragma once
 
 #include <condition_variable>
@@ -13,6 +13,7 @@
 
 #include "client/web/nats/nats_link.h"
 #include "client/web/nats/subjects.h"
+#include "common/error/error.h"
 
 namespace palpate::web {
 
@@ -23,18 +24,25 @@ class KeptStream {
   KeptStream(const KeptStream&) = delete;
   KeptStream& operator=(const KeptStream&) = delete;
 
-  // Creates the stream unless it is there. Returns whether it keeps just what was published here.
+  // Creates the stream unless it is there. Returns whether it keeps all that was acknowledged, and
+  // nothing of others'. Messages count anew.
   bool Ensure();
-  // Waits while kMostUnderWay messages have no answer. Bytes are copied or sent.
-  void Publish(const std::string& subject, std::string_view bytes);
-  // Until all that was published is kept.
+  // Drops what is kept of the subjects.
+  void Purge(const std::string& subjects);
+  // Waits while kMostUnderWay messages have no answer. Bytes are copied or sent. Returns how many
+  // messages it were.
+  std::uint64_t Publish(const std::string& subject, std::string_view bytes);
+  // Until all that was published is acknowledged.
   void Wait();
+  // How many messages are kept: they are acknowledged in order.
+  std::uint64_t acknowledged();
 
-  static constexpr int kMostUnderWay = 256;
+  static constexpr std::uint64_t kMostUnderWay = 256;
 
  private:
+  std::string Ask(const std::string& call, const std::string& json);
   void TakeAnswer(const NatsMessage& message);
-  void WaitUntilFewerThan(int count);
+  void WaitUntilFewerThan(std::uint64_t count);
 
   NatsLink& link_;
   const Subjects subjects_;
@@ -44,9 +52,11 @@ class KeptStream {
   std::mutex mutex_;
   std::condition_variable wake_;
   std::uint64_t run_ = 0;  // answers of earlier ones do not count
-  int under_way_ = 0;
+  std::uint64_t published_ = 0, acknowledged_ = 0;
   std::uint64_t last_sequence_ = 0;
-  std::string problem_;  // the first one
+  bool is_shared_ = false;  // others write
+  std::string problem_;     // the first one
+  ErrorKind kind_ = ErrorKind::kUnavailable;
 };
 
 }  // namespace palpate::web

@@ -22,7 +22,7 @@ LivePublisher::LivePublisher(const NatsServer& server, const Subjects& subjects,
             {.connected = [this] { SetWhy(""); },
              .lost = [this](const std::string& why) { SetWhy("NATS is not reached: " + why); },
              .missed = {},
-             .refused = [this](const std::string& why) { SetWhy("NATS refuses: " + why); }}) {
+             .refused = calls_.refused}) {
   link_.Subscribe(subjects_.beat(), [this](const NatsMessage& message) { TakeBeat(message); });
   link_.Subscribe(subjects_.steer_all(),
                   [this](const NatsMessage& message) { TakeRequest(message); });
@@ -48,11 +48,6 @@ void LivePublisher::PutPose(std::shared_ptr<const std::string> pose) {
   wake_.notify_all();
 }
 
-void LivePublisher::SetKept(std::map<std::string, std::string> kept) {
-  const std::lock_guard lock(mutex_);
-  beat_.kept = std::move(kept);
-}
-
 void LivePublisher::Reply(std::string subject, std::string json) {
   {
     const std::lock_guard lock(mutex_);
@@ -65,15 +60,14 @@ void LivePublisher::Reply(std::string subject, std::string json) {
 std::string LivePublisher::problem() const {
   const std::lock_guard lock(mutex_);
   if (!why_.empty()) return why_;
-  return other_ == Other::kPublishes ? "another gateway publishes this room" : "";
+  return waits_ && !other_session_.empty() ? "another gateway publishes this room" : "";
 }
 
 void LivePublisher::SetWhy(const std::string& why) {
-  {
-    const std::lock_guard lock(mutex_);
-    why_ = why;
-  }
-  calls_.problem_changed();
+  constexpr auto kListens = 2 * kBetweenBeats;
+  const std::lock_guard lock(mutex_);
+  why_ = why;
+  listens_until_ = why.empty() ? std::chrono::steady_clock::now() + kListens : Time::max();
 }
 
 void LivePublisher::Run() {
@@ -83,21 +77,18 @@ void LivePublisher::Run() {
     wake_.wait_until(lock, next_beat, [this] { return stopping_ || pose_ || !replies_.empty(); });
     if (stopping_) return;
     const Time now = std::chrono::steady_clock::now();
-    const Other other = Look(now);
-    const bool is_other = std::exchange(other_, other) != other;
+    const bool waited = std::exchange(waits_, Waits(now));
+    const bool waits = waits_;
     const auto pose = std::exchange(pose_, nullptr);
     const auto replies = std::exchange(replies_, {});
-    const Beat beat = beat_;
     lock.unlock();
-    if (is_other) {
-      calls_.other_changed(other);
-      calls_.problem_changed();
-    }
+    if (waits != waited) calls_.waits(waits);
     for (const auto& [subject, json] : replies) link_.Publish(subject, json);
-    const bool sends = other != Other::kPublishes;
-    if (pose && sends) link_.Publish(subjects_.pose(), *pose);
+    if (pose && !waits) link_.Publish(subjects_.pose(), *pose);
     if (now >= next_beat) {
-      if (sends) link_.Publish(subjects_.beat(), ToJson(beat));
+      Beat beat = beat_;
+      beat.kept = calls_.kept();
+      if (!waits) link_.Publish(subjects_.beat(), ToJson(beat));
       next_beat = now + kBetweenBeats;
     }
     lock.lock();
@@ -105,9 +96,9 @@ void LivePublisher::Run() {
 }
 
 // The caller holds the lock.
-LivePublisher::Other LivePublisher::Look(Time now) {
-  if (other_beat_ == Time() || now - other_beat_ > kBeatLife) return Other::kNone;
-  return other_session_ < beat_.session ? Other::kPublishes : Other::kWaits;
+bool LivePublisher::Waits(Time now) const {
+  if (now < listens_until_) return waits_;
+  return now - other_beat_ < kBeatLife && (waits_ || other_session_ < beat_.session);
 }
 
 void LivePublisher::TakeBeat(const NatsMessage& message) {
@@ -122,16 +113,18 @@ void LivePublisher::TakeRequest(const NatsMessage& message) {
   const auto user = subjects_.ParseSteer(message.subject);
   if (!user || !IsInboxOf(*user, message.reply)) return;
   constexpr std::size_t kMostBytes = 1024;
-  bool is_taken = message.bytes.size() <= kMostBytes;
+  std::string refusal;
   {
     const std::lock_guard lock(mutex_);
-    is_taken = is_taken && other_ != Other::kPublishes && requests_ < kMostRequests;
-    if (is_taken) ++requests_;
+    if (waits_) return;  // the other one answers
+    if (message.bytes.size() > kMostBytes) refusal = "the request is too long";
+    if (requests_ >= kMostRequests) refusal = "too many requests";
+    if (refusal.empty()) ++requests_;
   }
-  if (is_taken) {
+  if (refusal.empty()) {
     calls_.steer(*user, std::string(message.bytes), std::string(message.reply));
   } else {
-    link_.Publish(std::string(message.reply), SteerAnswer("too many requests, or too long"));
+    link_.Publish(std::string(message.reply), SteerAnswer(refusal));
   }
 }
 

@@ -1,8 +1,8 @@
 // What a room hears at once and nobody keeps: poses, the publisher's heartbeat, and answers to
 // requests to steer. Also hears whether another gateway publishes the room.
 //
-// Of two publishers of a room, the one with the greater session number waits: it sends nothing
-// until no beat of the other came for kBeatLife.
+// A publisher listens for a second before it sends, and sends nothing while another one does: until
+// no beat came for kBeatLife. Of two that begin together, the one with the greater session waits.
 //
 // Threads: a thread of its own sends; methods on any, which never wait for NATS. `calls` are called
 // on threads of the link and of the publisher.
@@ -12,6 +12,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -28,10 +29,11 @@ namespace palpate::web {
 
 class LivePublisher {
  public:
-  enum class Other { kNone, kWaits, kPublishes };  // the other publisher
   struct Calls {
-    std::function<void(Other)> other_changed{};
-    std::function<void()> problem_changed{};
+    // Whether this one is silent, because another publishes the room, or may: at first it is.
+    std::function<void(bool waits)> waits{};
+    std::function<std::map<std::string, std::string>()> kept{};  // for Beat::kept
+    std::function<void(const std::string& why)> refused{};       // by the server: a message
     // `user`: of NATS. Answer by Reply.
     std::function<void(std::string user, std::string json, std::string reply)> steer{};
   };
@@ -42,8 +44,6 @@ class LivePublisher {
   LivePublisher& operator=(const LivePublisher&) = delete;
 
   void PutPose(std::shared_ptr<const std::string> pose);
-  // See Beat::kept.
-  void SetKept(std::map<std::string, std::string> kept);
   // Each request that `steer` was called for takes one.
   void Reply(std::string subject, std::string json);
 
@@ -59,11 +59,11 @@ class LivePublisher {
   void TakeBeat(const NatsMessage& message);
   void TakeRequest(const NatsMessage& message);
   void SetWhy(const std::string& why);
-  Other Look(Time now);
+  bool Waits(Time now) const;
 
   const Subjects subjects_;
   const Calls calls_;
-  Beat beat_;  // kept: guarded by mutex_
+  const Beat beat_;
   NatsLink link_;
   mutable std::mutex mutex_;
   std::condition_variable wake_;
@@ -74,7 +74,8 @@ class LivePublisher {
   std::string why_ = "NATS is not reached";
   std::string other_session_;
   Time other_beat_{};
-  Other other_ = Other::kNone;
+  bool waits_ = true;
+  Time listens_until_ = Time::max();  // others' beats may be on their way
   std::thread thread_;
 };
 

@@ -7,21 +7,17 @@
 namespace palpate::web {
 namespace {
 
-constexpr std::chrono::minutes kBetweenEqualLines{1};
+constexpr std::chrono::seconds kBetweenChanges{10}, kBetweenLines{60}, kFirstLine{2};
 
 }  // namespace
 
 RoomPublisher::RoomPublisher(RoomOptions options, Hub& hub, Post post)
     : options_(std::move(options)), hub_(hub), post_(std::move(post)), steering_(options_.sites) {
   const Subjects subjects(options_.room);
-  kept_ = std::make_unique<KeptPublisher>(
-      options_.server, subjects, hub_.find_blob,
-      KeptPublisher::Calls{.problem_changed = [this] { post_([this] { LogProblem(); }); },
-                           .kept =
-                               [this](const std::map<std::string, std::string>& kept) {
-                                 post_([this, kept] { live_->SetKept(kept); });
-                               }});
-  live_ = std::make_unique<LivePublisher>(options_.server, subjects, Calls());
+  logged_at_[0] = std::chrono::steady_clock::now() - kBetweenLines + kFirstLine;
+  auto calls = Calls();
+  kept_ = std::make_unique<KeptPublisher>(options_.server, subjects, hub_.find_blob, calls.refused);
+  live_ = std::make_unique<LivePublisher>(options_.server, subjects, std::move(calls));
   hub_.Subscribe(this);
   OnTopic(Topic::kVolume);
   if (hub_.pose()) OnPose();
@@ -30,12 +26,13 @@ RoomPublisher::RoomPublisher(RoomOptions options, Hub& hub, Post post)
 RoomPublisher::~RoomPublisher() { hub_.Unsubscribe(this); }
 
 LivePublisher::Calls RoomPublisher::Calls() {
-  return {.other_changed =
-              [this](LivePublisher::Other other) {
-                kept_->SetWaits(other == LivePublisher::Other::kPublishes);
-                post_([this, other] { TakeOther(other); });
+  return {.waits = [this](bool waits) { kept_->SetWaits(waits); },
+          .kept = [this] { return kept_->kept(); },
+          .refused =
+              [this](const std::string& why) {
+                const std::lock_guard lock(mutex_);
+                refused_ = why;
               },
-          .problem_changed = [this] { post_([this] { LogProblem(); }); },
           .steer =
               [this](std::string user, std::string json, std::string reply) {
                 post_([this, user = std::move(user), json = std::move(json),
@@ -66,12 +63,6 @@ void RoomPublisher::OnTopic(Topic topic) {
 
 void RoomPublisher::OnPose() { live_->PutPose(hub_.pose()); }
 
-void RoomPublisher::TakeOther(LivePublisher::Other other) {
-  if (other == LivePublisher::Other::kWaits) {
-    options_.log("another gateway tried to publish room " + options_.room);
-  }
-}
-
 void RoomPublisher::TakeRequest(const std::string& site, const std::string& json,
                                 const std::string& reply) {
   auto judged = steering_.Judge(site, json, std::chrono::steady_clock::now());
@@ -84,14 +75,24 @@ void RoomPublisher::TakeRequest(const std::string& site, const std::string& json
              [this, reply](const std::string& error) { live_->Reply(reply, SteerAnswer(error)); });
 }
 
-void RoomPublisher::LogProblem() {
-  const std::string now = problem();
-  const auto time = std::chrono::steady_clock::now();
-  if (now == logged_ && (now.empty() || time - logged_at_ < kBetweenEqualLines)) return;
-  logged_ = now;
-  logged_at_ = time;
+void RoomPublisher::Poll() {
+  const std::string why = problem();
+  const bool is_published = why.empty();
+  const bool is_change = is_published != was_published_;
+  auto& logged_at = logged_at_.at(is_published ? 1 : 0);
+  const auto now = std::chrono::steady_clock::now();
+  if (now - logged_at < (is_change ? kBetweenChanges : kBetweenLines)) return;
+  std::string refused;
+  {
+    const std::lock_guard lock(mutex_);
+    refused.swap(refused_);
+  }
+  if (is_published && !is_change && refused.empty()) return;
+  was_published_ = is_published;
+  logged_at = now;
   options_.log("room " + options_.room +
-               (now.empty() ? " is published" : " is not published: " + now));
+               (is_published ? " is published" : " is not published: " + why) +
+               (refused.empty() ? "" : "; the NATS server refused: " + refused));
 }
 
 }  // namespace palpate::web

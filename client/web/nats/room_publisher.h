@@ -8,8 +8,10 @@
 // Errors: the constructor throws kInvalidArgument (as Check, or no name of a room).
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <memory>
+#include <mutex>
 #include <string>
 
 #include "client/web/hub/hub.h"
@@ -32,6 +34,10 @@ class RoomPublisher final : public Subscriber {
   void OnPose() override;
   bool is_guest() const override { return false; }
 
+  // Once a second: logs whether the room is published, when that changes, and what is wrong with it
+  // at most once a minute.
+  void Poll();
+
   // Any thread.
   bool is_connected() const;
   // Why the room is not published; empty: it is.
@@ -39,20 +45,20 @@ class RoomPublisher final : public Subscriber {
 
  private:
   LivePublisher::Calls Calls();
-  void TakeOther(LivePublisher::Other other);
   void TakeRequest(const std::string& site, const std::string& json, const std::string& reply);
-
-  void LogProblem();
 
   const RoomOptions options_;
   Hub& hub_;
   const Post post_;
   RemoteSteering steering_;
   bool is_put_posted_ = false;
-  std::string logged_ = "not yet";  // the last problem in the log; empty: none
-  std::chrono::steady_clock::time_point logged_at_{};
+  bool was_published_ = false;  // says the log
+  // When it said that it is not, and that it is.
+  std::array<std::chrono::steady_clock::time_point, 2> logged_at_{};
+  std::mutex mutex_;
+  std::string refused_;  // what the server said; not in the log yet
   std::unique_ptr<KeptPublisher> kept_;
-  std::unique_ptr<LivePublisher> live_;  // ends first: it tells kept_ of another publisher
+  std::unique_ptr<LivePublisher> live_;  // ends first: it uses kept_
 };
 
 }  // namespace palpate::web
