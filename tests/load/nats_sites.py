@@ -13,6 +13,7 @@ import json
 import pathlib
 import subprocess
 import sys
+import tempfile
 import time
 
 from copy_guest import CopyGuest
@@ -20,7 +21,7 @@ from nats import NatsServer
 from nats_join import texture
 from network_sites import Sites
 from room import KEY, Room, hash_of_palpated, hub_config, leaf_config
-from support import PALPATED
+from support import PALPATED, wait_until
 
 WEB_GUESTS = pathlib.Path(PALPATED).parent.parent / "tests" / "web_guests"
 LEAF_PORT = 7422
@@ -78,6 +79,13 @@ def measure_copy(sites, room, options):
     return found
 
 
+def volume_file(folder, edge):
+    file = pathlib.Path(folder) / "texture.nrrd"
+    header = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: {edge} {edge} {edge}\nencoding: raw\n\n"
+    file.write_bytes(header.encode() + texture(edge).tobytes(order="F"))
+    return str(file)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--round-trip-ms", type=float, default=80.0, help="half of it each way [80]")
@@ -98,10 +106,11 @@ def main():
         print(subprocess.run([*network.hub, "sysctl", "net.ipv4.tcp_congestion_control"],
                              stdout=subprocess.PIPE, text=True, check=True).stdout.strip())
         # palpated is reached by its socket: it may be anywhere.
-        room = stack.enter_context(Room(0, {"volume": "builtin:sphere:16"}, more_sites=2,
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="palpate-test-"))
+        room = stack.enter_context(Room(0, {"volume": volume_file(folder, options.edge)}, more_sites=2,
                                         server=lambda room: hub_config(room, LEAF_PORT), wrapper=network.hub))
-        with room.daemon.connect() as conn:
-            conn.volume.upload(texture(options.edge), name="texture")
+        # The sites' copies do not wait for the room's.
+        wait_until(lambda: any("is published" in line for line in room.publisher.said))
         sites = [Site(stack, room, network, number) for number in range(2)]
         found = measure_copy(sites, room, options)
         measure_poses(sites, options, "at rest")
