@@ -122,10 +122,13 @@ bool KeptPublisher::WaitForWork() {
   const auto is_work = [this] {
     return stopping_ || ((is_new_ || is_connection_) && !waits_ && link_.is_connected());
   };
-  while (!wake_.wait_until(lock, look_at_, is_work)) {
-    look_at_ = std::chrono::steady_clock::now() + kBetweenLooks;
+  do {
+    wake_.wait_until(lock, look_at_, is_work);
+    const auto now = std::chrono::steady_clock::now();
+    if (now < look_at_) continue;
+    look_at_ = now + kBetweenLooks;
     is_connection_ = true;
-  }
+  } while (!is_work());
   return !stopping_;
 }
 
@@ -147,6 +150,7 @@ bool KeptPublisher::Publish() {
   }
   const bool is_volume = !TextIn(texts, Topic::kManifest).empty();
   if (is_volume && !is_purged_) {
+    stream_.Purge(subjects_.volume());  // else newcomers ask for groups that are gone
     stream_.Purge(subjects_.group_all());
     groups_.clear();
     manifest_.clear();

@@ -29,8 +29,8 @@ class KeptStream {
   bool Ensure();
   // Drops what is kept of the subjects.
   void Purge(const std::string& subjects);
-  // Waits while kMostUnderWay messages have no answer. Bytes are copied or sent. Returns how many
-  // messages it were.
+  // Waits while kMostUnderWay messages have no answer. Bytes are copied or sent. Returns the
+  // message's number, from 1.
   std::uint64_t Publish(const std::string& subject, std::string_view bytes);
   // Until all that was published is acknowledged.
   void Wait();

@@ -88,7 +88,7 @@ void LivePublisher::Run() {
     if (now >= next_beat) {
       Beat beat = beat_;
       beat.kept = calls_.kept();
-      if (!waits) link_.Publish(subjects_.beat(), ToJson(beat));
+      if (!waits && link_.Publish(subjects_.beat(), ToJson(beat))) beat_at_ = now;
       next_beat = now + kBetweenBeats;
     }
     lock.lock();
@@ -97,7 +97,8 @@ void LivePublisher::Run() {
 
 // The caller holds the lock.
 bool LivePublisher::Waits(Time now) const {
-  if (now < listens_until_) return waits_;
+  // Others take over a room that was silent for so long.
+  if (now < listens_until_) return waits_ || now - beat_at_ >= kBeatLife;
   return now - other_beat_ < kBeatLife && (waits_ || other_session_ < beat_.session);
 }
 

@@ -74,6 +74,7 @@ class LivePublisher {
   std::string why_ = "NATS is not reached";
   std::string other_session_;
   Time other_beat_{};
+  Time beat_at_{};  // the last one sent
   bool waits_ = true;
   Time listens_until_ = Time::max();  // others' beats may be on their way
   std::thread thread_;

@@ -7,7 +7,8 @@
 //
 // Threads: methods on any after Start; Publish and Request may wait for up to 5 s on a slow
 // server, so not on the network thread. Callbacks run on threads of the link: one per subscription,
-// and one for events; they may call methods, but not destroy the link.
+// one for `connected` and `lost`, and one of libnats, which all links share, for the other events.
+// They may call methods, but not destroy the link.
 // Errors: the constructor throws kInvalidArgument as Check does.
 #pragma once
 

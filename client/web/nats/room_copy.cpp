@@ -318,10 +318,13 @@ void RoomCopy::AskAnew(bool everything) {
 bool RoomCopy::TakeBeat(const std::map<std::string, std::string>& kept, Time now) {
   constexpr std::chrono::seconds kLeast{1}, kMost{60};
   std::map<std::string, std::string> missed;
-  for (const Text& text : texts_) {
+  std::vector<Text*> texts;
+  for (Text& text : texts_) {
     const bool is_volume = text.kept.kind == Kept::Kind::kVolume;
     const auto named = kept.find(std::string(NameOf(is_volume ? Topic::kVolume : text.kept.topic)));
-    if (named != kept.end() && named->second != NameOf(text.hash)) missed.insert(*named);
+    if (named == kept.end() || named->second == NameOf(text.hash)) continue;
+    missed.insert(*named);
+    texts.push_back(&text);
   }
   if (missed != missed_) {
     missed_ = std::move(missed);
@@ -331,7 +334,9 @@ bool RoomCopy::TakeBeat(const std::map<std::string, std::string>& kept, Time now
   if (missed.empty() || now - asked_anew_ < patience_) return false;
   asked_anew_ = now;
   patience_ = std::min(2 * patience_, kMost);
-  AskAnew(true);
+  for (Text* const text : texts) {
+    if (text->ask != Ask::kUnderWay) text->ask = Ask::kNo;
+  }
   return true;
 }
 

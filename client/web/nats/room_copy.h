@@ -66,8 +66,8 @@ class RoomCopy {
   // connection. Otherwise: call it if something is missing and no answer came for a second.
   void AskAnew(bool everything);
   // Beat::kept of the publisher's newest beat. If two in a row name the same messages that did not
-  // come here, asks anew for everything and returns true; ever more seldom, up to once a minute,
-  // while that changes nothing. (One beat may come before a message that it names.)
+  // come here, asks anew for these and returns true; ever more seldom, up to once a minute, while
+  // that changes nothing. (One beat may come before a message that it names.)
   bool TakeBeat(const std::map<std::string, std::string>& kept, Time now);
   // Drops blobs that were superseded long ago; Take does so, too.
   void Expire(Time now) { shelf_.Expire(now); }

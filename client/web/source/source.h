@@ -37,7 +37,7 @@ class Source {
   // Asks for what is not told by itself. Call it once a second.
   virtual void Poll() = 0;
 
-  // What the hub needs; see its members of the same names. Any thread.
+  // What the hub needs; see its members of the same names. FindBlob: any thread.
   virtual BlobPtr FindBlob(std::string_view name) const = 0;
   virtual void Steer(const SteerRequest& request, std::function<void(std::string error)> done) = 0;
   virtual std::string Health() const = 0;

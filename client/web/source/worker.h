@@ -1,4 +1,4 @@
-// Work that waits for palpated's answers, on a thread of its own.
+// Work that waits for answers of palpated or NATS, on a thread of its own.
 //
 // Work of a key replaces work of the same key that still waits. Threads: Put on any; work runs on
 // the worker's thread, replaced work on that of Put.
