@@ -6,7 +6,6 @@ import json
 import pathlib
 import random
 import signal
-import socket
 import struct
 import subprocess
 import tempfile
@@ -18,6 +17,7 @@ import numpy as np
 import xxhash
 import zstandard
 
+from cable import Cable
 from free_port import free_port
 from gateway import PALPATE_WEB, VOXEL_TYPES, Copy, Gateway, Guest
 from nats import JETSTREAM, NatsServer
@@ -244,9 +244,11 @@ class Room(ReceiverTest):
             with Publisher(self.server) as publisher:
                 self.await_connection(guest, "connected")
                 self.assertTrue(wait_until(lambda: guest.poses > 0 and guest.pose[1] & 16))
+                since_ms = guest.topics["connection"]["since_ms"]
                 publisher.text("connection", state="lost", why="palpated is not reached",
                                palpated="theatre-2", since_ms=5)
                 self.await_connection(guest, "lost", "palpated")
+                self.assertGreater(guest.topics["connection"]["since_ms"], since_ms)
                 publisher.text("connection", state="connected", why="", palpated="theatre-2",
                                since_ms=5)
                 self.await_connection(guest, "connected")
@@ -373,62 +375,6 @@ class Away(ReceiverTest):
             self.assertEqual(gateway.end(), 0)
 
 
-class Cable:
-    """Forwards a port, until it is cut: then connections end, and there are no new ones. is_of: of
-    which connections this is true, by the first bytes that the client sends; others go on."""
-
-    def __init__(self, to, is_of=lambda first: True):
-        self._to, self._is_of, self._ends, self.is_cut = to, is_of, [], False
-        self._door = socket.create_server(("127.0.0.1", 0))
-        self.port = self._door.getsockname()[1]
-        self.url = f"nats://127.0.0.1:{self.port}"
-        threading.Thread(target=self._listen, daemon=True).start()
-
-    def _listen(self):
-        try:
-            while True:
-                near, _ = self._door.accept()
-                far = socket.create_connection(("127.0.0.1", self._to))
-                for one, other, is_first in ((near, far, True), (far, near, False)):
-                    threading.Thread(target=self._pump, args=(one, other, is_first),
-                                     daemon=True).start()
-        except OSError:
-            return
-
-    def _pump(self, one, other, is_first):
-        try:
-            while data := one.recv(65536):
-                if is_first and self._is_of(data):
-                    self._ends += [one, other]
-                    if self.is_cut:
-                        break
-                is_first = False
-                other.sendall(data)
-        except OSError:
-            pass
-        for end in (one, other):
-            self._end(end)
-
-    @staticmethod
-    def _end(end):
-        try:
-            end.shutdown(socket.SHUT_RDWR)
-        except OSError:
-            pass
-
-    def cut(self):
-        self.is_cut = True
-        while self._ends:
-            self._end(self._ends.pop())
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.cut()
-        self._door.close()
-
-
 class Voxels(ReceiverTest):
     def test_poses_go_on_while_the_connection_of_the_voxels_is_lost(self):
         with NatsServer() as server, \
@@ -452,6 +398,48 @@ class Voxels(ReceiverTest):
             guest.wait_for("copy", lambda message: message["problem"] == "")
             whys = [text.get("why", "") for text in guest.heard[heard:]]
             self.assertFalse([why for why in whys if "NATS" in why])
+
+
+class Asking(ReceiverTest):
+    def test_what_the_server_had_not_is_asked_for_again(self):
+        volume = Volume(noise(14), 7)
+        with NatsServer(JETSTREAM + """
+                authorization { users: [
+                    { user: here, password: p },
+                    { user: away, password: p, permissions: {
+                        subscribe: { deny: "palpate.hall.kept.group.1" } } } ] }""") as server, \
+                Publisher(server, user="here", password="p") as publisher:
+            password = server.folder / "password"
+            password.write_text("p")
+            password.chmod(0o600)
+            for number, group in enumerate(volume.groups):
+                if number != 1:
+                    publisher.keep(f"group.{number}", group)
+            groups, volume.groups = volume.groups, []
+            publisher.show(volume)
+            with from_room(server, config=f'[nats]\nuser = "away"\n'
+                           f'password_file = "{password}"\n') as gateway, Guest(gateway) as guest:
+                guest.wait_for("copy", lambda message: message["bricks_left"] == 64)
+                self.await_connection(guest, "connected")
+                self.assertNotIn("manifest", guest.topics)
+                publisher.keep("group.1", groups[1])
+                self.assert_shown(guest, volume)
+
+
+class Reconnected(ReceiverTest):
+    def test_what_was_kept_while_the_connection_was_lost_is_asked_for(self):
+        with NatsServer() as server, Cable(server.port) as cable, Publisher(server) as publisher, \
+                from_room(cable) as gateway, Guest(gateway) as guest:
+            publisher.text("settings", revision=1, values={})
+            guest.wait_for("settings")
+            self.await_connection(guest, "connected")
+            cable.cut()
+            # No beat says so.
+            publisher.client.publish(f"palpate.{ROOM}.kept.text.settings",
+                                     '{"type": "settings", "revision": 2}')
+            publisher.client.flush()
+            cable.is_cut = False
+            guest.wait_for("settings", lambda message: message["revision"] == 2)
 
 
 class Site(ReceiverTest):

@@ -16,7 +16,8 @@ import zstandard
 
 from palpate._brick_hash import hash_of_bricks
 
-from gateway import Copy, Gateway
+import cable
+from gateway import Copy, Gateway, Guest
 from nats import JETSTREAM, NatsServer
 from support import DaemonTest, wait_until
 
@@ -187,7 +188,7 @@ class PublisherTest(RoomTest):
         client = self.join()
         poses = client.subscribe(f"palpate.{ROOM}.live.pose")
         beats = client.subscribe(f"palpate.{ROOM}.live.beat")
-        self.publish()
+        guest = self.enterContext(Guest(self.publish()))
         room = Room(client)
         before = room.wait_for_volume()
         after = room.wait_for_volume(self.carve())
@@ -199,6 +200,7 @@ class PublisherTest(RoomTest):
         self.assertTrue(wait_until(
             lambda: client.kept(ROOM, "text.connection").json["state"] == "connected"))
         self.assertEqual(client.kept(ROOM, "text.settings").json["type"], "settings")
+        self.assertEqual(guest.wait_for("guests")["count"], 1)  # the room is none
         # Nothing more than the newest: no message of a subject is kept twice.
         state = client.stream(ROOM)["state"]
         self.assertEqual(state["messages"], state["num_subjects"])
@@ -214,16 +216,76 @@ class PublisherTest(RoomTest):
             Room(client).wait_for_volume(revision)
             self.assertTrue(wait_until(lambda: client.kept(ROOM, "text.settings")))
 
-    def test_a_connection_that_is_lost_publishes_nothing_twice(self):
+    def test_groups_that_a_smaller_volume_lacks_are_background(self):
         self.publish()
+        client = self.join()
+        before = Room(client).wait_for_volume()
+        held = client.kept(ROOM, "group.7").data
+        self.assertTrue(any(held[6:22]) and len(held) > 22)
+        self.addCleanup(self.daemon.palpate, "load", self.volume, "--discard")
+        self.daemon.palpate("load", "builtin:bumps:20", "--discard")
+        self.assertTrue(wait_until(lambda: client.kept(ROOM, "group.7").data != held))
+        for number in range(1, 8):
+            self.assertTrue(wait_until(lambda: not any(
+                client.kept(ROOM, f"group.{number}").data[6:])), number)
+        self.assertNotEqual(Room(client).wait_for_volume()["content_hash"], before["content_hash"])
+
+    def test_a_volume_is_kept_only_after_all_that_it_names(self):
+        self.server.end()
+        self.server.configure(JETSTREAM + """
+            authorization { users: [ { user: judge, password: j },
+                                     { user: or-2, password: p, permissions: { publish: {
+                                         allow: ">", deny: "palpate.hall.kept.group.3" } } } ] }""")
+        self.server.start()
+        password = self.server.folder / "password"
+        password.write_text("p")
+        password.chmod(0o600)
+        client = self.join("judge", "j")
+        beats = client.subscribe(f"palpate.{ROOM}.live.beat")
+        self.publish(config=f'[nats]\nuser = "or-2"\npassword_file = "{password}"\n')
+        # The publisher sends it last of the blobs.
+        self.assertTrue(wait_until(lambda: client.kept(ROOM, "manifest.0")))
+        beats.wait(len(beats.messages) + 3)
+        volume = client.kept(ROOM, "volume")
+        self.assertFalse(volume and volume.json["manifest"])
+
+    def test_what_somebody_else_wrote_is_replaced_after_a_connection(self):
+        way = self.enterContext(cable.Cable(self.server.port))
+        self.publish(by=way)
+        client = self.join()
+        Room(client).wait_for_volume()
+        client.publish(f"palpate.{ROOM}.kept.group.3", b"rubbish")
+        client.publish(f"palpate.{ROOM}.kept.text.settings", b"rubbish")
+        self.assertEqual(client.kept(ROOM, "group.3").data, b"rubbish")
+        way.cut()
+        way.is_cut = False
+        for subject in ("group.3", "text.settings"):
+            self.assertTrue(wait_until(lambda: client.kept(ROOM, subject).data != b"rubbish"))
+        Room(client).wait_for_volume()
+
+    def test_while_another_publishes_it_waits_and_then_publishes_everything_anew(self):
+        gateway, client = self.publish(), self.join()
+        Room(client).wait_for_volume()
+        other = json.dumps({"protocol": 1, "session": "0" * 16, "machine": "0" * 32})
+        self.assertTrue(wait_until(lambda: client.publish(f"palpate.{ROOM}.live.beat", other) or any(
+            "another gateway publishes" in line for line in gateway.said)))
+        client.publish(f"palpate.{ROOM}.kept.group.3", b"the other's")
+        self.assertTrue(wait_until(
+            lambda: client.kept(ROOM, "group.3").data != b"the other's"))
+        Room(client).wait_for_volume()
+
+    def test_a_connection_that_is_lost_publishes_nothing_twice(self):
+        way = self.enterContext(cable.Cable(self.server.port))
+        self.publish(by=way)
         client = self.join()
         Room(client).wait_for_volume()
         groups = client.subscribe(f"palpate.{ROOM}.kept.group.*")
         beats = client.subscribe(f"palpate.{ROOM}.live.beat")
-        self.server.stop()
-        time.sleep(9)  # longer than the gateway is patient
-        self.server.cont()
-        beats.wait(len(beats.messages) + 8)
+        count = way.connections
+        way.cut()
+        way.is_cut = False
+        self.assertTrue(wait_until(lambda: way.connections >= count + 2))
+        beats.wait(len(beats.messages) + 6)
         self.assertEqual(len(groups.messages), 0)
 
     def test_waits_for_a_server_that_is_away_or_keeps_nothing(self):
@@ -263,8 +325,11 @@ class PublisherTest(RoomTest):
         answers.wait(3)
         time.sleep(0.5)
         self.assertEqual([answer.json["error"] for answer in answers.messages], ["", "", ""])
+        volumes = client.subscribe(f"palpate.{ROOM}.kept.volume")
         revision = self.carve()
         Room(client).wait_for_volume(revision)
+        beats.wait(len(beats.messages) + 4)
+        self.assertEqual(len({volume.data for volume in volumes.messages}), len(volumes.messages))
         other.end()
         self.assertTrue(wait_until(lambda: sessions() and not sessions() & winner))
         revision = self.carve()
@@ -289,7 +354,7 @@ class PublisherTest(RoomTest):
                         ("lab", {"user": "ann", "key": "isovalue"}),
                         ("lab", {}),
                         ("elsewhere", {"user": "ann", "key": "isovalue", "value": 0.5}),
-                        ("lab", {"user": "a" * 2000, "key": "isovalue", "value": 0.5})]:
+                        ("lab", {"user": "ann", "key": "isovalue", "value": 0.5, "x": "x" * 1024})]:
             self.assertNotEqual(steer(refused[0], **refused[1]), "", refused)
         self.assertAlmostEqual(self.conn.settings.isovalue, 0.4)
         self.assertTrue(wait_until(lambda: any(
