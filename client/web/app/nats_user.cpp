@@ -74,9 +74,7 @@ void AddNatsUser(arguments::Command& app, NatsUserLine& line) {
       "Prints a new password for a gateway's user at the NATS server, and an account\n"
       "for that server's configuration");
   user->add_option("NAME", line.name, "Letters, digits, '_' and '-'")->required();
-  user->add_option("--room", line.room, "Room that the user receives")
-      ->option_text("ROOM")
-      ->required();
+  user->add_option("--room", line.room, "The room")->option_text("ROOM")->required();
   user->add_flag("--publishes", line.publishes, "The user publishes the room");
   user->callback([&line] { line.is_wanted = true; });
 }

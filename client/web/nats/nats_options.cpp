@@ -47,11 +47,11 @@ bool UsesTls(const NatsServer& server) {
 std::string ReadPassword(const NatsServer& server) {
   if (server.password_file.empty()) return {};
   std::ifstream stream(server.password_file);
-  std::string password;
-  stream >> password;
-  if (password.empty()) {
-    Refuse("nats.password_file: no password in " + server.password_file.string());
-  }
+  std::string password, more;
+  stream >> password >> more;
+  const std::string file = server.password_file.string();
+  if (password.empty()) Refuse("nats.password_file: no password in " + file);
+  if (!more.empty()) Refuse("nats.password_file: " + file + " must hold the password alone");
   return password;
 }
 

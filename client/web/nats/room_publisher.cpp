@@ -78,7 +78,7 @@ void RoomPublisher::TakeRequest(const std::string& site, const std::string& json
 void RoomPublisher::Poll() {
   const std::string why = problem();
   const bool is_published = why.empty();
-  const bool is_change = is_published != was_published_;
+  const bool is_change = is_published != was_published_ || why != logged_;
   auto& logged_at = logged_at_.at(is_published ? 1 : 0);
   const auto now = std::chrono::steady_clock::now();
   if (now - logged_at < (is_change ? kBetweenChanges : kBetweenLines)) return;
@@ -89,6 +89,7 @@ void RoomPublisher::Poll() {
   }
   if (is_published && !is_change && refused.empty()) return;
   was_published_ = is_published;
+  logged_ = why;
   logged_at = now;
   options_.log("room " + options_.room +
                (is_published ? " is published" : " is not published: " + why) +

@@ -53,6 +53,7 @@ class RoomPublisher final : public Subscriber {
   RemoteSteering steering_;
   bool is_put_posted_ = false;
   bool was_published_ = false;  // says the log
+  std::string logged_;          // why not
   // When it said that it is not, and that it is.
   std::array<std::chrono::steady_clock::time_point, 2> logged_at_{};
   std::mutex mutex_;
