@@ -294,6 +294,8 @@ TEST_F(WebConfig, SecretsOfNatsStandInFilesThatOthersDoNotRead) {
   config.nats.from = "nats://127.0.0.1:1";
   config.nats.options.room = "hall";
   config.nats.options.server.user = "lyon";
+  config.nats.options.server.password_file = Write("password", "# For lyon alone: secret");
+  EXPECT_EQ(CheckConfig(config).size(), 1u) << "the whole line of nats-user";
   for (auto* const file :
        {&config.nats.options.server.password_file, &config.nats.options.server.key_file}) {
     config.nats.options.server.password_file = Write("password", "secret");
