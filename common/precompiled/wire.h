@@ -4,6 +4,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include "common/precompiled/pure.h"
+#include "palpate/v1/activity.grpc.pb.h"
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/edit.pb.h"
 #include "palpate/v1/pose.grpc.pb.h"

@@ -23,6 +23,7 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.DeviceService/GetDevice", kViewer, kCall, kAnytime},
     {"/palpate.v1.DeviceService/ListDevices", kViewer, kCall, kAnytime},
     {"/palpate.v1.RecordingService/GetRecording", kViewer, kCall, kAnytime},
+    {"/palpate.v1.ActivityService/GetActivity", kViewer, kCall, kAnytime},
 
     // Everybody who sees a problem can stop the forces: no force is always safe.
     {"/palpate.v1.DeviceService/StopForces", kViewer, kStop, kAnytime},
@@ -44,6 +45,7 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.DeviceService/EnableForces", kOperator, kCall, kAnytime},
     {"/palpate.v1.DeviceService/DisableForces", kOperator, kCall, kAnytime},
     {"/palpate.v1.DeviceService/CalibrateDevice", kOperator, kCall, kAnytime},
+    {"/palpate.v1.DeviceService/LeadHand", kOperator, kTransfer, kAnytime},
 
     // These read and write files of the workstation, fill its memory and disk, or permanently put
     // another volume under the stylus.
@@ -53,6 +55,7 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.SeriesService/LoadSeries", kOperator, kTransfer},
     {"/palpate.v1.RecordingService/StartRecording", kOperator, kCall},
     {"/palpate.v1.RecordingService/StopRecording", kOperator, kCall},
+    {"/palpate.v1.RecordingService/ListRecordings", kOperator, kCall, kAnytime},
     // Shows all viewers the past instead of the present.
     {"/palpate.v1.RecordingService/Replay", kOperator, kTransfer},
     // No call needs the admin yet: identities are changed in files.
