@@ -11,6 +11,7 @@ import subprocess
 from PIL import Image
 
 from support import PATIENCE_S, wait_until
+from text_in_picture import places_of
 
 PALPATE_VIEW = os.environ["PALPATE_VIEW"]
 WITHOUT_DISPLAY = {key: value for key, value in os.environ.items()
@@ -94,6 +95,26 @@ class Window:
         if not wait_until(came):
             raise AssertionError("no picture came")
         return Image.open(new[0]).convert("RGB")
+
+    def find(self, text, among=0):
+        """The middle of a text in the window, once it is there; `among`: which of several, from
+        above."""
+        places = []
+
+        def is_there():
+            places[:] = sorted(places_of(text, self.picture()), key=lambda place: place[1])
+            return len(places) > among
+
+        if not wait_until(is_there):
+            raise AssertionError(f"the window does not show '{text}'")
+        return places[among]
+
+    def shows(self, text):
+        return bool(places_of(text, self.picture()))
+
+    def press(self, text, among=0):
+        """Clicks on a text: a button, a tab, a check box."""
+        self.click(*self.find(text, among))
 
     def end(self, number=signal.SIGTERM):
         """Exit code and what it said."""

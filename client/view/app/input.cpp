@@ -20,7 +20,7 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
     return;
   }
   if (press.key == "r") viewer.Aim();
-  if (press.key == "b") state.brush.on = !state.brush.on;
+  if (press.key == "b") state.tool = state.tool == Tool::kBrush ? Tool::kTurn : Tool::kBrush;
   if (press.key == "h") state.overlay.haptic_surface = !state.overlay.haptic_surface;
   if (press.key == "v") state.surface.veil.shown = !state.surface.veil.shown;
   if (press.key == "c") state.cross_follows_proxy = !state.cross_follows_proxy;
@@ -31,9 +31,6 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
   if (press.key == "f12") state.window_picture_wanted = true;
 }
 
-// Depths that differ by more than this many brush radii belong to different surfaces.
-constexpr double kJump_radii = 3.0;
-
 // Converts a point of the screen to a pixel of the picture.
 Eigen::Vector2d PixelIn(const ImVec2& min, const Eigen::Vector2d& at) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
@@ -41,56 +38,22 @@ Eigen::Vector2d PixelIn(const ImVec2& min, const Eigen::Vector2d& at) {
           (at.y() - static_cast<double>(min.y)) * static_cast<double>(scale.y)};
 }
 
-Eigen::Vector2d PointerIn(const ImVec2& min) {
-  const ImVec2& at = ImGui::GetIO().MousePos;
-  return PixelIn(min, {static_cast<double>(at.x), static_cast<double>(at.y)});
-}
-
-// The length in D, in mm, of one mm of the volume (W).
-double DeviceMmPerMm(const ViewVolume& volume) {
-  if (!volume.lattice() || !volume.X_DI()) return 1.0;
-  const double det_D = volume.X_DI()->linear.determinant();
-  const double det_W = volume.lattice()->X_WI.linear.determinant();
-  return std::cbrt(std::abs(det_D / det_W));
-}
-
-void BeginStroke(Viewer& viewer, const Eigen::Vector2d& at_px, const ImageSize& size,
-                 const PointerStroke::Sink& sink) {
-  const double jump_mm =
-      kJump_radii * viewer.state().brush.radius_mm * DeviceMmPerMm(viewer.feed().volume());
-  viewer.brush().End();
-  viewer.stroke().Begin(viewer.seen_surface(), at_px, size, jump_mm, sink);
-}
-
-// Returns true while the brush has the pointer. A drag that begins beside the surface turns the
-// view instead.
-bool Paint(Viewer& viewer, const ImVec2& min, const ImageSize& size) {
-  PointerStroke& stroke = viewer.stroke();
-  const bool down = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left);
-  if (!down) {
-    if (stroke.has_pointer()) {
-      stroke.Release();
-      viewer.brush().End();
-    }
-    return false;
+ViewPointer PointerOf(const Viewer& viewer, const ImVec2& min, const ImageSize& size) {
+  const ImGuiIO& io = ImGui::GetIO();
+  ViewPointer pointer{
+      .size = size,
+      .at_px =
+          PixelIn(min, {static_cast<double>(io.MousePos.x), static_cast<double>(io.MousePos.y)}),
+      .way_px = {},
+      .hovered = ImGui::IsItemHovered(),
+      .clicked = ImGui::IsItemClicked(ImGuiMouseButton_Left),
+      .held = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left),
+      .shift = io.KeyShift,
+      .wheel_steps = ImGui::IsItemHovered() ? static_cast<double>(io.MouseWheel) : 0.0};
+  for (const Eigen::Vector2d& at : viewer.state().pointer_way) {
+    pointer.way_px.push_back(PixelIn(min, at));
   }
-  if (!viewer.state().brush.on) stroke.BreakOff();
-  const PointerStroke::Sink sink = {.draw =
-                                        [&viewer](const Vec3& p_D) {
-                                          viewer.brush().Stroke(viewer.state().brush, p_D,
-                                                                viewer.feed().volume(),
-                                                                viewer.feed().commands());
-                                        },
-                                    .lift = [&viewer] { viewer.brush().Lift(); }};
-  if (stroke.has_pointer()) {
-    for (const Eigen::Vector2d& at : viewer.state().pointer_way) {
-      stroke.MoveTo(PixelIn(min, at), size, sink);
-    }
-    return true;
-  }
-  const bool begins = ImGui::IsItemClicked(ImGuiMouseButton_Left) && !ImGui::GetIO().KeyShift;
-  if (begins && viewer.state().brush.on) BeginStroke(viewer, PointerIn(min), size, sink);
-  return stroke.has_pointer();
+  return pointer;
 }
 
 }  // namespace
@@ -106,14 +69,16 @@ void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys) {
 void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen) {
   const ImGuiIO& io = ImGui::GetIO();
   const ImageSize size = PixelsOf(size_on_screen);
-  const Eigen::Vector2d pointer_px = PointerIn(min);
+  const ViewPointer pointer = PointerOf(viewer, min, size);
+  // All of them, whichever has the pointer.
+  const bool hand = TakeHand(viewer, pointer);
+  const bool brush = TakeBrush(viewer, pointer);
+  const bool measure = TakeMeasure(viewer, pointer);
+  if (hand || brush || measure) return;
   Camera& camera = viewer.state().camera;
-  if (ImGui::IsItemHovered() && io.MouseWheel != 0.0f) {
-    camera.Zoom(std::pow(kZoomPerStep, static_cast<double>(io.MouseWheel)));
-  }
-  if (Paint(viewer, min, size)) return;
+  if (pointer.wheel_steps != 0.0) camera.Zoom(std::pow(kZoomPerStep, pointer.wheel_steps));
   if (ImGui::IsItemHovered() && ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left)) {
-    if (const auto p_D = viewer.SurfaceAt(pointer_px.x(), pointer_px.y(), size))
+    if (const auto p_D = viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), size))
       camera.LookAt(*p_D);
   }
   // The motion to the place where the button was pressed is not part of the drag.

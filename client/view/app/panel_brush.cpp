@@ -9,7 +9,10 @@ namespace {
 
 void EditBrush(Viewer& viewer) {
   BrushOptions& brush = viewer.state().brush;
-  ImGui::Checkbox("Drag on the surface edits (B)", &brush.on);
+  bool on = viewer.state().tool == Tool::kBrush;
+  if (ImGui::Checkbox("Drag on the surface edits (B)", &on)) {
+    viewer.state().tool = on ? Tool::kBrush : Tool::kTurn;
+  }
   static const char* const operations[] = {"add", "subtract", "set", "smooth", "paint"};
   int operation = static_cast<int>(brush.operation);
   if (Choose("Operation", operation, operations, 5)) {

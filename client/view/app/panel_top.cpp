@@ -108,7 +108,7 @@ void States(const Viewer& viewer) {
     ImGui::TextColored(kWarning, "%s", client::UnsavedInWords(volume->unsaved_edits).c_str());
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("save them with `palpate save`");
   }
-  if (viewer.state().brush.on) {
+  if (viewer.state().tool == Tool::kBrush) {
     ImGui::SameLine(0.0f, 24.0f);
     ImGui::TextColored(kWarning, "BRUSH");
   }

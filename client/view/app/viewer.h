@@ -17,6 +17,7 @@
 #include "client/view/app/held_values.h"
 #include "client/view/app/options.h"
 #include "client/view/app/pointer_stroke.h"
+#include "client/view/app/tool.h"
 #include "client/view/live/brush.h"
 #include "client/view/live/live_feed.h"
 #include "client/view/render/frame_renderer.h"
@@ -37,6 +38,7 @@ struct ViewState {
   Camera camera;
   SurfaceOptions surface;  // isovalue and free side come from palpated
   OverlayOptions overlay;
+  Tool tool = Tool::kTurn;
   BrushOptions brush;
   client::Filter denoise{};
   // The point where the slices cross.

@@ -153,6 +153,12 @@ bool Choose(const char* label, int& choice, const char* const* names, int count)
   return ImGui::Combo(label, &choice, names, count);
 }
 
+void Tip(const char* text) {
+  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) && !ImGui::IsItemActive()) {
+    ImGui::SetTooltip("%s", text);
+  }
+}
+
 ImVec4 ColorOf(const std::array<std::uint8_t, 4>& rgba) {
   return ImGui::ColorConvertU32ToFloat4(IM_COL32(rgba[0], rgba[1], rgba[2], rgba[3]));
 }

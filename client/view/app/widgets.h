@@ -56,6 +56,9 @@ void EndAllowed();
 // Draws a choice of `names`.
 bool Choose(const char* label, int& choice, const char* const* names, int count);
 
+// The tooltip of the control that was just drawn; none while the user drags it.
+void Tip(const char* text);
+
 ImVec4 ColorOf(const std::array<std::uint8_t, 4>& rgba);
 
 inline const ImVec4 kPlain{1.0f, 1.0f, 1.0f, 1.0f};

@@ -148,7 +148,7 @@ void Brush::Follow(const ViewVolume& volume, std::uint64_t losses) {
 
 void Brush::Stroke(const BrushOptions& options, const Vec3& p_D, const ViewVolume& volume,
                    Commands& commands) {
-  if (!options.on || !volume.lattice() || !volume.X_DI()) return;
+  if (!volume.lattice() || !volume.X_DI()) return;
   const Vec3 p_W = volume.lattice()->X_WI.Apply(volume.X_DI()->Inverse().Apply(p_D));
   if (!p_W.allFinite()) return;
   if (last_W_ && (p_W - *last_W_).norm() < kWayPerRadius * options.radius_mm) return;

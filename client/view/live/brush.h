@@ -30,7 +30,6 @@
 namespace palpate::view {
 
 struct BrushOptions {
-  bool on = false;
   client::EditOperation operation = client::EditOperation::kSubtract;
   double radius_mm = 3.0;   // mm of the volume, W
   double falloff_mm = 1.0;  // likewise
@@ -51,8 +50,8 @@ class Brush {
   void Follow(const ViewVolume& volume, std::uint64_t losses);
 
   // Call it with the point under the pointer while the button is held. Sends a sphere first, then a
-  // capsule from point to point whenever the path is a third of the radius. Does nothing if the
-  // brush is off, or the volume is missing or has no place yet.
+  // capsule from point to point whenever the path is a third of the radius. Does nothing if
+  // the volume is missing or has no place yet.
   void Stroke(const BrushOptions& options, const Vec3& p_D, const ViewVolume& volume,
               Commands& commands);
   // The path to the next point leaves the surface: nothing is drawn along it.

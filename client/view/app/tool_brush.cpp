@@ -1,0 +1,54 @@
+#include <cmath>
+
+#include "client/view/app/tool.h"
+#include "client/view/app/viewer.h"
+
+namespace palpate::view {
+namespace {
+
+// Depths that differ by more than this many brush radii belong to different surfaces.
+constexpr double kJump_radii = 3.0;
+
+// The length in D, in mm, of one mm of the volume (W).
+double DeviceMmPerMm(const ViewVolume& volume) {
+  if (!volume.lattice() || !volume.X_DI()) return 1.0;
+  const double det_D = volume.X_DI()->linear.determinant();
+  const double det_W = volume.lattice()->X_WI.linear.determinant();
+  return std::cbrt(std::abs(det_D / det_W));
+}
+
+}  // namespace
+
+// A drag that begins beside the surface turns the view instead.
+bool TakeBrush(Viewer& viewer, const ViewPointer& pointer) {
+  PointerStroke& stroke = viewer.stroke();
+  const ViewState& state = viewer.state();
+  if (!pointer.held) {
+    if (stroke.has_pointer()) {
+      stroke.Release();
+      viewer.brush().End();
+    }
+    return false;
+  }
+  if (state.tool != Tool::kBrush) stroke.BreakOff();
+  const PointerStroke::Sink sink = {.draw =
+                                        [&viewer](const Vec3& p_D) {
+                                          viewer.brush().Stroke(viewer.state().brush, p_D,
+                                                                viewer.feed().volume(),
+                                                                viewer.feed().commands());
+                                        },
+                                    .lift = [&viewer] { viewer.brush().Lift(); }};
+  if (stroke.has_pointer()) {
+    for (const Eigen::Vector2d& at_px : pointer.way_px) stroke.MoveTo(at_px, pointer.size, sink);
+    return true;
+  }
+  if (pointer.clicked && !pointer.shift && state.tool == Tool::kBrush) {
+    const double jump_mm =
+        kJump_radii * state.brush.radius_mm * DeviceMmPerMm(viewer.feed().volume());
+    viewer.brush().End();
+    stroke.Begin(viewer.seen_surface(), pointer.at_px, pointer.size, jump_mm, sink);
+  }
+  return stroke.has_pointer();
+}
+
+}  // namespace palpate::view
