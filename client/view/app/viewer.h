@@ -17,6 +17,7 @@
 #include "client/view/app/held_values.h"
 #include "client/view/app/options.h"
 #include "client/view/app/pointer_stroke.h"
+#include "client/view/app/preferences.h"
 #include "client/view/app/tool.h"
 #include "client/view/live/brush.h"
 #include "client/view/live/live_feed.h"
@@ -114,6 +115,9 @@ class Viewer {
 
   ViewState& state() { return state_; }
   const ViewState& state() const { return state_; }
+  // Defaults unless a window has read them. A window keeps changes.
+  Preferences& preferences() { return preferences_; }
+  const Preferences& preferences() const { return preferences_; }
   LiveFeed& feed() { return feed_; }
   const LiveFeed& feed() const { return feed_; }
   FrameRenderer& renderer() { return renderer_; }
@@ -162,6 +166,7 @@ class Viewer {
   Brush brush_;
   PointerStroke stroke_;
   ViewState state_;
+  Preferences preferences_;
   HeldValues held_;
 
   std::optional<VolumeLattice> begun_;  // the volume for which the view was set up

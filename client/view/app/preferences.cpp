@@ -1,0 +1,119 @@
+#include "client/view/app/preferences.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+#include "common/files/new_file.h"
+
+namespace palpate::view {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr std::uintmax_t kMostBytes = 1 << 20;
+constexpr std::array<std::string_view, 2> kThemes = {"dark", "light"};
+constexpr std::array<std::string_view, 4> kTabs = {"surface", "look", "cut", "edit"};
+constexpr std::array<std::string_view, 2> kSides = {"left", "right"};
+
+fs::path FolderOf(const char* variable) {
+  const char* value = std::getenv(variable);
+  const fs::path folder = value ? value : "";
+  return folder.is_absolute() ? folder : fs::path();
+}
+
+const Json* Find(const Json& all, const char* name) {
+  const auto found = all.find(name);
+  return found == all.end() ? nullptr : &*found;
+}
+
+void Take(const Json& all, const char* name, bool& value) {
+  if (const Json* read = Find(all, name); read && read->is_boolean()) value = read->get<bool>();
+}
+
+template <class Number>
+void Take(const Json& all, const char* name, Number least, Number most, Number& value) {
+  const Json* read = Find(all, name);
+  if (!read || !read->is_number()) return;
+  const auto number = read->get<double>();
+  if (number >= static_cast<double>(least) && number <= static_cast<double>(most))
+    value = static_cast<Number>(number);
+}
+
+template <class Choice, std::size_t kCount>
+void Take(const Json& all, const char* name, const std::array<std::string_view, kCount>& words,
+          Choice& value) {
+  const Json* read = Find(all, name);
+  if (!read || !read->is_string()) return;
+  const auto word = std::find(words.begin(), words.end(), read->get_ref<const std::string&>());
+  if (word != words.end()) value = static_cast<Choice>(word - words.begin());
+}
+
+template <class Choice, std::size_t kCount>
+std::string WordOf(Choice value, const std::array<std::string_view, kCount>& words) {
+  return std::string(words[static_cast<std::size_t>(value)]);
+}
+
+Json Parse(const fs::path& file) {
+  std::error_code error;
+  // A pipe or a device could make the window wait for ever.
+  if (!fs::is_regular_file(file, error) || fs::file_size(file, error) > kMostBytes) return {};
+  std::ifstream stream(file, std::ios::binary);
+  return Json::parse(stream, nullptr, false);
+}
+
+}  // namespace
+
+fs::path PreferencesFile() {
+  fs::path folder = FolderOf("XDG_STATE_HOME");
+  if (folder.empty()) {
+    folder = FolderOf("HOME");
+    if (folder.empty()) return {};
+    folder /= fs::path(".local") / "state";
+  }
+  return folder / "palpate" / "view.json";
+}
+
+Preferences ReadPreferences(const fs::path& file) {
+  Preferences read;
+  const Json all = Parse(file);
+  if (!all.is_object()) return read;
+  Take(all, "theme", kThemes, read.theme);
+  Take(all, "font_percent", kLeastFont_percent, kMostFont_percent, read.font_percent);
+  Take(all, "left_width_px", kLeastSide_px, kMostSide_px, read.left_width_px);
+  Take(all, "right_width_px", kLeastSide_px, kMostSide_px, read.right_width_px);
+  Take(all, "left_shown", read.left_shown);
+  Take(all, "right_shown", read.right_shown);
+  Take(all, "narrow_side", kSides, read.narrow_side);
+  Take(all, "tab", kTabs, read.tab);
+  if (const Json* plots = Find(all, "plots_shown"); plots && plots->is_boolean())
+    read.plots_shown = plots->get<bool>();
+  return read;
+}
+
+void WritePreferences(const Preferences& preferences, const fs::path& file) {
+  Json all = {{"theme", WordOf(preferences.theme, kThemes)},
+              {"font_percent", preferences.font_percent},
+              {"left_width_px", preferences.left_width_px},
+              {"right_width_px", preferences.right_width_px},
+              {"left_shown", preferences.left_shown},
+              {"right_shown", preferences.right_shown},
+              {"narrow_side", WordOf(preferences.narrow_side, kSides)},
+              {"tab", WordOf(preferences.tab, kTabs)}};
+  if (preferences.plots_shown) all["plots_shown"] = *preferences.plots_shown;
+  MakeFolders(file.parent_path());
+  NewFile whole(file, IfThere::kReplace, 0600);
+  // Names of files in it may not be UTF-8.
+  whole.Write(all.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  // A file lost in a power failure counts as none.
+  whole.TakeName(Durable::kNo);
+}
+
+}  // namespace palpate::view

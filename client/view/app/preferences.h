@@ -1,0 +1,45 @@
+// What the window remembers from one start to the next: its appearance, never what is felt.
+//
+// Pixels are those of a screen of about 100 pixels per inch, at a font size of 100 %.
+// Threads: plain values. Pictures without a window do not read them.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+namespace palpate::view {
+
+enum class Theme { kDark, kLight };
+enum class LeftTab { kSurface, kLook, kCut, kEdit };
+enum class Side { kLeft, kRight };
+
+inline constexpr int kLeastFont_percent = 80;
+inline constexpr int kMostFont_percent = 200;
+inline constexpr double kLeastSide_px = 200.0;
+inline constexpr double kMostSide_px = 800.0;
+
+struct Preferences {
+  Theme theme = Theme::kDark;
+  int font_percent = 100;
+  double left_width_px = 300.0;
+  double right_width_px = 300.0;
+  bool left_shown = true;
+  bool right_shown = true;
+  // The side that stays where there is room for one only.
+  Side narrow_side = Side::kLeft;
+  std::optional<bool> plots_shown{};  // none: as the height of the window allows
+  LeftTab tab = LeftTab::kSurface;
+  friend bool operator==(const Preferences&, const Preferences&) = default;
+};
+
+// $XDG_STATE_HOME/palpate/view.json, else ~/.local/state/palpate/view.json; empty without a home.
+std::filesystem::path PreferencesFile();
+
+// Returns the defaults if there is no such file or it is damaged. A value that is missing or not
+// possible is the default, and unknown names are ignored. Does not throw.
+Preferences ReadPreferences(const std::filesystem::path& file);
+
+// Makes the folder, too. The file is always the old or the new one. Throws Error: CannotWrite's.
+void WritePreferences(const Preferences& preferences, const std::filesystem::path& file);
+
+}  // namespace palpate::view
