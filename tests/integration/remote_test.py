@@ -13,18 +13,16 @@ import numpy as np
 from authority import Authority
 from network import Network
 from support import PALPATED, PATIENCE_S, Daemon, wait_until
-from view_support import Screen, Window
+from view_support import LEFT, Screen, Window
 
 PALPATE = os.environ["PALPATE"]
 EXAMPLE = os.environ["PALPATE_SDK_EXAMPLE"]
 PORT = 7411
-# Of the window's fixed layout: a place on the histogram, one at its upper end, the panels' ground;
-# a column of the dialog through its buttons, and their colours, at rest and under the pointer.
-HISTOGRAM = (100, 130)
-ABOVE_BARS = (285, 76)
-GROUND = (28, 31, 36)
+# A place on the histogram; a column of the dialog through its buttons, and their colours, at rest
+# and under the pointer.
+HISTOGRAM = (100, 160)
 DIALOG_X = 372
-BUTTON = ((43, 79, 122), (66, 150, 250))
+BUTTON = ((43, 79, 122), (56, 102, 153))
 
 # What a lab script does: poses, voxels, a change.
 SCRIPT = """
@@ -129,8 +127,7 @@ class Remote(unittest.TestCase):
         window.wait_for_title("Palpate: builtin:sphere:48")
         refused_before = self.refused_changes()
         self.local.settings.isovalue = before = self.isovalue_of(0.6)
-        # The line that says which role it takes has moved the histogram down.
-        self.assertTrue(wait_until(lambda: window.picture().getpixel(ABOVE_BARS) == GROUND))
+        window.find("needs the role", within=LEFT)
         window.do("mousemove", *HISTOGRAM, "mousedown", 1)
         window.do("mousemove", HISTOGRAM[0] + 60, HISTOGRAM[1])
         window.do("mouseup", 1)

@@ -11,7 +11,8 @@ import unittest
 import numpy as np
 from PIL import Image
 from support import PATIENCE_S, Daemon, DaemonTest, nrrd, wait_until
-from view_support import PALPATE_VIEW, WITHOUT_DISPLAY, run_view
+from text_in_picture import places_of
+from view_support import LEFT, PALPATE_VIEW, WITHOUT_DISPLAY, run_view
 
 
 def begin_endless(test, daemon):
@@ -138,7 +139,10 @@ class OddVolumes(unittest.TestCase):
         def share(unit):
             content = whole.replace(b"encoding: raw\n",
                                     b'encoding: raw\nsample units: "%s"\n' % unit)
-            line = np.asarray(Image.open(self.look(content, "--panels")[2]))[174:194, 126:300]
+            picture = Image.open(self.look(content, "--panels")[2])
+            (_, y), *_ = places_of("of range", picture.crop(LEFT))
+            y += LEFT[1]
+            line = np.asarray(picture)[y - 10:y + 10, 126:300]
             # It is bluish, the unit is not.
             return int((line[..., 2] > line[..., 0].astype(int) + 14).sum())
         whole = nrrd(ball((24, 24, 24), 8))

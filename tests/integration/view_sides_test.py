@@ -1,7 +1,4 @@
-"""Left is left: slices and view of a volume show the patient's sides, whatever its orientation.
-
-Places are pixels of the window's fixed layout (client/view/app/layout.h) on 1280 by 800 pixels.
-"""
+"""Left is left: slices and view of a volume show the patient's sides, whatever its orientation."""
 
 import pathlib
 import tempfile
@@ -10,14 +7,17 @@ import unittest
 import numpy as np
 from PIL import Image
 from support import Daemon, nrrd
-from view_support import WITHOUT_DISPLAY, run_view
+from view_support import (SLICE_STEP, SLICE_WIDTH, SLICES, VIEW_AREA, WITHOUT_DISPLAY,
+                          run_view)
 
 SIZE = np.array((28, 24, 20))
 # From the volume's middle, in halves of its axes: where the lump is.
 LUMP = np.array((0.5, -0.4, 0.45))
 LPS = np.diag((1.0, 1.2, 1.5))
 RAS = np.diag((-1.0, -1.2, 1.5))
-VIEW = (slice(130, 570), slice(300, 980))  # below the legend
+# Below the legend.
+VIEW = (slice(VIEW_AREA[1] + 58, VIEW_AREA[3]), slice(VIEW_AREA[0], VIEW_AREA[2]))
+LETTER = 12  # of the edges of the slices, to the middles of the letters there
 
 
 def lump():
@@ -28,10 +28,15 @@ def lump():
     return np.maximum(75 + 75 * towards, ball)
 
 
+def slice_area(number):
+    left = SLICES[0] + SLICE_STEP * number
+    return left, SLICES[1], left + SLICE_WIDTH, SLICES[3]
+
+
 def brighter(picture, number):
     """(right, up) of a slice: 1 where that half is the brighter one, otherwise -1. Letters and
     caption are beside what is looked at."""
-    left, top, edge = 300 + 227 * number, 574, 225
+    left, top, edge = SLICES[0] + SLICE_STEP * number, SLICES[1], SLICE_WIDTH
     gray = picture[top:top + edge, left:left + edge].astype(float).mean(axis=2)
     near, far, middle = slice(45, 90), slice(135, 180), slice(90, 135)
     return (np.sign(gray[middle, far].mean() - gray[middle, near].mean()),
@@ -90,12 +95,16 @@ class Sides(unittest.TestCase):
         self.assert_sides(bare, LPS @ LUMP)
         changed = (plain != bare).any(axis=2)
         for number in range(3):
-            left = 300 + 227 * number
-            for y, x in ((686, left + 10), (686, left + 215), (584, left + 112), (788, left + 112)):
+            left, top, right, bottom = slice_area(number)
+            x, y = (left + right) // 2, (top + bottom) // 2
+            for y, x in ((y, left + LETTER), (y, right - LETTER), (top + LETTER, x),
+                         (bottom - LETTER, x)):
                 self.assertTrue(changed[y - 8:y + 8, x - 8:x + 8].any(), (number, y, x))
         # At least L, R, and those above and below.
         self.assertGreater(changed[VIEW].sum(), 60)
         # The letters of left and right change places; those of the view stay.
         swapped = (neurological != plain).any(axis=2)
         self.assertFalse(swapped[VIEW].any())
-        self.assertTrue(swapped[678:694, 754 + 2:754 + 18].any())
+        left, top, _, bottom = slice_area(2)
+        middle = (top + bottom) // 2
+        self.assertTrue(swapped[middle - 8:middle + 8, left + 2:left + 18].any())

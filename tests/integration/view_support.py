@@ -1,12 +1,14 @@
 """palpate-view as a person has it: in a window on a screen of its own, with pointer and keys.
 
-Places are pixels of the window's fixed layout (client/view/app/layout.h) on 1280 by 800 pixels.
+Controls are found by their text. The places below are pixels of the window's layout
+(client/view/app/layout.h) on 1280 by 800 pixels, as it begins: left, top, right, bottom.
 """
 
 import os
 import pathlib
 import signal
 import subprocess
+import tempfile
 
 from PIL import Image
 
@@ -25,24 +27,43 @@ def run_view(*arguments, env=None):
     return done.returncode, done.stdout, done.stderr
 
 
+TABS = (0, 40, 306, 80)  # Surface, Look, Cut, Edit
+LEFT = (0, 80, 306, 776)  # below the tabs
+RIGHT = (974, 40, 1280, 776)
+STATE = (306, 40, 974, 72)  # the bar that says whether forces act
+TOOLS = (306, 72, 974, 104)
+VIEW_AREA = (306, 104, 974, 554)
+VIEW = (640, 329)  # its middle
+SLICES = (306, 554, 974, 776)
+PLOTS_BAR = (0, 776, 1280, 800)
+# Of a slice: its width, and the distance of their left edges.
+SLICE_WIDTH, SLICE_STEP = 221, 223
+
+
 class Screen:
-    """An X server without a monitor, 1280 by 800 pixels."""
+    """An X server without a monitor, with a folder for what a viewer remembers."""
+
+    def __init__(self, width=1280, height=800):
+        self._size = f"{width}x{height}x24"
 
     def __enter__(self):
+        self._state = tempfile.TemporaryDirectory(prefix="palpate-screen-")
         # It chooses a free number, and says it. Each time that no client is left it would start
         # anew and refuse who comes meanwhile: xdotool's questions, one after the other, are
         # such clients while the window is not there yet.
         self._server = subprocess.Popen(
-            ["Xvfb", "-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp",
+            ["Xvfb", "-displayfd", "1", "-screen", "0", self._size, "-nolisten", "tcp",
              "-noreset"],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        self.env = {**os.environ, "DISPLAY": ":" + self._server.stdout.readline().strip()}
+        self.env = {**os.environ, "DISPLAY": ":" + self._server.stdout.readline().strip(),
+                    "XDG_STATE_HOME": self._state.name}
         return self
 
     def __exit__(self, *_):
         self._server.terminate()
         self._server.wait(PATIENCE_S)
         self._server.stdout.close()
+        self._state.cleanup()
 
 
 class Window:
@@ -96,25 +117,36 @@ class Window:
             raise AssertionError("no picture came")
         return Image.open(new[0]).convert("RGB")
 
-    def find(self, text, among=0):
+    def find(self, text, among=0, within=None):
         """The middle of a text in the window, once it is there; `among`: which of several, from
-        above."""
+        above; `within`: left, top, right, bottom of where it is looked for."""
         places = []
 
         def is_there():
-            places[:] = sorted(places_of(text, self.picture()), key=lambda place: place[1])
+            places[:] = sorted(self._places_of(text, within), key=lambda place: place[1])
             return len(places) > among
 
         if not wait_until(is_there):
             raise AssertionError(f"the window does not show '{text}'")
         return places[among]
 
-    def shows(self, text):
-        return bool(places_of(text, self.picture()))
+    def _places_of(self, text, within):
+        picture = self.picture()
+        if within is None:
+            return places_of(text, picture)
+        left, top, *_ = within
+        return [(left + x, top + y) for x, y in places_of(text, picture.crop(within))]
 
-    def press(self, text, among=0):
+    def shows(self, text, within=None):
+        return bool(self._places_of(text, within))
+
+    def press(self, text, among=0, within=None):
         """Clicks on a text: a button, a tab, a check box."""
-        self.click(*self.find(text, among))
+        self.click(*self.find(text, among, within))
+
+    def tab(self, name):
+        """Opens a tab on the left: Surface, Look, Cut, Edit."""
+        self.press(name, within=TABS)
 
     def end(self, number=signal.SIGTERM):
         """Exit code and what it said."""
@@ -123,35 +155,3 @@ class Window:
                 self.process.send_signal(number)
             _, self._said = self.process.communicate(timeout=PATIENCE_S)
         return self.process.returncode, self._said
-
-
-class Panels:
-    """The headings on one side of a window, with what is below them."""
-
-    LEFT = (10, ("Isovalue", "Look", "Brush", "Crop and cut"))
-    RIGHT = (990, ("Device", "Plots", "Recording", "Feel"))
-    # A line of text, with the frame that buttons, sliders and headings have, and its distance.
-    _ROW = 26
-
-    def __init__(self, window, side):
-        self._window = window
-        self.x, self._names = side
-        # As the window begins: all but the last.
-        self._open = list(self._names[:-1])
-
-    @classmethod
-    def _y(cls, row):
-        return 40 + 8 + cls._ROW * row + 10
-
-    def only(self, name):
-        """Closes all but this heading."""
-        # From above, so that each is at its row.
-        for row, shown in enumerate(self._names):
-            if shown in self._open:
-                self._window.click(self.x + 100, self._y(row))
-        self._window.click(self.x + 100, self._y(self._names.index(name)))
-        self._open = [name]
-
-    def row(self, number):
-        """The y of a line below the one heading that is open, from 0."""
-        return self._y(self._names.index(self._open[0]) + 1 + number)

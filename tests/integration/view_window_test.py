@@ -8,28 +8,23 @@ import unittest
 import numpy as np
 import palpate
 from support import Daemon, DaemonTest, nrrd, pattern, wait_until
-from view_support import WITHOUT_DISPLAY, Panels, Screen, Window, run_view
+from view_support import (LEFT, RIGHT, SLICE_WIDTH, SLICES, STATE, VIEW, WITHOUT_DISPLAY,
+                          Screen, Window, run_view)
 
-# Of the fixed layout on 1280 by 800 pixels: the histogram, and the middle of the view; the first
-# slice, and below the view the series bar, which has the slices' bottom.
+# The first slice. The series bar takes its height from the view.
+SLICE = (SLICES[0], SLICES[1], SLICES[0] + SLICE_WIDTH, SLICES[3])
+SERIES = (SLICES[0], SLICES[1] - 44, SLICES[0] + 100, SLICES[1])
 HISTOGRAM_X = (10, 290)
-HISTOGRAM_Y = 130
-ISOVALUE = (60, 184)  # its number
-VIEW = (640, 322)
-SLICE = (300, 574, 525, 800)  # left, top, right, bottom
-SERIES_Y = 548
-STATE = (300, 40, 980, 72)  # the bar that says whether forces act
-PLAY_X = 335
-POSITION_X = (370, 490, 900)  # before, within and beyond the slider
+POSITION_X = (372, 490, 900)  # before, within and beyond the series' slider
 
 
 def histogram_x(share):
     return round(HISTOGRAM_X[0] + share * (HISTOGRAM_X[1] - HISTOGRAM_X[0]))
 
 
-def mark_x(picture):
+def mark_x(picture, y):
     """Middle of the isovalue's mark, a yellow line over the histogram."""
-    row = np.asarray(picture)[HISTOGRAM_Y, HISTOGRAM_X[0]:HISTOGRAM_X[1]].astype(int)
+    row = np.asarray(picture)[y, HISTOGRAM_X[0]:HISTOGRAM_X[1]].astype(int)
     yellow = np.flatnonzero((row[:, 0] > 240) & (row[:, 1] > 220) & (row[:, 2] < 160))
     return HISTOGRAM_X[0] + float(yellow.mean()) if yellow.size else None
 
@@ -45,7 +40,9 @@ class OneWindow(DaemonTest):
                             cls.daemon.socket, "--no-overlay")
         cls.addClassCleanup(cls.window.end)
         cls.window.wait_for_title("Palpate: builtin:sphere:48")
-        cls.left, cls.right = (Panels(cls.window, side) for side in (Panels.LEFT, Panels.RIGHT))
+        # The line below the histogram.
+        cls.isovalue_y = cls.window.find("of range", within=LEFT)[1]
+        cls.histogram_y = cls.isovalue_y - 50
 
     def revision(self):
         return self.conn.volume.info().volume_revision
@@ -84,9 +81,9 @@ class ViewWindow(OneWindow):
             extent = info.value_max - info.value_min
             return (self.conn.settings.isovalue - info.value_min) / extent
 
-        self.window.do("mousemove", histogram_x(0.5), HISTOGRAM_Y, "mousedown", 1)
+        self.window.do("mousemove", histogram_x(0.5), self.histogram_y, "mousedown", 1)
         for wanted in (0.3, 0.7, 0.55):
-            self.window.do("mousemove", histogram_x(wanted), HISTOGRAM_Y)
+            self.window.do("mousemove", histogram_x(wanted), self.histogram_y)
             self.assertTrue(wait_until(lambda at=wanted: abs(share() - at) < 0.01),
                             f"{share()} is not {wanted}")
         self.window.do("mouseup", 1)
@@ -96,7 +93,8 @@ class ViewWindow(OneWindow):
         for share in (0.35, 0.6):
             self.conn.settings.isovalue = info.value_min + share * (info.value_max - info.value_min)
             self.assertTrue(wait_until(
-                lambda at=share: abs((mark_x(self.window.picture()) or 0) - histogram_x(at)) <= 2))
+                lambda at=share: abs((mark_x(self.window.picture(), self.histogram_y) or 0)
+                               - histogram_x(at)) <= 2))
 
     def key_makes(self, key, expected):
         """A key of the history, after which the voxels are these."""
@@ -132,7 +130,7 @@ class ViewWindow(OneWindow):
     def begin_typing(self, text):
         """Types into the isovalue's field, key by key; the settings' revision before."""
         before = self.settings_revision()
-        self.window.do("mousemove", *ISOVALUE, "keydown", "ctrl", "click", 1, "keyup", "ctrl")
+        self.window.do("mousemove", 60, self.isovalue_y, "keydown", "ctrl", "click", 1, "keyup", "ctrl")
         for key in text:
             self.window.do("key", "period" if key == "." else key)
             self.window.picture("F12")
@@ -141,7 +139,7 @@ class ViewWindow(OneWindow):
 
     def test_a_typed_isovalue_is_one_change_when_the_field_is_done(self):
         for text, end in (("0.299", ("key", "Return")),
-                          ("0.41", ("mousemove", 20, 790, "click", 1))):
+                          ("0.41", ("mousemove", 20, 700, "click", 1))):
             before = self.begin_typing(text)
             self.window.do(*end)
             self.assertTrue(wait_until(
@@ -178,7 +176,7 @@ class ViewWindow(OneWindow):
     def test_pictures_of_window_and_view(self):
         self.assertEqual(self.window.picture("F12").size, (1280, 800))
         width, height = self.window.picture("s").size
-        self.assertEqual(width, 680)
+        self.assertEqual(width, 668)
         self.assertLess(height, 760)
         # Both at once.
         before = set(self.window.folder.glob("palpate-*.png"))
@@ -202,27 +200,27 @@ class ViewPanels(OneWindow):
     """Each leaves volume, cross-hair and cuts as they were."""
 
     def test_crop_and_the_whole_volume_again(self):
-        self.left.only("Crop and cut")
+        self.window.tab("Cut")
         whole = self.settled(self.view)
         seen = []
         # The lower ends of x, y and z: the left half of the slider.
         for axis in range(3):
-            y = self.left.row(axis)
+            _, y = self.window.find("Crop " + "xyz"[axis], within=LEFT)
             self.window.drag([(50 + step, y) for step in range(0, 141, 20)])
             self.assertTrue(self.changes_from(whole), axis)
             seen.append(self.settled(self.view))
-            self.window.click(60, self.left.row(3))
+            self.window.press("Whole volume", within=LEFT)
             self.assertTrue(self.becomes(whole), axis)
         # Each axis cuts something else.
         self.assertFalse(np.array_equal(seen[0], seen[1]) or np.array_equal(seen[1], seen[2]))
 
     def test_a_clip_plane_and_its_ends(self):
-        self.left.only("Crop and cut")
+        self.window.tab("Cut")
         whole = self.settled(self.view)
-        plane = self.left.row(4)
-        offset = self.left.row(5)
+        _, plane = self.window.find("Plane 1", within=LEFT)
         self.window.click(20, plane)
         self.assertTrue(self.changes_from(whole))
+        _, offset = self.window.find("Offset", within=LEFT)
         half = self.settled(self.view)
         # At one end it cuts nothing, at the other everything.
         self.window.drag([(90, offset), (290, offset)])
@@ -235,10 +233,10 @@ class ViewPanels(OneWindow):
         self.assertTrue(self.becomes(whole))
 
     def test_a_click_filters_the_volume_as_one_step(self):
-        self.left.only("Brush")
+        self.window.tab("Edit")
         before = self.conn.volume.download().values
         revision = self.revision()
-        self.window.click(60, self.left.row(6))
+        self.window.press("Denoise the volume", within=LEFT)
         self.assertTrue(wait_until(lambda: self.revision() == revision + 1))
         self.assertTrue((self.conn.volume.download().values != before).any())
         # The brush's own undo takes it back.
@@ -266,31 +264,26 @@ class ViewPanels(OneWindow):
 
     def test_a_recording_is_begun_and_ended(self):
         path = self.daemon.folder / "trial.palrec"
-        self.right.only("Recording")
         # Letters do not wait for clicks as other keys do, and each takes a frame.
-        self.window.click(1100, self.right.row(0))
+        self.window.press("/file on palpated", within=RIGHT)
         self.window.picture()
         for letter in str(path):
             self.window.do("type", letter)
             self.window.picture()
-        self.window.click(1010, self.right.row(1))
+        # The first is the heading.
+        self.window.press("Record", among=1, within=RIGHT)
         self.assertTrue(wait_until(lambda: self.conn.recording.state().running))
         self.assertEqual(self.conn.recording.state().path, str(path))
         self.assertTrue(wait_until(lambda: self.conn.recording.state().ticks > 100))
 
-        def ended():
-            # Where the button to end it is not there yet, the click is on nothing else.
-            self.window.click(1010, self.right.row(0))
-            return wait_until(lambda: not self.conn.recording.state().running, 1.0)
-
-        self.assertTrue(wait_until(ended))
+        self.window.press("Stop recording", within=RIGHT)
+        self.assertTrue(wait_until(lambda: not self.conn.recording.state().running))
         state = self.conn.recording.state()
         self.assertEqual((state.error, state.lost_ticks), ("", 0))
         self.assertEqual(path.stat().st_size, state.size_bytes)
 
     def test_stiffness_is_felt_by_others_while_it_is_dragged(self):
-        self.right.only("Feel")
-        y = self.right.row(0)
+        _, y = self.window.find("Stiffness", within=RIGHT)
         self.window.do("mousemove", 1080, y, "mousedown", 1)
         # The slider's grab, 12 pixels wide, goes from x = 992 to 1128, for 0 to 3 N/mm.
         for x in (1010, 1100, 1060):
@@ -303,7 +296,6 @@ class ViewPanels(OneWindow):
         self.window.do("mouseup", 1)
 
     def test_forces_are_enabled_after_the_emergency_stop(self):
-        self.right.only("Device")
         self.conn.device.enable()
         self.assertTrue(wait_until(self.forces_are(palpate.ForceState.ON)))
         self.window.do("key", "Escape")
@@ -324,7 +316,7 @@ class ViewPanels(OneWindow):
 
     def dot_is_red(self):
         dot = np.asarray(self.window.picture())[8:32, 8:30].reshape(-1, 3).astype(int)
-        return bool(((dot[:, 0] > 200) & (dot[:, 1] < 110)).any())
+        return bool(((dot[:, 0] > 200) & (dot[:, 1] < 150)).any())
 
     def forces_are(self, state):
         return lambda: self.conn.device.info().forces.state == state
@@ -347,24 +339,26 @@ class SeriesBar(OneWindow):
         self.conn.series.configure(loop=True)
 
         def bar_is_there():
-            return centre_of_button(self.window.picture(), 300, 532, 400, 572)
+            return centre_of_button(self.window.picture(), *SERIES)
 
         self.assertTrue(wait_until(bar_is_there))
+        play_x, series_y = bar_is_there()
         before, within, beyond = POSITION_X
         for end, position in ((beyond, 3.0), (before, 0.0), (beyond, 3.0)):
-            self.window.drag([(within, SERIES_Y), (end, SERIES_Y)])
+            self.window.drag([(within, series_y), (end, series_y)])
             self.assertTrue(wait_until(
                 lambda at=position: self.conn.series.state().position_frames == at))
         # Each press is of what the button says: the answer to the one before came.
         for playing in (True, False, True, False):
-            self.window.click(PLAY_X, SERIES_Y)
+            self.window.click(play_x, series_y)
             self.assertTrue(wait_until(
                 lambda wanted=playing: self.conn.series.state().playing == wanted), playing)
             self.assertTrue(wait_until(lambda wanted=playing: self.bar_says(wanted)))
 
     def bar_says(self, playing):
         """Whether the button's text is as wide as that of Pause, or of Play."""
-        part = np.asarray(self.window.picture())[536:562, 310:368].astype(int)
+        part = np.asarray(self.window.picture())[SERIES[1] + 6:SERIES[3] - 8,
+                                                  SERIES[0] + 10:SERIES[0] + 68].astype(int)
         columns = np.flatnonzero((part.min(axis=2) > 200).any(axis=0))
         return columns.size and (columns[-1] - columns[0] > 32) == playing
 

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace palpate::view {
 namespace {
 
@@ -90,6 +92,17 @@ TEST(PlotHistory, DoesNotGrowWhateverComes) {
   for (int n = 0; n < 5000; ++n) plots.Add(PoseWith(n, 0, n), n);
   EXPECT_EQ(plots.Times_ns().size(), PlotHistory::kMost);
   EXPECT_EQ(plots.Newest(Plot::kStreamAge_ms), 4999.0f);
+}
+
+TEST(PlotHistory, AxesEndAtRoundNumbersAboveTheValue) {
+  EXPECT_EQ(AxisTop(0.0f), 1.0f);
+  EXPECT_EQ(AxisTop(-3.0f), 1.0f);
+  EXPECT_EQ(AxisTop(std::numeric_limits<float>::quiet_NaN()), 1.0f);
+  EXPECT_EQ(AxisTop(std::numeric_limits<float>::infinity()), 1.0f);
+  EXPECT_FLOAT_EQ(AxisTop(0.83f), 1.0f);
+  EXPECT_FLOAT_EQ(AxisTop(1.2f), 2.0f);
+  EXPECT_FLOAT_EQ(AxisTop(23.0f), 50.0f);
+  EXPECT_FLOAT_EQ(AxisTop(0.06f), 0.1f);
 }
 
 }  // namespace

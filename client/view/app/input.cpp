@@ -1,5 +1,9 @@
 #include "client/view/app/input.h"
 
+#include <imgui_internal.h>
+
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "client/view/app/layout.h"
@@ -11,8 +15,62 @@ namespace {
 constexpr double kOrbit_deg_per_px = 0.4;
 constexpr double kZoomPerStep = 1.15;
 
+// The parts of the screen in the order in which F6 goes through them, by the names of their
+// windows.
+constexpr std::array<const char*, 7> kParts = {"top",   "state",  "tools",    "left",
+                                               "right", "slices", "plots bar"};
+
+void FocusNextPart() {
+  const ImGuiWindow* focused = ImGui::GetCurrentContext()->NavWindow;
+  const auto is_focused = [focused](const char* name) {
+    return focused && focused->RootWindow == ImGui::FindWindowByName(name);
+  };
+  std::size_t part = std::find_if(kParts.begin(), kParts.end(), is_focused) - kParts.begin();
+  for (std::size_t tries = 0; tries < kParts.size(); ++tries) {
+    part = part >= kParts.size() - 1 ? 0 : part + 1;
+    ImGuiWindow* window = ImGui::FindWindowByName(kParts[part]);
+    if (!window || !window->WasActive) continue;
+    ImGui::FocusWindow(window);
+    ImGui::NavInitWindow(window, true);
+    return;
+  }
+}
+
+void ToggleTool(ViewState& state, Tool tool) {
+  state.tool = state.tool == tool ? Tool::kTurn : tool;
+}
+
+void ChangeFont(Preferences& preferences, int percent) {
+  preferences.font_percent = std::clamp(percent, kLeastFont_percent, kMostFont_percent);
+}
+
+// How the window looks.
+void TakeFrameKey(Viewer& viewer, const KeyPress& press) {
+  constexpr int kStep_percent = 10;
+  Preferences& preferences = viewer.preferences();
+  const bool sides = preferences.left_shown || preferences.right_shown;
+  if (press.ctrl) {
+    const int percent = preferences.font_percent;
+    // Plus is printed on the key of = on many keyboards.
+    if (press.key == "+" || press.key == "=") ChangeFont(preferences, percent + kStep_percent);
+    if (press.key == "-") ChangeFont(preferences, percent - kStep_percent);
+    if (press.key == "0") ChangeFont(preferences, 100);
+    return;
+  }
+  if (press.key == "p") preferences.left_shown = preferences.right_shown = !sides;
+  if (press.key == "d") {
+    preferences.plots_shown =
+        !ShowsPlots(preferences, ImGui::GetIO().DisplaySize.y, viewer.state().screen_scale);
+  }
+  if (press.key == "t") {
+    preferences.theme = preferences.theme == Theme::kDark ? Theme::kLight : Theme::kDark;
+  }
+  if (press.key == "f6") FocusNextPart();
+}
+
 void TakeKey(Viewer& viewer, const KeyPress& press) {
   ViewState& state = viewer.state();
+  TakeFrameKey(viewer, press);
   if (press.ctrl) {
     if (press.key == "o") OpenConnectDialog(viewer);
     if (press.key == "z") UndoEdit(viewer);
@@ -20,12 +78,13 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
     return;
   }
   if (press.key == "r") viewer.Aim();
-  if (press.key == "b") state.tool = state.tool == Tool::kBrush ? Tool::kTurn : Tool::kBrush;
+  if (press.key == "g") ToggleTool(state, Tool::kHand);
+  if (press.key == "b") ToggleTool(state, Tool::kBrush);
+  if (press.key == "m") ToggleTool(state, Tool::kMeasure);
   if (press.key == "h") state.overlay.haptic_surface = !state.overlay.haptic_surface;
   if (press.key == "v") state.surface.veil.shown = !state.surface.veil.shown;
   if (press.key == "c") state.cross_follows_proxy = !state.cross_follows_proxy;
   if (press.key == "l") state.slices_shown = !state.slices_shown;
-  if (press.key == "p") state.panels_shown = !state.panels_shown;
   if (press.key == "f1") state.help_shown = !state.help_shown;
   if (press.key == "s") state.view_picture_wanted = true;
   if (press.key == "f12") state.window_picture_wanted = true;

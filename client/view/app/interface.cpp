@@ -11,6 +11,7 @@
 
 #include "client/view/app/layout.h"
 #include "client/view/app/panels.h"
+#include "client/view/app/theme.h"
 #include "client/view/render/frame_target.h"
 #include "common/error/error.h"
 
@@ -35,42 +36,45 @@ void LoadFont(float scale) {
 }
 
 void SetStyle(float scale) {
-  ImGui::StyleColorsDark();
-  ImGuiStyle& style = ImGui::GetStyle();
+  ImGuiStyle style;
   style.WindowBorderSize = 0.0f;
   style.FrameRounding = 3.0f;
   style.GrabRounding = 3.0f;
   style.WindowPadding = {10.0f, 8.0f};
   style.ItemSpacing = {8.0f, 5.0f};
   style.ScrollbarSize = 11.0f;
-  style.Colors[ImGuiCol_WindowBg] = {0.11f, 0.12f, 0.14f, 1.0f};
-  style.Colors[ImGuiCol_Header] = {0.20f, 0.24f, 0.30f, 1.0f};
   style.ScaleAllSizes(scale);
+  ImGui::GetStyle() = style;
 }
 
 void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   DrawTopBar(viewer, layout.top, scale);
   DrawStateBar(viewer, layout.state, scale);
+  DrawToolBar(viewer, layout, scale);
   DrawView(viewer, layout.view, scale);
-  if (viewer.state().panels_shown) {
-    DrawLeftPanels(viewer, layout.left, scale);
-    DrawRightPanels(viewer, layout.right, scale);
-  }
-  if (viewer.feed().series()) DrawSeriesBar(viewer, layout.series);
+  if (layout.left.size.x > 0.0f) DrawLeftPanels(viewer, layout.left, scale);
+  if (layout.right.size.x > 0.0f) DrawRightPanels(viewer, layout.right, scale);
+  DrawEdges(viewer, layout, scale);
+  if (layout.series.size.y > 0.0f) DrawSeriesBar(viewer, layout.series);
   if (layout.slices.size.y > 0.0f) DrawSlices(viewer, layout.slices);
+  DrawPlots(viewer, layout, scale);
   DrawHelp(viewer, scale);
   DrawConnectDialog(viewer, scale);
+  DrawRefusal(viewer, layout, scale);
 }
 
 }  // namespace
 
-Interface::Interface(float scale) : scale_(scale) {
+Interface::Interface(float screen_scale) : screen_scale_(screen_scale) {
   IMGUI_CHECKVERSION();
   ImGui::CreateContext();
-  // The layout is fixed, so there is nothing to store.
-  ImGui::GetIO().IniFilename = nullptr;
-  LoadFont(scale);
-  SetStyle(scale);
+  ImGuiIO& io = ImGui::GetIO();
+  // Dear ImGui has nothing to store: see Preferences.
+  io.IniFilename = nullptr;
+  io.ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
+  LoadFont(screen_scale);
+  SetStyle(screen_scale);
+  UseTheme(look_.theme);
   if (!ImGui_ImplOpenGL3_Init("#version 430")) {
     ImGui::DestroyContext();
     throw Error(ErrorKind::kUnavailable, "the panels cannot be drawn with this OpenGL");
@@ -82,18 +86,39 @@ Interface::~Interface() {
   ImGui::DestroyContext();
 }
 
+void Interface::TakeLook(const Preferences& wanted) {
+  if (wanted.font_percent != look_.font_percent) {
+    const float scale = ScaleOf(wanted);
+    ImGui::GetIO().Fonts->Clear();
+    LoadFont(scale);
+    ImGui_ImplOpenGL3_DestroyFontsTexture();
+    ImGui_ImplOpenGL3_CreateFontsTexture();
+    SetStyle(scale);
+    UseTheme(wanted.theme);
+  } else if (wanted.theme != look_.theme) {
+    UseTheme(wanted.theme);
+  }
+  look_ = wanted;
+}
+
+float Interface::ScaleOf(const Preferences& preferences) const {
+  return screen_scale_ * static_cast<float>(preferences.font_percent) / 100.0f;
+}
+
 void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
                           const ImageSize& pixels, unsigned framebuffer) {
+  TakeLook(viewer.preferences());
+  const float scale = ScaleOf(look_);
+  viewer.state().screen_scale = scale;
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::NewFrame();
   TakeKeys(viewer, keys);
-  const ViewState& state = viewer.state();
-  const Layout layout = LayOut(ImGui::GetIO().DisplaySize, scale_,
-                               {.panels = state.panels_shown,
+  const Layout layout = LayOut(ImGui::GetIO().DisplaySize, scale,
+                               {.preferences = viewer.preferences(),
                                 .series = viewer.feed().series().has_value(),
-                                .slices = state.slices_shown});
+                                .slices = viewer.state().slices_shown});
   view_pixels_ = PixelsOf(layout.view.size);
-  DrawPanels(viewer, layout, scale_);
+  DrawPanels(viewer, layout, scale);
   ImGui::Render();
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   glViewport(0, 0, pixels.width, pixels.height);

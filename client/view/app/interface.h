@@ -13,8 +13,8 @@ namespace palpate::view {
 
 class Interface {
  public:
-  // `scale`: 1 on screens of about 100 pixels per inch.
-  explicit Interface(float scale);
+  // `screen_scale`: 1 on screens of about 100 pixels per inch.
+  explicit Interface(float screen_scale);
   ~Interface();
   Interface(const Interface&) = delete;
   Interface& operator=(const Interface&) = delete;
@@ -27,7 +27,12 @@ class Interface {
   const ImageSize& view_pixels() const { return view_pixels_; }
 
  private:
-  float scale_;
+  // Font and colours as the user wants them.
+  void TakeLook(const Preferences& wanted);
+  float ScaleOf(const Preferences& preferences) const;
+
+  float screen_scale_;
+  Preferences look_;  // as font and colours are
   ImageSize view_pixels_;
 };
 

@@ -1,4 +1,8 @@
-// The places of the panels. They are fixed, so that users and tests find them again.
+// The places of the panels.
+//
+//   top bar
+//   left side | state bar, tool bar, view, series, slices | right side
+//   plots drawer
 //
 // Pixels of the screen from its upper left corner. Threads: pure.
 #pragma once
@@ -6,7 +10,9 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "client/view/app/preferences.h"
 #include "client/view/scene/camera.h"
 
 namespace palpate::view {
@@ -16,42 +22,108 @@ struct Area {
   ImVec2 size;
 };
 
+// An area that is not shown has no width or no height.
 struct Layout {
   Area top;
   Area left;
+  Area left_edge;  // drags the side's width
   Area right;
+  Area right_edge;
   Area state;  // above the view
+  Area tools;  // above the view
   Area view;
-  Area series;  // below the view, if there is a series
-  Area slices;  // below the series
+  Area series;      // below the view, if there is a series
+  Area slices;      // below the series
+  Area drawer_bar;  // opens and closes the drawer
+  Area drawer;
 };
 
 struct LayoutParts {
-  bool panels = true;
+  Preferences preferences{};
   bool series = false;
   bool slices = true;
 };
 
-// `scale`: 1 on screens of about 100 pixels per inch.
+// Windows lower than this, in pixels at scale 1, begin with a closed drawer: else the view would be
+// lower than the slices.
+inline constexpr float kHighWindow_px = 900.0f;
+// Both sides are shown if each can be this wide.
+inline constexpr float kBothSides_px = 250.0f;
+// Lower windows have no slices.
+inline constexpr float kSlices_px = 480.0f;
+
+inline bool ShowsPlots(const Preferences& preferences, float screen_height, float scale) {
+  return preferences.plots_shown.value_or(screen_height >= kHighWindow_px * scale);
+}
+
+// The widths of the sides.
+struct SideWidths {
+  float left = 0.0f;
+  float right = 0.0f;
+};
+
+// At most `room` together. Where there is room for one only, the preferences say which.
+inline SideWidths WidthsOf(const Preferences& preferences, float room, float scale) {
+  SideWidths widths{
+      preferences.left_shown ? static_cast<float>(preferences.left_width_px) * scale : 0.0f,
+      preferences.right_shown ? static_cast<float>(preferences.right_width_px) * scale : 0.0f};
+  const bool both = preferences.left_shown && preferences.right_shown;
+  if (both && room < 2.0f * kBothSides_px * scale) {
+    (preferences.narrow_side == Side::kLeft ? widths.right : widths.left) = 0.0f;
+  } else if (both && widths.left + widths.right > room) {
+    const float least = static_cast<float>(kLeastSide_px) * scale;
+    widths.left =
+        std::clamp(room * widths.left / (widths.left + widths.right), least, room - least);
+    widths.right = room - widths.left;
+  }
+  return {std::floor(std::min(widths.left, room)), std::floor(std::min(widths.right, room))};
+}
+
+// `scale`: 1 on screens of about 100 pixels per inch at a font size of 100 %. The view has at least
+// half of the width.
 inline Layout LayOut(const ImVec2& screen, float scale, const LayoutParts& parts) {
-  const float top = 40.0f * scale;
-  const float side = parts.panels ? std::min(300.0f * scale, screen.x / 3.0f) : 0.0f;
-  const float middle = std::max(1.0f, screen.x - 2.0f * side);
+  const float top = std::min(40.0f * scale, 0.2f * screen.y);
+  const float edge = 6.0f * scale;
+  const SideWidths sides =
+      WidthsOf(parts.preferences, std::max(0.0f, 0.5f * screen.x - 2.0f * edge), scale);
+  const float left_edge = sides.left > 0.0f ? edge : 0.0f;
+  const float right_edge = sides.right > 0.0f ? edge : 0.0f;
+  const float x = sides.left + left_edge;
+  const float middle = std::max(1.0f, screen.x - x - sides.right - right_edge);
+  const bool plots = ShowsPlots(parts.preferences, screen.y, scale);
+  const float drawer = plots ? std::min(150.0f * scale, 0.25f * screen.y) : 0.0f;
+  const float bar = 24.0f * scale;
+  const float height = std::max(1.0f, screen.y - top - bar - drawer);
+  const float state = std::min(32.0f * scale, 0.3f * height);
+  const float tools = std::min(32.0f * scale, 0.3f * height);
+  const float rest = height - state - tools;
+  const float series = parts.series ? std::min(44.0f * scale, 0.4f * rest) : 0.0f;
   // A slice is about as wide as it is high.
-  const float slices =
-      parts.panels && parts.slices ? std::min(middle / 3.0f, screen.y / 3.0f) : 0.0f;
-  const float series = parts.series ? 44.0f * scale : 0.0f;
-  const float height = std::max(1.0f, screen.y - top);
-  const float state = 32.0f * scale;
-  const float view = std::max(1.0f, height - state - slices - series);
+  const bool slices_fit = parts.slices && screen.y >= kSlices_px * scale;
+  const float slices = slices_fit
+                           ? std::floor(std::min({middle / 3.0f, screen.y / (plots ? 4.0f : 3.0f),
+                                                  0.5f * rest - series}))
+                           : 0.0f;
+  const float view = rest - slices - series;
   Layout layout;
-  layout.top = {{0.0f, 0.0f}, {screen.x, top}};
-  layout.left = {{0.0f, top}, {side, height}};
-  layout.right = {{screen.x - side, top}, {side, height}};
-  layout.state = {{side, top}, {middle, state}};
-  layout.view = {{side, top + state}, {middle, view}};
-  layout.series = {{side, top + state + view}, {middle, series}};
-  layout.slices = {{side, top + state + view + series}, {middle, slices}};
+  float y = 0.0f;
+  const auto below = [&y](float left, float width, float high) {
+    const Area area{{left, y}, {width, high}};
+    y += high;
+    return area;
+  };
+  layout.top = below(0.0f, screen.x, top);
+  layout.left = {{0.0f, top}, {sides.left, height}};
+  layout.left_edge = {{sides.left, top}, {left_edge, height}};
+  layout.right = {{screen.x - sides.right, top}, {sides.right, height}};
+  layout.right_edge = {{screen.x - sides.right - right_edge, top}, {right_edge, height}};
+  layout.state = below(x, middle, state);
+  layout.tools = below(x, middle, tools);
+  layout.view = below(x, middle, view);
+  layout.series = below(x, middle, series);
+  layout.slices = below(x, middle, slices);
+  layout.drawer_bar = {{0.0f, top + height}, {screen.x, bar}};
+  layout.drawer = {{0.0f, top + height + bar}, {screen.x, drawer}};
   return layout;
 }
 

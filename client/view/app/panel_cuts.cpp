@@ -12,16 +12,17 @@ void EditCrop(CropBox& crop) {
   for (int axis = 0; axis < 3; ++axis) {
     std::array<float, 2> percent = {static_cast<float>(100.0 * crop.min[axis]),
                                     static_cast<float>(100.0 * crop.max[axis])};
-    if (!ImGui::DragFloatRange2(names[static_cast<std::size_t>(axis)], &percent[0], &percent[1],
-                                0.3f, 0.0f, 100.0f, "%.0f %%", "%.0f %%",
-                                ImGuiSliderFlags_AlwaysClamp)) {
-      continue;
-    }
+    const bool changed = ImGui::DragFloatRange2(names[static_cast<std::size_t>(axis)], &percent[0],
+                                                &percent[1], 0.3f, 0.0f, 100.0f, "%.0f %%",
+                                                "%.0f %%", ImGuiSliderFlags_AlwaysClamp);
+    Tip("the part that is shown along this axis of the volume; what is felt stays whole");
+    if (!changed) continue;
     // At least 1 % of the volume stays visible.
     crop.min[axis] = std::min(static_cast<double>(percent[0]) / 100.0, 0.99);
     crop.max[axis] = std::max(static_cast<double>(percent[1]) / 100.0, crop.min[axis] + 0.01);
   }
   if (ImGui::Button("Whole volume")) crop = {};
+  Tip("show all of it again");
 }
 
 // The range of the plane's offset in voxels: the extent of the lattice, with its layer of
@@ -56,6 +57,7 @@ void EditPlane(Viewer& viewer, ClipPlane& plane, int number, const Vec3i& size) 
     Place(plane, plane.normal_I, size);
     placed = true;
   }
+  Tip("cut the picture at a plane; what is felt stays whole");
   if (plane.on) {
     static constexpr std::array<const char*, 3> axes = {"x", "y", "z"};
     for (int axis = 0; axis < 3; ++axis) {
@@ -63,17 +65,21 @@ void EditPlane(Viewer& viewer, ClipPlane& plane, int number, const Vec3i& size) 
       if (ImGui::SmallButton(axes[static_cast<std::size_t>(axis)])) {
         Place(plane, Vec3::Unit(axis), size);
       }
+      Tip("across this axis of the volume, through its middle");
     }
     ImGui::SameLine();
     if (ImGui::SmallButton("facing me")) Place(plane, NormalToViewer(viewer), size);
+    Tip("across the line of sight: removes what is nearer");
     ImGui::SameLine();
     if (ImGui::SmallButton("flip")) {
       plane.normal_I = -plane.normal_I;
       plane.offset_voxels = -plane.offset_voxels;
     }
+    Tip("remove the other side");
     const auto [least, most] = Extent(plane, size);
     ImGui::SliderScalar("Offset", ImGuiDataType_Double, &plane.offset_voxels, &least, &most,
                         "%.1f voxels");
+    Tip("where the plane is along its direction; ctrl+click to type");
   }
   ImGui::PopID();
 }
@@ -90,6 +96,7 @@ void CutsPanel(Viewer& viewer) {
     EditPlane(viewer, surface.planes[static_cast<std::size_t>(number)], number, lattice->size);
   }
   ImGui::Checkbox("Show values where it is cut", &surface.caps);
+  Tip("colour the cut by the volume's values; else one looks inside");
 }
 
 }  // namespace palpate::view

@@ -41,17 +41,14 @@ struct Control {
 void EditSetting(Viewer& viewer, const client::Setting& setting, const client::Settings& settings) {
   client::SettingsUpdate update;
   const bool changed = std::visit(Control{viewer, setting, settings, update}, setting.kind);
-  // No tooltip while the user drags.
-  if (ImGui::IsItemHovered() && !ImGui::IsItemActive()) {
-    ImGui::SetTooltip("%s", setting.help.data());
-  }
+  Tip(setting.help.data());
   if (changed) viewer.feed().commands().Set(update);
 }
 
 }  // namespace
 
 void FeelPanel(Viewer& viewer) {
-  if (!ImGui::CollapsingHeader("Feel, for everyone")) return;
+  if (!ImGui::CollapsingHeader(kFeelHeading)) return;
   const auto& settings = viewer.feed().settings();
   if (!settings) return;
   BeginAllowed(viewer, client::Role::kEditor);

@@ -1,43 +1,47 @@
-#include <array>
-
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 
 namespace palpate::view {
 namespace {
 
+// A line without `does` is a heading.
 struct Line {
   const char* what;
   const char* does;
 };
 
-constexpr std::array<Line, 25> kLines = {{
+constexpr Line kLines[] = {
+    {"Forces", nullptr},
     {"Esc", "emergency stop: no forces until they are enabled again"},
     {"Esc in a text field", "restore the text"},
-    {"", ""},
+    {"View", nullptr},
     {"left drag", "turn"},
     {"right drag, shift + left drag", "move"},
     {"wheel", "closer, farther"},
     {"double click", "look at that point"},
     {"R", "back to the first view"},
-    {"", ""},
-    {"B", "brush on or off; then left drag on the surface edits"},
-    {"ctrl+Z, ctrl+Y", "undo and redo a stroke"},
     {"V", "veil: a second, translucent isosurface"},
     {"H", "wireframe of the surface that is felt, near the proxy"},
+    {"Tools", nullptr},
+    {"G, B, M", "hand, brush, measure; the same key again: turn"},
+    {"ctrl+Z, ctrl+Y", "undo and redo a stroke"},
+    {"Slices", nullptr},
     {"C", "slices follow the proxy, or stay"},
     {"click, wheel on a slice", "move the cross-hair"},
-    {"L, P", "slices, panels on or off"},
-    {"ctrl+O", "connect to a palpated, or disconnect"},
-    {"", ""},
-    {"S", "picture of the view, as a file"},
-    {"F12", "picture of the window, as a file"},
-    {"F1", "this help"},
-    {"", ""},
-    {"ctrl+click on a number", "type it"},
+    {"L", "slices on or off"},
+    {"Controls", nullptr},
     {"drag on the histogram", "isovalue, for everyone"},
-    {"", "Feel and isovalue are palpated's; the look is yours alone."},
-}};
+    {"ctrl+click on a number", "type it"},
+    {"F6", "the next part of the window, for the keyboard"},
+    {"arrows, space, Tab", "go to a control, press or open it, the next number"},
+    {"Window", nullptr},
+    {"P, D", "side panels, plots on or off"},
+    {"T", "dark or light"},
+    {"ctrl + and -, ctrl+0", "larger or smaller text, and as it was"},
+    {"ctrl+O", "connect to a palpated, or disconnect"},
+    {"S, F12", "picture of the view, of the window, as a file"},
+    {"F1", "this help"},
+};
 
 }  // namespace
 
@@ -46,14 +50,23 @@ void DrawHelp(Viewer& viewer, float scale) {
   if (!shown) return;
   const ImVec2 screen = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({0.5f * screen.x, 0.5f * screen.y}, ImGuiCond_Always, {0.5f, 0.5f});
+  // Scrolls where the window is low.
+  ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f}, screen);
   ImGui::Begin("Help", &shown,
                ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_AlwaysAutoResize |
                    ImGuiWindowFlags_NoSavedSettings);
   for (const Line& line : kLines) {
+    if (!line.does) {
+      ImGui::Separator();
+      ImGui::TextUnformatted(line.what);
+      continue;
+    }
     ImGui::TextColored(kWarning, "%s", line.what);
     ImGui::SameLine(220.0f * scale);
     ImGui::Text("%s", line.does);
   }
+  ImGui::Separator();
+  ImGui::TextColored(kDim, "Feel and isovalue are palpated's; the look is yours alone.");
   ImGui::End();
 }
 

@@ -10,6 +10,9 @@
 namespace palpate::view {
 namespace {
 
+constexpr ThemeColor kMaterial(&Palette::material);
+constexpr ThemeColor kOtherBars(&Palette::other_bars);
+
 struct Scale {
   double min;
   double max;
@@ -40,7 +43,7 @@ void DrawBars(const Histogram& histogram, const Scale& scale, double isovalue, b
     list.AddRectFilled({scale.X(value - 0.5 * bars.width),
                         bottom - static_cast<float>(share) * (scale.area.size.y - 8.0f)},
                        {scale.X(value + 0.5 * bars.width), bottom},
-                       material ? IM_COL32(200, 180, 150, 255) : IM_COL32(80, 86, 96, 255));
+                       (material ? kMaterial : kOtherBars).u32());
   }
 }
 
@@ -55,14 +58,14 @@ void DrawMark(const Scale& scale, double value, ImU32 color, float width) {
 // The isovalues that palpated suggests, with their names below each other.
 void DrawSuggestions(const std::vector<client::SuggestedIsovalue>& suggestions,
                      const Scale& scale) {
-  constexpr ImU32 kColor = IM_COL32(140, 190, 255, 255);
+  const ImU32 color = ThemeColor(&Palette::suggestion).u32();
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const float top = scale.area.min.y;
   float y = top;
   for (const client::SuggestedIsovalue& suggested : suggestions) {
     const float x = scale.X(suggested.isovalue);
-    list.AddLine({x, top}, {x, top + scale.area.size.y}, kColor, 1.0f);
-    list.AddText({x + 6.0f, y}, kColor, suggested.name.c_str());
+    list.AddLine({x, top}, {x, top + scale.area.size.y}, color, 1.0f);
+    list.AddText({x + 6.0f, y}, color, suggested.name.c_str());
     y += ImGui::GetFontSize();
   }
 }
@@ -98,7 +101,7 @@ bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
   }
   ImGui::GetWindowDrawList()->AddRectFilled(
       scale.area.min, {scale.area.min.x + scale.area.size.x, scale.area.min.y + scale.area.size.y},
-      IM_COL32(20, 22, 26, 255));
+      ThemeColor(&Palette::histogram).u32());
   const SurfaceOptions& surface = viewer.state().surface;
   DrawBars(histogram, scale, isovalue, surface.free_above);
   if (surface.veil.shown) {
@@ -107,7 +110,7 @@ bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
              ImGui::ColorConvertFloat4ToU32({c.x(), c.y(), c.z(), 1.0f}), 1.0f);
   }
   DrawSuggestions(suggestions, scale);
-  DrawMark(scale, isovalue, IM_COL32(255, 235, 120, 255), 2.0f);
+  DrawMark(scale, isovalue, ThemeColor(&Palette::isovalue).u32(), 2.0f);
   return held;
 }
 
@@ -121,8 +124,7 @@ void EditIsovalue(Viewer& viewer, float scale, const VolumeLattice& lattice,
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x * 0.4f);
   DragDouble("##isovalue", isovalue, range / 1000.0, lattice.value_min, lattice.value_max, "%.6g");
   held = held || ImGui::IsItemActive();
-  if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("drag, or ctrl+click to type and press Enter; it changes for everyone");
+  Tip("drag, or ctrl+click to type and press Enter; it changes for everyone");
   const std::string share = fmt::format(
       "{:.1f} % of range", range > 0.0 ? 100.0 * (isovalue - lattice.value_min) / range : 0.0);
   UnitText(lattice.unit, ImGui::CalcTextSize(share.c_str()).x + ImGui::GetStyle().ItemSpacing.x);

@@ -11,19 +11,23 @@ void EditColor(const char* label, Rgb& color) {
 void EditSurface(SurfaceOptions& surface, double min, double max) {
   const double speed = (max - min) / 500.0;
   ImGui::Checkbox("Surface", &surface.shown);
+  Tip("show the isosurface that is felt");
   ImGui::SameLine(0.0f, 20.0f);
   EditColor("Colour", surface.color);
+  Tip("of the surface, where it has one colour");
   static const char* const colorings[] = {"one colour", "by height", "by slope"};
   int coloring = static_cast<int>(surface.coloring);
   if (Choose("Colouring", coloring, colorings, 3)) {
     surface.coloring = static_cast<SurfaceColoring>(coloring);
   }
+  Tip("by height: along the view's upright axis; by slope: how steep the values are");
   static const char* const maps[] = {"gray", "bone", "hot", "viridis", "cool-warm"};
   static_assert(std::size(maps) == kColorMapNames.size());
   int map = static_cast<int>(surface.color_map);
   if (Choose("Colour map", map, maps, static_cast<int>(std::size(maps)))) {
     surface.color_map = static_cast<ColorMap>(map);
   }
+  Tip("of height, slope, slices and cuts");
   DragDouble("Window from", surface.window_min, speed, min - (max - min), surface.window_max,
              "%.5g");
   DragDouble("Window to", surface.window_max, speed, surface.window_min, max + (max - min), "%.5g");
@@ -31,42 +35,49 @@ void EditSurface(SurfaceOptions& surface, double min, double max) {
 
 void EditVeil(Veil& veil, double min, double max) {
   ImGui::Checkbox("Veil (V)", &veil.shown);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("a second, translucent isosurface");
+  Tip("a second, translucent isosurface");
   if (!veil.shown) return;
   ImGui::SameLine(0.0f, 20.0f);
   EditColor("Colour##veil", veil.color);
+  Tip("of the veil");
   ImGui::SliderScalar("Veil at", ImGuiDataType_Double, &veil.isovalue, &min, &max, "%.5g");
+  Tip("the veil's isovalue, yours alone; ctrl+click to type");
   const double least = 0.02;
   const double most = 1.0;
   ImGui::SliderScalar("Opacity", ImGuiDataType_Double, &veil.opacity, &least, &most, "%.2f");
+  Tip("0: invisible, 1: opaque");
 }
 
 void EditOverlay(OverlayOptions& overlay) {
   ImGui::Checkbox("Haptic surface near the proxy (H)", &overlay.haptic_surface);
-  if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("wireframe of what is felt: it differs from what is seen");
+  Tip("wireframe of what is felt: it differs from what is seen");
   if (overlay.haptic_surface) {
     const double least = 2.0;
     const double most = 10.0;
     ImGui::SliderScalar("Radius##h", ImGuiDataType_Double, &overlay.haptic_surface_radius_voxels,
                         &least, &most, "%.0f voxels");
+    Tip("how far from the proxy the wireframe goes");
   }
   ImGui::Checkbox("Points", &overlay.points);
+  Tip("stylus tip, proxy and the point on the seen surface");
   ImGui::SameLine();
   ImGui::Checkbox("Force", &overlay.force);
+  Tip("the force on the hand, as an arrow");
   ImGui::SameLine();
   ImGui::Checkbox("Stylus", &overlay.stylus);
+  Tip("the shaft that the hand holds");
   ImGui::SameLine();
   ImGui::Checkbox("Box", &overlay.box);
+  Tip("the volume's edges");
 }
 
 void EditSides(ViewState& state) {
   static const char* const sides[] = {"left at the right", "left at the left"};
   int side = static_cast<int>(state.slice_side);
   if (Choose("Slices", side, sides, 2)) state.slice_side = static_cast<SliceSide>(side);
-  if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("the patient's left: at the right is radiological, at the left neurological");
+  Tip("the patient's left: at the right is radiological, at the left neurological");
   ImGui::Checkbox("Letters: left, right, ...", &state.overlay.letters);
+  Tip("the patient's sides, at the box and at the slices");
 }
 
 }  // namespace

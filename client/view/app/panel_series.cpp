@@ -11,6 +11,7 @@ void DrawSeriesBar(Viewer& viewer, const Area& area) {
                     {ImGui::CalcTextSize("Pause").x + 16.0f, 0.0f})) {
     feed.ControlSeries({.playing = !series.playing});
   }
+  Tip("the time series, for everyone");
   ImGui::SameLine();
   const double last = series.frames > 0 ? static_cast<double>(series.frames - 1) : 0.0;
   ImGui::SetNextItemWidth(0.34f * area.size.x);
@@ -19,19 +20,21 @@ void DrawSeriesBar(Viewer& viewer, const Area& area) {
   if (HeldSlider(viewer, "##position", series.position_frames, 0.0, last, format.c_str())) {
     feed.ControlSeries({.position_frames = series.position_frames});
   }
+  Tip("the frame that is shown and felt");
   ImGui::SameLine();
   ImGui::SetNextItemWidth(0.16f * area.size.x);
   if (HeldSlider(viewer, "##rate", series.rate_hz, -30.0, 30.0, "%.1f /s")) {
     feed.ControlSeries({.rate_hz = series.rate_hz});
   }
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("frames per second, negative backwards");
+  Tip("frames per second, negative backwards");
   ImGui::SameLine();
   if (HeldCheckbox(viewer, "Loop", series.loop)) feed.ControlSeries({.loop = series.loop});
+  Tip("begin anew after the last frame");
   ImGui::SameLine();
   if (HeldCheckbox(viewer, "Blend", series.interpolate)) {
     feed.ControlSeries({.interpolate = series.interpolate});
   }
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("interpolate between frames");
+  Tip("interpolate between frames");
   ImGui::EndDisabled();
   ImGui::End();
 }

@@ -107,6 +107,8 @@ void DrawSlice(Viewer& viewer, int world_axis, const ImVec2& size) {
 }  // namespace
 
 void DrawSlices(Viewer& viewer, const Area& area) {
+  // The pictures are dark in both themes.
+  const ThemeScope dark(Theme::kDark);
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0.0f, 0.0f});
   ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {2.0f, 2.0f});
   BeginPanel("slices", area, ImGuiWindowFlags_NoScrollWithMouse);
@@ -122,7 +124,10 @@ void DrawSlices(Viewer& viewer, const Area& area) {
     ImGui::SetCursorPos(
         {area.size.x - text.x - 40.0f, area.size.y - ImGui::GetFrameHeight() - 4.0f});
     bool& follows = viewer.state().cross_follows_proxy;
-    if (!follows) ImGui::Checkbox(label, &follows);
+    if (!follows) {
+      ImGui::Checkbox(label, &follows);
+      Tip("the cross-hair goes with the stylus again");
+    }
   } else {
     ImGui::PopStyleVar(2);
   }

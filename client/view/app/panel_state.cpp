@@ -120,7 +120,9 @@ void EditForces(Viewer& viewer, ForceAction action, const char* label,
 void DrawStateBar(Viewer& viewer, const Area& area, float scale) {
   const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
   const StateLine state = StateOf(KnownOf(viewer, daemon));
-  BeginPanel("state", area, ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoNav);
+  // The grounds are dark in both themes.
+  const ThemeScope dark(Theme::kDark);
+  BeginPanel("state", area, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
   const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};
   ImDrawList& list = *ImGui::GetWindowDrawList();
   list.PushClipRect(area.min, max);
@@ -145,10 +147,9 @@ void DrawStateBar(Viewer& viewer, const Area& area, float scale) {
   ImGui::PopClipRect();
   if (may) {
     ImGui::SetCursorPos({area.size.x - button + gap, y});
-    // The style's own colour is translucent: on red it is hard to read.
-    ImGui::PushStyleColor(ImGuiCol_Button, {0.17f, 0.31f, 0.475f, 1.0f});
     EditForces(viewer, state.action, label, daemon);
-    ImGui::PopStyleColor();
+    Tip(state.action == ForceAction::kEnable ? "let palpated exert forces, for everyone"
+                                             : "no forces until they are enabled, for everyone");
     if (daemon && state.action == ForceAction::kEnable) ConfirmEnable(viewer, daemon->device);
   }
   ImGui::End();

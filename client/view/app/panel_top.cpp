@@ -27,7 +27,7 @@ void Dot(const ImVec4& color) {
 void BeginState(Viewer& viewer, const ImVec4& color) {
   Dot(color);
   if (ImGui::Button("Connect\xE2\x80\xA6")) OpenConnectDialog(viewer);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("to which palpated, and as whom (ctrl+O)");
+  Tip("to which palpated, and as whom (ctrl+O)");
   ImGui::SameLine();
 }
 
@@ -108,10 +108,6 @@ void States(const Viewer& viewer) {
     ImGui::TextColored(kWarning, "%s", client::UnsavedInWords(volume->unsaved_edits).c_str());
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("save them with `palpate save`");
   }
-  if (viewer.state().tool == Tool::kBrush) {
-    ImGui::SameLine(0.0f, 24.0f);
-    ImGui::TextColored(kWarning, "BRUSH");
-  }
   if (const auto recording = viewer.feed().recording(); recording && recording->running) {
     ImGui::SameLine(0.0f, 24.0f);
     Dot(kBad);
@@ -134,13 +130,16 @@ float Buttons(Viewer& viewer, float scale) {
     if (ImGui::Button(help, {help_width, 0.0f})) {
       viewer.state().help_shown = !viewer.state().help_shown;
     }
+    Tip("keys and what the pointer does");
     ImGui::SameLine(0.0f, gap);
   }
+  ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 1.0f, 1.0f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_Button, {0.75f, 0.10f, 0.10f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {0.90f, 0.16f, 0.14f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_ButtonActive, {1.00f, 0.30f, 0.25f, 1.0f});
   if (ImGui::Button(stop, {stop_width, 0.0f})) viewer.feed().emergency_stop().Send();
-  ImGui::PopStyleColor(3);
+  ImGui::PopStyleColor(4);
+  Tip("emergency stop: no forces until they are enabled again");
   return begin;
 }
 

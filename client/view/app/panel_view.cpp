@@ -1,5 +1,6 @@
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -23,7 +24,7 @@ void LegendLine(const std::array<std::uint8_t, 4>& color, const char* text, cons
   ImGui::Dummy({height, height});
   ImGui::SameLine();
   ImGui::Text("%s", text);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", tip);
+  Tip(tip);
 }
 
 void DrawLegend(const Viewer& viewer, const Area& area, float scale) {
@@ -51,6 +52,18 @@ struct Message {
   ImVec4 color;
 };
 
+// Draws a line in a box whose lower left corner of the text is `at`. Returns the text's height.
+float DrawBox(ImDrawList& list, const ImVec2& at, float width, const Message& message) {
+  const std::string& text = message.text;
+  const ImVec2 size = ImGui::CalcTextSize(text.c_str(), nullptr, false, width);
+  const ImVec2 min{at.x, at.y - size.y};
+  list.AddRectFilled({min.x - 8.0f, min.y - 5.0f}, {min.x + size.x + 8.0f, min.y + size.y + 5.0f},
+                     kMessageGround.u32(), 4.0f);
+  list.AddText(ImGui::GetFont(), ImGui::GetFontSize(), min,
+               ImGui::ColorConvertFloat4ToU32(message.color), text.c_str(), nullptr, width);
+  return size.y;
+}
+
 void DrawMessages(const Viewer& viewer, const Area& area, float scale) {
   const EmergencyStop::Line stop = viewer.feed().emergency_stop().line();
   const std::array<Message, 3> messages = {
@@ -61,28 +74,18 @@ void DrawMessages(const Viewer& viewer, const Area& area, float scale) {
        {stop.is_bad || viewer.feed().silent_s() ? stop.text : "", stop.is_bad ? kBad : kGood}}};
   float y = area.min.y + area.size.y - 30.0f * scale;
   for (const Message& message : messages) {
-    const std::string& line = message.text;
-    if (line.empty()) continue;
-    const float width = area.size.x - 40.0f * scale;
-    const ImVec2 text = ImGui::CalcTextSize(line.c_str(), nullptr, false, width);
-    const ImVec2 at{area.min.x + 20.0f * scale, y - text.y};
-    ImGui::GetWindowDrawList()->AddRectFilled({at.x - 8.0f, at.y - 5.0f},
-                                              {at.x + text.x + 8.0f, at.y + text.y + 5.0f},
-                                              IM_COL32(15, 17, 20, 220), 4.0f);
-    ImGui::SetCursorScreenPos(at);
-    // Counted from the window's left border.
-    ImGui::PushTextWrapPos(at.x - ImGui::GetWindowPos().x + width);
-    ImGui::PushStyleColor(ImGuiCol_Text, message.color);
-    ImGui::TextUnformatted(line.c_str());
-    ImGui::PopStyleColor();
-    ImGui::PopTextWrapPos();
-    y -= text.y + 16.0f * scale;
+    if (message.text.empty()) continue;
+    y -= DrawBox(*ImGui::GetWindowDrawList(), {area.min.x + 20.0f * scale, y},
+                 area.size.x - 40.0f * scale, message) +
+         16.0f * scale;
   }
 }
 
 }  // namespace
 
 void DrawView(Viewer& viewer, const Area& area, float scale) {
+  // The picture is dark in both themes.
+  const ThemeScope dark(Theme::kDark);
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0.0f, 0.0f});
   BeginPanel("view", area, ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoNav);
   ImGui::PopStyleVar();
@@ -98,6 +101,24 @@ void DrawView(Viewer& viewer, const Area& area, float scale) {
   DrawLegend(viewer, area, scale);
   DrawMessages(viewer, area, scale);
   ImGui::End();
+}
+
+void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale) {
+  const std::string problem = viewer.feed().commands().problem();
+  if (problem.empty()) return;
+  const ImVec2 click = ImGui::GetIO().MouseClickedPos[ImGuiMouseButton_Left];
+  const auto holds = [&click](const Area& area) {
+    return click.x >= area.min.x && click.x < area.min.x + area.size.x && click.y >= area.min.y &&
+           click.y < area.min.y + area.size.y;
+  };
+  const Area& side = holds(layout.left) ? layout.left : layout.right;
+  if (!holds(side)) return;
+  const float margin = 12.0f * scale;
+  const float width = side.size.x - 2.0f * margin;
+  const float height = ImGui::CalcTextSize(problem.c_str(), nullptr, false, width).y;
+  // Below the pointer, so that the control stays visible.
+  const float y = std::min(click.y + 30.0f * scale + height, side.min.y + side.size.y - margin);
+  DrawBox(*ImGui::GetForegroundDrawList(), {side.min.x + margin, y}, width, {problem, kWarning});
 }
 
 }  // namespace palpate::view

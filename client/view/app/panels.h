@@ -1,5 +1,5 @@
-// The parts of the screen. Each part fills its area. The parts on the left and right have several
-// headings; each heading has a file of its own.
+// The parts of the screen. Each part fills its area. The sides have several panels;
+// each panel has a file of its own.
 //
 // Threads: that of the frames, within a frame of Dear ImGui.
 #pragma once
@@ -15,8 +15,18 @@ void DrawTopBar(Viewer& viewer, const Area& area, float scale);
 void DrawStateBar(Viewer& viewer, const Area& area, float scale);
 // The picture, with legend and messages.
 void DrawView(Viewer& viewer, const Area& area, float scale);
+// What a drag in the view does, and the sides on or off: always visible.
+void DrawToolBar(Viewer& viewer, const Layout& layout, float scale);
+// The tabs Surface, Look, Cut, Edit.
 void DrawLeftPanels(Viewer& viewer, const Area& area, float scale);
+// The headings Feel, Device, People, Session.
 void DrawRightPanels(Viewer& viewer, const Area& area, float scale);
+// The edges that drag the widths of the sides.
+void DrawEdges(Viewer& viewer, const Layout& layout, float scale);
+// The last 10 seconds: the bar is always visible.
+void DrawPlots(Viewer& viewer, const Layout& layout, float scale);
+// A refusal of the last command, near the last click in a panel. The view shows it, too.
+void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale);
 void DrawSeriesBar(Viewer& viewer, const Area& area);
 void DrawSlices(Viewer& viewer, const Area& area);
 void DrawHelp(Viewer& viewer, float scale);
@@ -24,14 +34,18 @@ void DrawHelp(Viewer& viewer, float scale);
 void OpenConnectDialog(Viewer& viewer);
 void DrawConnectDialog(Viewer& viewer, float scale);
 
-// Headings on the left.
+// Shows a side, or hides it. Where there is room for one side only, the shown one has it.
+void ShowSide(Preferences& preferences, Side side, bool shown);
+
+// In the tabs on the left.
 void IsovaluePanel(Viewer& viewer, float scale);
 void LookPanel(Viewer& viewer);
 void CutsPanel(Viewer& viewer);
 void BrushPanel(Viewer& viewer);
 // Headings on the right.
+inline constexpr const char* kFeelHeading = "Feel, for everyone";
+inline constexpr const char* kDeviceHeading = "Device";
 void DevicePanel(Viewer& viewer);
-void PlotsPanel(Viewer& viewer, float scale);
 void RecordingPanel(Viewer& viewer);
 void FeelPanel(Viewer& viewer);
 

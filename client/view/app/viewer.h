@@ -52,8 +52,11 @@ struct ViewState {
   // The pointer's path since the last frame, in pixels of the screen.
   std::vector<Eigen::Vector2d> pointer_way{};
 
-  bool panels_shown = true;
+  float screen_scale = 1.0f;  // of the layout, with the font size
   bool slices_shown = true;
+  bool tab_wanted = true;  // the preferences' tab is to be opened
+  // The role for which the headings on the right were opened or closed.
+  std::optional<client::Role> headings_opened_for{};
   bool help_shown = false;
   ConnectForm connect{};
   std::string recording_path{};  // on the daemon's machine

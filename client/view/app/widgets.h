@@ -13,6 +13,7 @@
 #include <string_view>
 
 #include "client/view/app/layout.h"
+#include "client/view/app/theme.h"
 #include "client/view/app/viewer.h"
 
 namespace palpate::view {
@@ -60,11 +61,5 @@ bool Choose(const char* label, int& choice, const char* const* names, int count)
 void Tip(const char* text);
 
 ImVec4 ColorOf(const std::array<std::uint8_t, 4>& rgba);
-
-inline const ImVec4 kPlain{1.0f, 1.0f, 1.0f, 1.0f};
-inline const ImVec4 kGood{0.35f, 0.80f, 0.45f, 1.0f};
-inline const ImVec4 kWarning{1.00f, 0.72f, 0.25f, 1.0f};
-inline const ImVec4 kBad{0.95f, 0.33f, 0.28f, 1.0f};
-inline const ImVec4 kDim{0.62f, 0.66f, 0.72f, 1.0f};
 
 }  // namespace palpate::view

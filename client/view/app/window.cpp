@@ -6,6 +6,7 @@
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <fmt/format.h>
+#include <imgui.h>
 
 #include <algorithm>
 #include <chrono>
@@ -19,6 +20,7 @@
 #include "client/view/app/interface.h"
 #include "client/view/app/layout.h"
 #include "client/view/app/png_file.h"
+#include "client/view/app/preferences.h"
 #include "client/view/app/viewer.h"
 #include "client/view/app/widgets.h"
 #include "client/view/app/window_input.h"
@@ -115,6 +117,40 @@ void SavePictures(Viewer& viewer, const ImageSize& pixels, const ImageSize& view
   }
 }
 
+// Keeps the preferences in the user's file. If that does not work, says so once.
+class KeptPreferences {
+ public:
+  explicit KeptPreferences(Viewer& viewer) : viewer_(viewer), file_(PreferencesFile()) {
+    if (file_.empty()) return;
+    kept_ = ReadPreferences(file_);
+    viewer_.preferences() = kept_;
+  }
+  ~KeptPreferences() { Keep(); }
+  KeptPreferences(const KeptPreferences&) = delete;
+  KeptPreferences& operator=(const KeptPreferences&) = delete;
+
+  // Not while the user drags: each step would be written.
+  void KeepAtRest() {
+    if (!ImGui::IsAnyMouseDown()) Keep();
+  }
+
+ private:
+  void Keep() {
+    if (file_.empty() || viewer_.preferences() == kept_) return;
+    kept_ = viewer_.preferences();
+    try {
+      WritePreferences(kept_, file_);
+    } catch (const Error& error) {
+      if (!std::exchange(said_, true)) viewer_.Say(std::string("not remembered: ") + error.what());
+    }
+  }
+
+  Viewer& viewer_;
+  const std::filesystem::path file_;
+  Preferences kept_;
+  bool said_ = false;
+};
+
 // The title in the task bar.
 std::string TitleOf(const Viewer& viewer) {
   const auto& lattice = viewer.feed().volume().lattice();
@@ -158,6 +194,7 @@ void RunWindow(const Options& options) {
   const WindowPtr window = OpenWindow(options.size);
   Interface interface(ScaleOf(window.get()));
   Viewer viewer(options);
+  KeptPreferences kept(viewer);
   WindowInput input(window.get(), [&viewer] { viewer.feed().emergency_stop().Send(); });
   FrameLog log;
   std::string title;
@@ -179,6 +216,7 @@ void RunWindow(const Options& options) {
     viewer.state().pointer_way = input.way();
     interface.DrawFrame(viewer, input.TakeKeys(), pixels, 0);
     SavePictures(viewer, pixels, interface.view_pixels());
+    kept.KeepAtRest();
     // Finish the work before the swap, which may wait for the screen.
     glFinish();
     const auto worked = Clock::now() - frame;

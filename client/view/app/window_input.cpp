@@ -119,6 +119,9 @@ void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, i
     case GLFW_KEY_F1:
       press.key = "f1";
       break;
+    case GLFW_KEY_F6:
+      press.key = "f6";
+      break;
     case GLFW_KEY_F12:
       press.key = "f12";
       break;

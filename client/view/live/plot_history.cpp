@@ -1,6 +1,7 @@
 #include "client/view/live/plot_history.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace palpate::view {
 
@@ -46,6 +47,15 @@ float PlotHistory::Newest(Plot plot) const {
 float PlotHistory::Greatest(Plot plot) const {
   const std::span values = Values(plot);
   return values.empty() ? 0.0f : *std::max_element(values.begin(), values.end());
+}
+
+float AxisTop(float greatest) {
+  if (!(greatest > 0.0f) || !std::isfinite(greatest)) return 1.0f;
+  const float power = std::pow(10.0f, std::floor(std::log10(greatest)));
+  for (const float times : {1.0f, 2.0f, 5.0f}) {
+    if (greatest <= times * power) return times * power;
+  }
+  return 10.0f * power;
 }
 
 }  // namespace palpate::view

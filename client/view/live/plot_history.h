@@ -44,4 +44,8 @@ class PlotHistory {
   bool has_before_ = false;
 };
 
+// The end of an axis from 0 on which this value is visible: 1, 2 or 5 times a power of ten; 1 if
+// there is no value above 0.
+float AxisTop(float greatest);
+
 }  // namespace palpate::view

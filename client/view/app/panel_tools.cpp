@@ -1,0 +1,68 @@
+#include <array>
+
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+namespace {
+
+struct ToolButton {
+  Tool tool;
+  const char* label;
+  const char* narrow;  // where there is little room
+  const char* tip;
+};
+
+constexpr std::array<ToolButton, 4> kTools = {{
+    {Tool::kTurn, "Turn", "Turn", "drag to turn the view, right drag to move it, wheel to zoom"},
+    {Tool::kHand, "Hand (G)", "Hand", "take the simulated stylus and feel with the mouse"},
+    {Tool::kBrush, "Brush (B)", "Brush", "drag on the surface to edit the volume, for everyone"},
+    {Tool::kMeasure, "Measure (M)", "Measure", "click two points of the surface: their distance"},
+}};
+
+// Returns true if it was pressed.
+bool Toggle(const char* label, bool on) {
+  ImGui::PushStyleColor(ImGuiCol_Button,
+                        ImGui::GetStyleColorVec4(on ? ImGuiCol_ButtonActive : ImGuiCol_FrameBg));
+  const bool pressed = ImGui::Button(label);
+  ImGui::PopStyleColor();
+  return pressed;
+}
+
+void ToggleSide(Viewer& viewer, Side side, bool shown) {
+  const bool left = side == Side::kLeft;
+  if (ImGui::ArrowButton(left ? "left side" : "right side",
+                         left == shown ? ImGuiDir_Left : ImGuiDir_Right)) {
+    ShowSide(viewer.preferences(), side, !shown);
+  }
+  Tip(shown ? "hide this side (P hides both)" : "show this side (P shows both)");
+}
+
+}  // namespace
+
+void ShowSide(Preferences& preferences, Side side, bool shown) {
+  (side == Side::kLeft ? preferences.left_shown : preferences.right_shown) = shown;
+  if (shown) preferences.narrow_side = side;
+}
+
+void DrawToolBar(Viewer& viewer, const Layout& layout, float scale) {
+  const Area& area = layout.tools;
+  const float gap = 6.0f * scale;
+  BeginPanel("tools", area, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
+  const float y = 0.5f * (area.size.y - ImGui::GetFrameHeight());
+  ImGui::SetCursorPos({gap, y});
+  ToggleSide(viewer, Side::kLeft, layout.left.size.x > 0.0f);
+  float width = 4.0f * ImGui::GetFrameHeight();
+  for (const ToolButton& button : kTools) width += ButtonWidth(button.label) + gap;
+  for (const ToolButton& button : kTools) {
+    ImGui::SameLine(0.0f, gap);
+    const char* label = width < area.size.x ? button.label : button.narrow;
+    if (Toggle(label, viewer.state().tool == button.tool)) viewer.state().tool = button.tool;
+    Tip(button.tip);
+  }
+  ImGui::SetCursorPos({area.size.x - ImGui::GetFrameHeight() - gap, y});
+  ToggleSide(viewer, Side::kRight, layout.right.size.x > 0.0f);
+  ImGui::End();
+}
+
+}  // namespace palpate::view
