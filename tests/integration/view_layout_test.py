@@ -39,7 +39,7 @@ class Layout(DaemonTest):
             with self.subTest(width=width), Screen() as screen:
                 window = self.open(screen, "--size", f"{width}x{height}")
                 self.assertEqual(window.picture().size, (width, height))
-                for text in ("STOP", "Surface", "Look", "Cut", "Edit", "Turn", "Hand", "Brush",
+                for text in ("STOP", "Surface", "Look", "Cut", "Edit", "Hand", "Brush",
                              "Measure", "Show plots (D)", "forces on"):
                     window.find(text)
                 seen = self.view_size(window)
@@ -48,7 +48,7 @@ class Layout(DaemonTest):
                 # The other side comes in place of this one, and keeps half of the window.
                 window.click(width - 20, 88)
                 window.find("Device")
-                self.assertFalse(window.shows("of range"))
+                self.assertFalse(window.shows("Isovalue"))
                 self.assertGreaterEqual(self.view_size(window)[0], width // 2)
                 window.end()
 
@@ -59,9 +59,10 @@ class Layout(DaemonTest):
             window.tab(tab)
             window.find(shows, within=LEFT)
         # To the tabs of the left side, one further, and press.
-        window.find("Turn", within=TOOLS)
-        for _ in range(4):
-            window.do("key", "F6")
+        window.press("Hand (G)", within=TOOLS)
+        window.picture()
+        window.do("key", "F6")
+        window.picture()
         window.do("key", "Right")
         window.picture()
         window.do("key", "space")
@@ -75,8 +76,7 @@ class Layout(DaemonTest):
         window = self.whole()
         window.press("Edit", within=TABS)
         before = self.conn.settings.normalized_isovalue
-        window.press("Turn", within=TOOLS)
-        window.do("key", "Right")
+        window.press("Hand (G)", within=TOOLS)
         window.picture()
         window.do("key", "Right")
         window.picture()
@@ -123,7 +123,7 @@ class Layout(DaemonTest):
                     (folder / "view.json").write_bytes(content)
                 window = self.open(screen)
                 window.do("key", "t")
-                window.find("Turn", within=TOOLS)
+                window.find("Hand (G)", within=TOOLS)
                 self.assertEqual(window.end(), (0, ""))
 
     def test_the_light_theme_is_light_and_the_picture_stays(self):

@@ -143,6 +143,8 @@ class Window:
     def press(self, text, among=0, within=None):
         """Clicks on a text: a button, a tab, a check box."""
         self.click(*self.find(text, among, within))
+        # Where it rests, a tooltip would cover others.
+        self.do("mousemove", 1, 1)
 
     def tab(self, name):
         """Opens a tab on the left: Surface, Look, Cut, Edit."""

@@ -265,7 +265,7 @@ class ViewPanels(OneWindow):
     def test_a_recording_is_begun_and_ended(self):
         path = self.daemon.folder / "trial.palrec"
         # Letters do not wait for clicks as other keys do, and each takes a frame.
-        self.window.press("/file on palpated", within=RIGHT)
+        self.window.press("/file on", within=RIGHT)
         self.window.picture()
         for letter in str(path):
             self.window.do("type", letter)

@@ -154,9 +154,18 @@ bool Choose(const char* label, int& choice, const char* const* names, int count)
 }
 
 void Tip(const char* text) {
-  if (ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) && !ImGui::IsItemActive()) {
-    ImGui::SetTooltip("%s", text);
-  }
+  constexpr double kRest_s = 0.5;
+  // The item that the pointer rests on.
+  static ImVec2 place;
+  static double since_s = 0.0;
+  static int frame = 0;
+  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) || ImGui::IsItemActive()) return;
+  const ImVec2 min = ImGui::GetItemRectMin();
+  const bool is_same = frame >= ImGui::GetFrameCount() - 1 && min.x == place.x && min.y == place.y;
+  if (!is_same) since_s = ImGui::GetTime();
+  place = min;
+  frame = ImGui::GetFrameCount();
+  if (ImGui::GetTime() - since_s >= kRest_s) ImGui::SetTooltip("%s", text);
 }
 
 ImVec4 ColorOf(const std::array<std::uint8_t, 4>& rgba) {

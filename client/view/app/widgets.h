@@ -57,7 +57,9 @@ void EndAllowed();
 // Draws a choice of `names`.
 bool Choose(const char* label, int& choice, const char* const* names, int count);
 
-// The tooltip of the control that was just drawn; none while the user drags it.
+// The tooltip of the control that was just drawn, once the pointer has rested on it or the keyboard
+// has chosen it for half a second: at once it would cover what is beside it. None while the user
+// drags it.
 void Tip(const char* text);
 
 ImVec4 ColorOf(const std::array<std::uint8_t, 4>& rgba);
