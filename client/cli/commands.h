@@ -23,6 +23,7 @@ void AddSeries(arguments::Command& app, Invocation& invocation);
 void AddRecord(arguments::Command& app, Invocation& invocation);
 void AddMark(arguments::Command& app, Invocation& invocation);
 void AddReplay(arguments::Command& app, Invocation& invocation);
+void AddWho(arguments::Command& app, Invocation& invocation);
 void AddDevice(arguments::Command& app, Invocation& invocation);
 
 }  // namespace palpate::cli

@@ -76,6 +76,7 @@ int Main(int argc, char** argv) {
   AddUpload(app, invocation);
   AddSeries(app, invocation);
   AddDevice(app, invocation);
+  AddWho(app, invocation);
   AddDoctor(app, doctor);
   bool wants_completion = false;
   AddCompletion(app, wants_completion);

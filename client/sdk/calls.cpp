@@ -6,6 +6,7 @@
 #include "client/sdk/link.h"
 #include "client/sdk/messages.h"
 #include "client/sdk/volume_messages.h"
+#include "palpate/v1/activity.grpc.pb.h"
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/recording.grpc.pb.h"
 #include "palpate/v1/registration.grpc.pb.h"
@@ -114,6 +115,11 @@ ForceResult Calls::StopForces() {
 DeviceHealth Calls::CalibrateDevice() {
   return FromProto(
       link_->Call<Device>(&Device::Stub::CalibrateDevice, v1::CalibrateDeviceRequest()).health());
+}
+
+Activity Calls::GetActivity() {
+  return FromProto(link_->Call<v1::ActivityService>(&v1::ActivityService::Stub::GetActivity,
+                                                    v1::GetActivityRequest()));
 }
 
 RecordingState Calls::StartRecording(const std::string& path, bool overwrite) {

@@ -30,6 +30,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/sdk/activity.h"
 #include "client/sdk/device.h"
 #include "client/sdk/download.h"
 #include "client/sdk/edit.h"
@@ -154,6 +155,9 @@ class Calls {
   // kInvalidArgument (the device has no place of rest), kFailedPrecondition (the stylus is not
   // there).
   DeviceHealth CalibrateDevice();
+
+  // Who is connected, and who changed what.
+  Activity GetActivity();
 
   // --- Recordings. Errors: as in recording.proto.
   RecordingState StartRecording(const std::string& path, bool overwrite = false);

@@ -88,6 +88,19 @@ ListedDevice FromProto(const v1::ListedDevice& device) {
           device.in_use()};
 }
 
+Activity FromProto(const v1::GetActivityResponse& response) {
+  Activity activity;
+  for (const v1::ConnectedCaller& caller : response.callers()) {
+    activity.callers.push_back({caller.caller().identity(),
+                                EnumOf(caller.caller().role(), Role::kAdmin), caller.peer(),
+                                caller.connected_s(), caller.watches(), caller.is_you()});
+  }
+  for (const v1::LastChange& change : response.changes()) {
+    activity.changes.push_back({change.what(), change.by(), change.ago_s()});
+  }
+  return activity;
+}
+
 SeriesState FromProto(const v1::SeriesState& state) {
   return {state.frames(), state.position_frames(), state.playing(),      state.rate_hz(),
           state.loop(),   state.interpolate(),     state.memory_bytes(), state.volume_revision()};

@@ -70,6 +70,8 @@ void Admission::Leave() {
     access->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   }
   if (call.samples_per_s > 0) access->limits_.LeaveSamples(call.caller.name, call.samples_per_s);
+  access->activity_.Left(call.caller, call.peer, call.rule->kind == CallKind::kPoseStream,
+                         MonotonicNowNs());
   const std::lock_guard lock(access->mutex_);
   access->running_.erase(running_);
 }
@@ -90,15 +92,10 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
   return grpc::Status::OK;
 }
 
-std::string Admission::Who() const {
-  std::string peer = running_->peer;
-  if (peer.starts_with("unix:")) return running_->caller.name;
-  // gRPC escapes the brackets of "ipv6:[::1]:60286".
-  for (const auto& [escaped, bracket] : {std::pair("%5B", "["), std::pair("%5D", "]")}) {
-    const auto at = peer.find(escaped);
-    if (at != peer.npos) peer.replace(at, 3, bracket);
-  }
-  return running_->caller.name + " at " + peer;
+std::string Admission::Who() const { return WhoInWords(running_->caller, running_->peer); }
+
+void Admission::Changed(std::string_view what) const {
+  if (access_) access_->activity_.Changed(what, Who(), MonotonicNowNs());
 }
 
 void Admission::Answered() {
@@ -179,6 +176,7 @@ Admission Access::Enter(const Admission::Running& call,
     return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
                   call.rule->method, *problem);
   }
+  activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, MonotonicNowNs());
   Admission admission;
   admission.access_ = this;
   admission.running_ = running_.insert(running_.end(), call);

@@ -25,6 +25,7 @@
 #include <string_view>
 #include <utility>
 
+#include "server/rpc/activity.h"
 #include "server/rpc/connection_watch.h"
 #include "server/security/identity_limits.h"
 #include "server/security/policy.h"
@@ -56,6 +57,10 @@ class Admission {
   const Identity& caller() const { return running_->caller; }  // of an admitted call
   // "local socket", "token ada at ipv4:192.0.2.7:51544"; of an admitted call.
   std::string Who() const;
+  // Where an admitted call came from, as gRPC names it.
+  const std::string& peer() const { return running_->peer; }
+  // The admitted call has changed this; see Activity. Call it after the change has succeeded.
+  void Changed(std::string_view what) const;
   // Ends the admission: the call is over.
   void Leave();
   // Returns the status of an admitted call that failed. Logs the failures of transfers and of
@@ -101,6 +106,8 @@ class Access {
   Admission Admit(grpc::ServerContextBase* context, std::string_view method,
                   std::size_t request_bytes = 0);
 
+  const Activity& activity() const { return activity_; }
+
   // Applies from the next call on. Running calls that the new policy refuses end now.
   void SetPolicy(std::shared_ptr<const Policy> policy);
   // Ends running calls whose certificate has expired, and calls whose client lets the daemon wait.
@@ -124,6 +131,7 @@ class Access {
   ConnectionWatch* const connections_;
   const std::function<CertificateTime()> now_;
   RefusalLog refusals_;
+  Activity activity_;
   // Recursive: TryCancel may end a call on the same thread, which locks it again.
   mutable std::recursive_mutex mutex_;
   std::shared_ptr<const Policy> policy_ = std::make_shared<Policy>();

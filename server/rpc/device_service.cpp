@@ -228,6 +228,7 @@ ForceTick DeviceService::Command(ForceCommand command) {
 
 void DeviceService::Note(ForceCommand command, const Admission& by) {
   const bool is_stop = command == ForceCommand::kStop;
+  by.Changed("forces");
   {
     const std::lock_guard lock(mutex_);
     (is_stop                            ? stopped_by_

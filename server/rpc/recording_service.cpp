@@ -28,9 +28,10 @@ Reply* RecordingService::StartRecording(CallContext* context,
                                         const v1::StartRecordingRequest* request,
                                         v1::StartRecordingResponse* response) {
   return calls_.Answer(context, "/palpate.v1.RecordingService/StartRecording", *request,
-                       [=, this](const Admission&) {
+                       [=, this](const Admission& by) {
                          const RecordingStatus status =
                              control_.Start(request->path(), request->overwrite());
+                         by.Changed("recording");
                          LogInfo("recording to {}", status.path);
                          *response->mutable_recording() = ToProto(status);
                        });
@@ -40,8 +41,10 @@ Reply* RecordingService::StopRecording(CallContext* context,
                                        const v1::StopRecordingRequest* request,
                                        v1::StopRecordingResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.RecordingService/StopRecording", *request, [=, this](const Admission&) {
+      context, "/palpate.v1.RecordingService/StopRecording", *request,
+      [=, this](const Admission& by) {
         const RecordingStatus status = control_.Stop();
+        by.Changed("recording");
         if (status.error) {
           LogWarning("recording to {} had ended: {}", status.path, status.error->what());
         } else {

@@ -50,7 +50,7 @@ Reply* RegistrationService::UpdateRegistration(CallContext* context,
                                                const v1::UpdateRegistrationRequest* request,
                                                v1::UpdateRegistrationResponse* response) {
   return calls_.Answer(context, "/palpate.v1.RegistrationService/UpdateRegistration", *request,
-                       [=, this](const Admission&) {
+                       [=, this](const Admission& by) {
                          const RegistrationUpdate update = UpdateOf(*request);
                          const auto change = [&](const VolumeState& state) {
                            return Apply(update, state.volume->metadata(), session_.device(),
@@ -61,6 +61,7 @@ Reply* RegistrationService::UpdateRegistration(CallContext* context,
                            expected = request->expected_revision();
                          const VolumeState state = session_.Move(change, expected);
                          const AppliedTick applied = session_.WaitForServo(state.scene_revision);
+                         by.Changed("placement");
                          *response->mutable_registration() = ToProto(state);
                          response->set_settings_revision(state.settings_revision);
                          response->set_applied_tick(applied.tick);

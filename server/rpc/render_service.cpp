@@ -108,13 +108,16 @@ Reply* RenderService::GetSettings(CallContext* context, const v1::GetSettingsReq
 Reply* RenderService::UpdateSettings(CallContext* context, const v1::UpdateSettingsRequest* request,
                                      v1::UpdateSettingsResponse* response) {
   return calls_.Answer(context, "/palpate.v1.RenderService/UpdateSettings", *request,
-                       [=, this](const Admission&) {
+                       [=, this](const Admission& by) {
                          const std::int64_t received_ns = MonotonicNowNs();
                          const SettingsApplied result = session_.Update(FromProto(*request));
                          *response->mutable_settings() = ToProto(result.state.settings);
                          response->set_settings_revision(result.state.settings_revision);
                          response->set_applied_tick(result.applied.tick);
                          response->set_receipt_to_applied_ns(result.applied.time_ns - received_ns);
+                         for (const std::string& name : request->update_mask().paths()) {
+                           by.Changed(name == "normalized_isovalue" ? "isovalue" : name);
+                         }
                          metrics_.SettingsFelt(result.applied.time_ns - received_ns);
                        });
 }

@@ -53,6 +53,7 @@ EventStream<v1::LoadSeriesResponse>* SeriesService::LoadSeries(
         LoadRequest load = FromProto(request->options());
         load.title = Title(sources);
         const VolumeState state = player_.Load(files, load, ProgressTo(events), cancelled);
+        events.admission().Changed("volume");
         const AppliedTick applied = session_.WaitForServo(state.scene_revision);
         v1::LoadSeriesResponse event;
         *event.mutable_result()->mutable_volume() = palpate::ToProto(state);
@@ -74,8 +75,9 @@ Reply* SeriesService::GetSeries(CallContext* context, const v1::GetSeriesRequest
 Reply* SeriesService::ControlSeries(CallContext* context, const v1::ControlSeriesRequest* request,
                                     v1::ControlSeriesResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.SeriesService/ControlSeries", *request, [=, this](const Admission&) {
+      context, "/palpate.v1.SeriesService/ControlSeries", *request, [=, this](const Admission& by) {
         *response->mutable_series() = ToProto(player_.Control(ControlOf(*request)));
+        by.Changed("series");
       });
 }
 

@@ -120,7 +120,8 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
               volume_streams_, parts.metrics),
       series_(calls_, parts.session, parts.series, options_.paths),
       device_(calls_, parts.device, parts.servo, parts.inbox, parts.forces, parts.list_devices),
-      recording_(calls_, parts.recording) {}
+      recording_(calls_, parts.recording),
+      activity_(calls_) {}
 
 // gRPC lets two servers listen on one path without noticing each other, so a lock file decides. The
 // file stays when the daemon ends: if it were removed, one daemon could lock the old file and
@@ -192,8 +193,9 @@ void RpcServer::Start() {
     add_sink(tls_ ? tls_->MakeCredentials() : grpc::InsecureServerCredentials());
   }
   add_sink(grpc::InsecureServerCredentials());
-  for (grpc::Service* service : std::initializer_list<grpc::Service*>{
-           &poses_, &render_, &registration_, &volume_, &series_, &device_, &recording_}) {
+  for (grpc::Service* service :
+       std::initializer_list<grpc::Service*>{&poses_, &render_, &registration_, &volume_, &series_,
+                                             &device_, &recording_, &activity_}) {
     builder.RegisterService(service);
   }
   calls_.threads().Start();

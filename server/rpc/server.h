@@ -17,6 +17,7 @@
 #include "server/metrics/service_metrics.h"
 #include "server/rpc/acceptor.h"
 #include "server/rpc/access.h"
+#include "server/rpc/activity_service.h"
 #include "server/rpc/calls.h"
 #include "server/rpc/device_service.h"
 #include "server/rpc/pose_service.h"
@@ -104,6 +105,7 @@ class RpcServer {
   SeriesService series_;
   DeviceService device_;
   RecordingService recording_;
+  ActivityService activity_;
   // A thread that reads from connections when none of gRPC's own does. gRPC 1.51 reads on the
   // threads of its callback queue, and each of these sleeps for 100 ms after every second without
   // a call: every call would wait for up to 100 ms.

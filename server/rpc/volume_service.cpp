@@ -22,10 +22,11 @@ VolumeEditor::Revision Expected(const Request& request) {
 Reply* VolumeService::Change(CallContext* context, std::string_view method,
                              const google::protobuf::Message& request,
                              v1::EditVolumeResponse* response, const EditChange& change) {
-  return calls_.Answer(context, method, request, [=, this](const Admission&) {
+  return calls_.Answer(context, method, request, [=, this](const Admission& by) {
     const std::int64_t received_ns = MonotonicNowNs();
     const EditOutcome outcome = change([context] { return context->IsCancelled(); });
     const AppliedTick applied = editor_.Wait(outcome);
+    if (outcome.changed_voxels > 0) by.Changed("voxels");
     metrics_.EditFelt(applied.time_ns - received_ns);
     *response = ToProto(outcome, applied);
   });
@@ -49,6 +50,7 @@ EventStream<v1::LoadVolumeResponse>* VolumeService::LoadVolume(
         AppliedTick applied;
         const VolumeState state =
             session_.LoadAndWait(load, ProgressTo(events), cancelled, applied);
+        events.admission().Changed("volume");
         LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", request->source(),
                 state.volume->revision(), applied.tick, state.isovalue);
         v1::LoadVolumeResponse event;
@@ -87,6 +89,7 @@ EventStream<v1::FilterVolumeResponse>* VolumeService::FilterVolume(
                                ProgressTo(events))
                 : filterer_.Filter(FromProto(*request), Expected(*request), ProgressTo(events),
                                    cancelled);
+        if (outcome.changed_voxels > 0) events.admission().Changed("voxels");
         v1::FilterVolumeResponse event;
         *event.mutable_result() = ToProto(outcome, editor_.Wait(outcome));
         events.Send(std::move(event));

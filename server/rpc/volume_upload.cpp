@@ -115,6 +115,7 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
     response_->set_applied_tick(applied.tick);
     response_->set_settings_revision(state.settings_revision);
     response_->set_isovalue(state.isovalue);
+    admission_.Changed("volume");
     LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", upload_->title(),
             state.volume->revision(), applied.tick, state.isovalue);
     End(grpc::Status::OK);

@@ -15,10 +15,10 @@ import grpc
 import numpy as np
 
 import palpate
-from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc,
-                        recording_pb2, recording_pb2_grpc, registration_pb2, registration_pb2_grpc,
-                        render_pb2, render_pb2_grpc, series_pb2, series_pb2_grpc, volume_pb2,
-                        volume_pb2_grpc)
+from palpate.v1 import (activity_pb2, device_pb2, device_pb2_grpc, edit_pb2, pose_pb2,
+                        pose_pb2_grpc, recording_pb2, recording_pb2_grpc, registration_pb2,
+                        registration_pb2_grpc, render_pb2, render_pb2_grpc, series_pb2,
+                        series_pb2_grpc, volume_pb2, volume_pb2_grpc)
 
 from crash import end_in_order
 from free_port import free_port
@@ -31,7 +31,7 @@ PATIENCE_S = 120.0
 CALL_S = 60.0
 # Every method of every service.
 METHODS = [method
-           for file in (device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2,
+           for file in (activity_pb2, device_pb2, pose_pb2, recording_pb2, registration_pb2, render_pb2,
                         series_pb2, volume_pb2)
            for service in file.DESCRIPTOR.services_by_name.values() for method in service.methods]
 

@@ -9,6 +9,7 @@
 Units are in the names, shapes in the docstrings. Volumes are arrays indexed [x, y, z].
 """
 
+from palpate._activity import Activity, ConnectedCaller, LastChange
 from palpate._connection import Connection, connect
 from palpate._device import Device, DeviceInfo, Forces, ListedDevice
 from palpate._edits import EditResult, Edits
@@ -33,10 +34,11 @@ from palpate._volume import SuggestedIsovalue, VolumeAccess, VolumeInfo
 from palpate._voxels import Volume
 
 __all__ = [
-    "Applied", "Cancelled", "Conflict", "Connection", "DecompositionMethod", "Device",
+    "Activity", "Applied", "Cancelled", "Conflict", "ConnectedCaller", "Connection",
+    "DecompositionMethod", "Device",
     "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull", "EditResult", "Edits", "Error",
     "FailedPrecondition", "ForceCommand", "ForceReason", "ForceState", "Forces", "FreeSide",
-    "Internal", "InvalidArgument", "ListedDevice", "LiveVolume", "NotFound", "PermissionDenied",
+    "Internal", "InvalidArgument", "LastChange", "ListedDevice", "LiveVolume", "NotFound", "PermissionDenied",
     "Placement", "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit",
     "RecordedGap", "RecordedMarker", "RecordedScene", "RecordedTicks", "Recording",
     "RecordingFile", "RecordingState", "ReplayState", "Role", "Series", "SeriesState", "Settings",

@@ -2,6 +2,7 @@
 
 import types
 
+from palpate._activity import Activity, activity_of
 from palpate._address import is_tcp, server_of_environment
 from palpate._credentials import Credentials
 from palpate._device import Device
@@ -16,6 +17,7 @@ from palpate._series import Series
 from palpate._settings import Settings
 from palpate._values import text_of
 from palpate._volume import VolumeAccess
+from palpate.v1 import activity_pb2, activity_pb2_grpc
 
 
 class Connection:
@@ -39,6 +41,7 @@ class Connection:
         self._device = Device(self._link)
         self._series = Series(self._link)
         self._recording = Recording(self._link)
+        self._activity = self._link.stub(activity_pb2_grpc.ActivityServiceStub)
 
     @property
     def address(self) -> str:
@@ -96,6 +99,15 @@ class Connection:
         See help(palpate.Recording). Example: conn.recording.start("/data/trial-7.palrec")
         """
         return self._recording
+
+    def activity(self) -> Activity:
+        """Returns who is connected, and who changed what last.
+
+        Errors: Unavailable. See help(palpate.Activity).
+        Example: [caller.identity for caller in conn.activity().callers]
+        """
+        return activity_of(self._link.call(self._activity.GetActivity,
+                                           activity_pb2.GetActivityRequest()))
 
     def poses(self, rate_hz: float = 60.0, batch: int = 1, *, waiting: int = 1) -> PoseStream:
         """Streams what the servo computes, as an endless iterator of Poses.

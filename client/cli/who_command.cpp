@@ -1,0 +1,76 @@
+#include <fmt/core.h>
+
+#include <algorithm>
+
+#include "client/cli/commands.h"
+#include "client/cli/description.h"
+#include "client/cli/output.h"
+#include "client/sdk/words.h"
+#include "common/error/one_line.h"
+
+namespace palpate::cli {
+namespace {
+
+std::string Ago(double seconds) {
+  if (seconds < 120.0) return fmt::format("{:.0f} s", seconds);
+  if (seconds < 7200.0) return fmt::format("{:.0f} min", seconds / 60.0);
+  return fmt::format("{:.0f} h", seconds / 3600.0);
+}
+
+Json ToJson(const client::Activity& activity) {
+  Json callers = Json::array();
+  for (const client::ConnectedCaller& caller : activity.callers) {
+    callers.push_back({{"identity", caller.identity},
+                       {"role", client::NameOf(caller.role)},
+                       {"peer", caller.peer},
+                       {"connected_s", caller.connected_s},
+                       {"watches", caller.watches},
+                       {"is_you", caller.is_you}});
+  }
+  Json changes = Json::array();
+  for (const client::LastChange& change : activity.changes) {
+    changes.push_back({{"what", change.what}, {"by", change.by}, {"ago_s", change.ago_s}});
+  }
+  return {{"callers", callers}, {"changes", changes}};
+}
+
+std::string Describe(const client::Activity& activity) {
+  std::size_t width = 0;
+  for (const client::LastChange& change : activity.changes) {
+    width = std::max(width, change.what.size());
+  }
+  std::string text;
+  for (const client::ConnectedCaller& caller : activity.callers) {
+    AppendLine(text, client::NameOf(caller.role),
+               fmt::format("{}{}{}, here for {}{}", OneLine(caller.identity),
+                           caller.is_you ? " (you)" : "",
+                           caller.peer.empty() ? "" : " at " + OneLine(caller.peer),
+                           Ago(caller.connected_s), caller.watches ? ", watches" : ""));
+  }
+  for (const client::LastChange& change : activity.changes) {
+    AppendLine(text, &change == &activity.changes.front() ? "changes" : "",
+               fmt::format("{:<{}}  {} ago by {}", OneLine(change.what), width, Ago(change.ago_s),
+                           OneLine(change.by)));
+  }
+  return text;
+}
+
+}  // namespace
+
+void AddWho(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command =
+      app.add_subcommand("who",
+                         "Shows who is connected, with which role, and who changed what last.\n"
+                         "All programs on the daemon's socket are one caller.");
+  SetFooter(*command,
+            "Example: palpate who --json | jq '.changes[] | select(.what == \"isovalue\")'");
+  AddJson(*command, invocation);
+  command->callback([&invocation] {
+    invocation.command = [&invocation](client::Calls& palpated) {
+      const client::Activity activity = palpated.GetActivity();
+      WriteOutput(invocation.json ? ToText(ToJson(activity)) : Describe(activity));
+    };
+  });
+}
+
+}  // namespace palpate::cli

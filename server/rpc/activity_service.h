@@ -1,0 +1,21 @@
+// ActivityService: who uses the daemon, and who changed what.
+#pragma once
+
+#include "palpate/v1/activity.grpc.pb.h"
+#include "server/rpc/calls.h"
+
+namespace palpate {
+
+class ActivityService final : public v1::ActivityService::CallbackService {
+ public:
+  // Borrows it.
+  explicit ActivityService(Calls& calls) : calls_(calls) {}
+
+  Reply* GetActivity(CallContext* context, const v1::GetActivityRequest* request,
+                     v1::GetActivityResponse* response) override;
+
+ private:
+  Calls& calls_;
+};
+
+}  // namespace palpate
