@@ -28,6 +28,9 @@ class HeldValues {
     return value_;
   }
 
+  // The value was changed from elsewhere, as by an undo.
+  void LetGo() { id_ = 0; }
+
   // Call it after the control was drawn. `changed`: the user changed the value. `in_hand`: the user
   // still holds the control.
   void Update(unsigned id, double value, bool changed, bool in_hand,

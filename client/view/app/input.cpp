@@ -155,19 +155,13 @@ void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen
 }
 
 void UndoEdit(Viewer& viewer) {
-  if (viewer.brush().CanUndo()) {
-    viewer.brush().Undo(viewer.feed().commands());
-  } else {
-    viewer.Say("nothing to undo");
-  }
+  viewer.held().LetGo();
+  if (const std::string problem = viewer.actions().Undo(); !problem.empty()) viewer.Say(problem);
 }
 
 void RedoEdit(Viewer& viewer) {
-  if (viewer.brush().CanRedo()) {
-    viewer.brush().Redo(viewer.feed().commands());
-  } else {
-    viewer.Say("nothing to redo");
-  }
+  viewer.held().LetGo();
+  if (const std::string problem = viewer.actions().Redo(); !problem.empty()) viewer.Say(problem);
 }
 
 }  // namespace palpate::view

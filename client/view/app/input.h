@@ -25,6 +25,7 @@ void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys);
 // Handles the pointer in the view, Dear ImGui's current item, laid out at `min`.
 void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size);
 
+// Undoes or redoes the user's last action, of whatever kind.
 void UndoEdit(Viewer& viewer);
 void RedoEdit(Viewer& viewer);
 

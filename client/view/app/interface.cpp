@@ -119,6 +119,7 @@ void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
                                 .slices = viewer.state().slices_shown});
   view_pixels_ = PixelsOf(layout.view.size);
   DrawPanels(viewer, layout, scale);
+  viewer.actions().EndFrame(ImGui::IsAnyItemActive());
   ImGui::Render();
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   glViewport(0, 0, pixels.width, pixels.height);

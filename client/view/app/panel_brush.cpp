@@ -1,6 +1,5 @@
 #include <algorithm>
 
-#include "client/view/app/input.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 
@@ -14,6 +13,7 @@ void EditBrush(Viewer& viewer) {
     viewer.state().tool = on ? Tool::kBrush : Tool::kTurn;
   }
   Tip("edits change the volume for everyone");
+  SharedSign(viewer, "voxels");
   static const char* const operations[] = {"add", "subtract", "set", "smooth", "paint"};
   int operation = static_cast<int>(brush.operation);
   if (Choose("Operation", operation, operations, 5)) {
@@ -36,15 +36,7 @@ void EditBrush(Viewer& viewer) {
     DragDouble("Strength", brush.strength, 0.01, 0.01, 1.0, "%.2f");
     Tip("the share of the way that one touch goes");
   }
-  ImGui::BeginDisabled(!viewer.brush().CanUndo());
-  if (ImGui::Button("Undo stroke (ctrl+Z)")) UndoEdit(viewer);
-  Tip("takes back the last stroke or filter");
-  ImGui::EndDisabled();
-  ImGui::SameLine();
-  ImGui::BeginDisabled(!viewer.brush().CanRedo());
-  if (ImGui::Button("Redo (ctrl+Y)")) RedoEdit(viewer);
-  Tip("does it again");
-  ImGui::EndDisabled();
+  UndoButtons(viewer);
 }
 
 // Filters all voxels, as one step of the brush's history.

@@ -9,40 +9,39 @@
 namespace palpate::view {
 namespace {
 
-// Draws the control of a setting, and puts a change by the user into `update`.
+// Draws the control of a setting. Returns true if the user changed it; `value` is then the user's,
+// as ValueOf counts.
 struct Control {
   Viewer& viewer;
   const client::Setting& setting;
-  const client::Settings& settings;
-  client::SettingsUpdate& update;
+  double& value;
 
   // Labels end with \0, as all texts of the list.
   bool operator()(const client::NumberSetting& number) const {
-    double value = settings.*number.member;
-    const bool changed = HeldSlider(viewer, setting.label.data(), value, number.minimum,
-                                    number.maximum, SliderFormat(setting).c_str());
-    if (changed) update.*number.update = value;
-    return changed;
+    return HeldSlider(viewer, setting.label.data(), value, number.minimum, number.maximum,
+                      SliderFormat(setting).c_str());
   }
-  bool operator()(const client::FlagSetting& flag) const {
-    bool value = settings.*flag.member;
-    const bool changed = HeldCheckbox(viewer, setting.label.data(), value);
-    if (changed) update.*flag.update = value;
+  bool operator()(const client::FlagSetting& /*flag*/) const {
+    bool on = value > 0.5;
+    const bool changed = HeldCheckbox(viewer, setting.label.data(), on);
+    value = on ? 1.0 : 0.0;
     return changed;
   }
   bool operator()(const client::ChoiceSetting& choice) const {
-    std::size_t place = choice.get(settings);
+    auto place = static_cast<std::size_t>(value);
     const bool changed = HeldChoice(viewer, setting.label.data(), place, choice.words);
-    if (changed) choice.update(update, place);
+    value = static_cast<double>(place);
     return changed;
   }
 };
 
 void EditSetting(Viewer& viewer, const client::Setting& setting, const client::Settings& settings) {
-  client::SettingsUpdate update;
-  const bool changed = std::visit(Control{viewer, setting, settings, update}, setting.kind);
+  double value = ValueOf(setting, settings);
+  const double before = viewer.held().Shown(ImGui::GetID(setting.label.data()), value);
+  const bool changed = std::visit(Control{viewer, setting, value}, setting.kind);
   Tip(setting.help.data());
-  if (changed) viewer.feed().commands().Set(update);
+  SharedSign(viewer, setting.key);
+  if (changed) viewer.actions().Set(setting, before, value);
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ constexpr Line kLines[] = {
     {"H", "wireframe of the surface that is felt, near the proxy"},
     {"Tools", nullptr},
     {"G, B, M", "hand, brush, measure; the same key again: turn"},
-    {"ctrl+Z, ctrl+Y", "undo and redo a stroke"},
+    {"ctrl+Z, ctrl+Y", "undo and redo what you did: isovalue, feel, cuts, strokes, filters"},
     {"Slices", nullptr},
     {"C", "slices follow the proxy, or stay"},
     {"click, wheel on a slice", "move the cross-hair"},

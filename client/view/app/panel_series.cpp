@@ -36,6 +36,7 @@ void DrawSeriesBar(Viewer& viewer, const Area& area) {
   }
   Tip("interpolate between frames");
   ImGui::EndDisabled();
+  SharedSign(viewer, "series");
   ImGui::End();
 }
 

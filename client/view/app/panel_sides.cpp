@@ -106,6 +106,7 @@ void DrawRightPanels(Viewer& viewer, const Area& area, float scale) {
   ImGui::PushItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
   FeelPanel(viewer);
   DevicePanel(viewer);
+  PeoplePanel(viewer);
   RecordingPanel(viewer);
   ImGui::PopItemWidth();
   ImGui::End();

@@ -66,8 +66,9 @@ float DrawBox(ImDrawList& list, const ImVec2& at, float width, const Message& me
 
 void DrawMessages(const Viewer& viewer, const Area& area, float scale) {
   const EmergencyStop::Line stop = viewer.feed().emergency_stop().line();
-  const std::array<Message, 3> messages = {
-      {{viewer.message(), kPlain},
+  const std::array<Message, 4> messages = {
+      {{viewer.feed().shared().FreshLine(), kWarning},
+       {viewer.message(), kPlain},
        {viewer.feed().commands().problem(), kWarning},
        // The bar above shows a stop that is done, as long as
        // palpated sends poses.

@@ -48,5 +48,7 @@ inline constexpr const char* kDeviceHeading = "Device";
 void DevicePanel(Viewer& viewer);
 void RecordingPanel(Viewer& viewer);
 void FeelPanel(Viewer& viewer);
+// Who is connected, and who changed what.
+void PeoplePanel(Viewer& viewer);
 
 }  // namespace palpate::view

@@ -67,16 +67,25 @@ void Viewer::Connect(const client::ServerChoice& server) {
   feed_.Connect(server);
   options_.server = server;
   stroke_.BreakOff();
+  actions_.Forget();
 }
 
 void Viewer::Update(std::chrono::milliseconds brick_time) {
   feed_.Poll();
   brush_.Follow(feed_.volume(), feed_.losses());
   if (feed_.connection().state != client::ConnectionState::kConnected) stroke_.BreakOff();
+  ForgetActionsIfRestarted();
   BeginVolumeIfNew();
   TakeUp(brick_time);
   FollowSettings();
   FollowProxy();
+}
+
+void Viewer::ForgetActionsIfRestarted() {
+  const auto& revision = feed_.volume().revision();
+  if (!revision || revision->daemon_id == daemon_id_) return;
+  if (daemon_id_ != 0) actions_.Forget();
+  daemon_id_ = revision->daemon_id;
 }
 
 bool Viewer::complete() const {
@@ -151,6 +160,7 @@ void Viewer::BeginVolumeIfNew() {
   state_.brush.value = 0.5 * range;
   state_.cross_I = 0.5 * (lattice.size.cast<double>() - Vec3::Ones());
   begun_ = lattice;
+  actions_.Forget();
   Aim();
 }
 

@@ -19,6 +19,7 @@
 #include "client/view/app/pointer_stroke.h"
 #include "client/view/app/preferences.h"
 #include "client/view/app/tool.h"
+#include "client/view/app/user_actions.h"
 #include "client/view/live/brush.h"
 #include "client/view/live/live_feed.h"
 #include "client/view/render/frame_renderer.h"
@@ -126,6 +127,7 @@ class Viewer {
   FrameRenderer& renderer() { return renderer_; }
   const FrameRenderer& renderer() const { return renderer_; }
   Brush& brush() { return brush_; }
+  UserActions& actions() { return actions_; }
   PointerStroke& stroke() { return stroke_; }
   double last_cast_ms() const { return last_cast_ms_; }
 
@@ -153,6 +155,7 @@ class Viewer {
   void TakeUp(std::chrono::milliseconds brick_time);
   bool TakeUpSome();
   void BeginVolumeIfNew();
+  void ForgetActionsIfRestarted();
   void CheckVeil(const VolumeLattice& lattice);
   void FollowSettings();
   void FollowProxy();
@@ -171,6 +174,8 @@ class Viewer {
   ViewState state_;
   Preferences preferences_;
   HeldValues held_;
+  UserActions actions_{feed_, brush_, state_.surface};
+  std::uint64_t daemon_id_ = 0;  // 0: not known yet
 
   std::optional<VolumeLattice> begun_;  // the volume for which the view was set up
   bool aimed_ = false;

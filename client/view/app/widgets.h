@@ -54,6 +54,13 @@ bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
 void BeginAllowed(const Viewer& viewer, client::Role least);
 void EndAllowed();
 
+// The sign behind a control of what is for everyone; see SharedThings. Its tooltip says who changed
+// it last. It is highlighted while somebody else has just changed it.
+void SharedSign(Viewer& viewer, std::string_view what);
+
+// Buttons for undo and redo that name what they would undo and redo.
+void UndoButtons(Viewer& viewer);
+
 // Draws a choice of `names`.
 bool Choose(const char* label, int& choice, const char* const* names, int count);
 

@@ -1,5 +1,6 @@
 #include "client/view/live/brush.h"
 
+#include <algorithm>
 #include <mutex>
 #include <utility>
 #include <vector>
@@ -36,12 +37,58 @@ void Extend(client::Edit& edit, const Vec3& to_W) {
 // The strokes that can be undone and redone, newest last.
 class Brush::History {
  public:
+  struct Wanted {
+    std::uint64_t stroke = 0;  // 0: the last
+    ChangedBy changed_by{};    // may be empty
+  };
+
   // Begins anew after a reconnection: a restarted daemon counts its revisions anew.
   void Begin(std::uint64_t connection) {
     const std::lock_guard lock(mutex_);
     Forget();
+    asked_.clear();
+    begun_.clear();
     connection_ = connection;
     revision_ = 0;
+  }
+
+  // An edit of the stroke was asked for.
+  void Ask(std::uint64_t stroke) {
+    const std::lock_guard lock(mutex_);
+    asked_.push_back(stroke);
+    if (newest_begun_ == stroke) return;
+    newest_begun_ = stroke;
+    begun_.push_back({stroke, "stroke"});
+  }
+  // The edit has an answer or has failed.
+  void Answered(std::uint64_t stroke) {
+    const std::lock_guard lock(mutex_);
+    if (const auto at = std::find(asked_.begin(), asked_.end(), stroke); at != asked_.end()) {
+      asked_.erase(at);
+    }
+  }
+  void AddOther(std::uint64_t stroke, const std::string& name, std::uint64_t connection,
+                const client::EditResult& result) {
+    Add(stroke, connection, result);
+    const std::lock_guard lock(mutex_);
+    if (connection == connection_) begun_.push_back({stroke, name});
+  }
+  bool is_waiting() const {
+    const std::lock_guard lock(mutex_);
+    return !asked_.empty();
+  }
+  std::vector<BegunStroke> TakeBegun() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(begun_, {});
+  }
+  bool Lasts(std::uint64_t stroke) const {
+    const std::lock_guard lock(mutex_);
+    const auto holds = [stroke](const Strokes& strokes) {
+      return std::any_of(strokes.begin(), strokes.end(),
+                         [stroke](const DoneStroke& s) { return s.number == stroke; });
+    };
+    return holds(undo_) || holds(redo_) ||
+           std::find(asked_.begin(), asked_.end(), stroke) != asked_.end();
   }
 
   // `connection`: the connection when the stroke was drawn.
@@ -65,11 +112,11 @@ class Brush::History {
     return !redo_.empty();
   }
 
-  void Undo(client::Client& client) {
-    Move(undo_, redo_, [&] { return client.Undo(revision()); });
+  void Undo(client::Client& client, const Wanted& wanted) {
+    Move(undo_, redo_, client, wanted, [&] { return client.Undo(revision()); });
   }
-  void Redo(client::Client& client) {
-    Move(redo_, undo_, [&] { return client.Redo(revision()); });
+  void Redo(client::Client& client, const Wanted& wanted) {
+    Move(redo_, undo_, client, wanted, [&] { return client.Redo(revision()); });
   }
 
  private:
@@ -90,14 +137,17 @@ class Brush::History {
 
   // Goes edit by edit, because the daemon undoes single edits.
   template <typename Step>
-  void Move(Strokes& from, Strokes& to, const Step& step) {
+  void Move(Strokes& from, Strokes& to, client::Client& client, const Wanted& wanted,
+            const Step& step) {
     std::unique_lock lock(mutex_);
-    if (from.empty()) throw Error(ErrorKind::kConflict, "no stroke is left");
+    const bool is_there =
+        !from.empty() && (wanted.stroke == 0 || from.back().number == wanted.stroke);
+    if (!is_there) throw Error(ErrorKind::kConflict, "no stroke is left");
     const std::uint64_t number = from.back().number;
     const std::uint64_t connection = connection_;
     while (!from.empty() && from.back().number == number) {
       lock.unlock();
-      const client::EditResult result = TryStep(step);
+      const client::EditResult result = TryStep(client, wanted.changed_by, step);
       lock.lock();
       if (connection != connection_) return;
       revision_ = result.volume_revision;
@@ -107,16 +157,21 @@ class Brush::History {
     }
   }
   template <typename Step>
-  client::EditResult TryStep(const Step& step) {
+  client::EditResult TryStep(client::Client& client, const ChangedBy& changed_by,
+                             const Step& step) {
     try {
       return step();
     } catch (const Error& error) {
-      const std::lock_guard lock(mutex_);
-      Forget();
+      {
+        const std::lock_guard lock(mutex_);
+        Forget();
+      }
       // Without an answer, the step may be done or not. The count here may then be wrong by one.
       if (error.kind() != ErrorKind::kConflict) throw;
-      throw Error(ErrorKind::kConflict,
-                  "the volume was changed by others since, so strokes before stay");
+      const std::string who = changed_by ? changed_by(client) : std::string();
+      throw Error(ErrorKind::kConflict, "the volume was changed since by " +
+                                            (who.empty() ? "others" : who) +
+                                            ", so strokes before stay");
     }
   }
 
@@ -125,6 +180,9 @@ class Brush::History {
   std::uint64_t revision_ = 0;  // of the volume after the newest edit; 0: none yet
   Strokes undo_;
   Strokes redo_;
+  std::vector<std::uint64_t> asked_;  // the stroke of each edit that has no answer yet
+  std::uint64_t newest_begun_ = 0;
+  std::vector<BegunStroke> begun_;
 };
 
 // An edit that grows until it can be sent.
@@ -167,12 +225,19 @@ void Brush::Stroke(const BrushOptions& options, const Vec3& p_D, const ViewVolum
   } else {
     edit.shape = Sphere{p_W, options.radius_mm};
   }
+  history_->Ask(stroke_);
   commands.Do("brush", [waiting = waiting_, history = history_, stroke = stroke_,
                         connection = connection_](client::Client& client) {
     std::unique_lock lock(waiting->mutex);
     const client::Edit sent = *std::exchange(waiting->edit, std::nullopt);
     lock.unlock();
-    history->Add(stroke, connection, client.Apply(sent));
+    try {
+      history->Add(stroke, connection, client.Apply(sent));
+    } catch (const Error&) {
+      history->Answered(stroke);
+      throw;
+    }
+    history->Answered(stroke);
   });
 }
 
@@ -186,24 +251,40 @@ void Brush::End() {
   ++stroke_;
 }
 
-std::function<void(const client::EditResult&)> Brush::OtherStroke() {
+std::function<void(const client::EditResult&)> Brush::OtherStroke(std::string name) {
   End();
-  return [history = history_, stroke = stroke_++, connection = connection_](
-             const client::EditResult& result) { history->Add(stroke, connection, result); };
+  return [history = history_, stroke = stroke_++, connection = connection_,
+          name = std::move(name)](const client::EditResult& result) {
+    history->AddOther(stroke, name, connection, result);
+  };
+}
+
+bool Brush::is_waiting() const { return history_->is_waiting(); }
+
+std::vector<Brush::BegunStroke> Brush::TakeBegun() { return history_->TakeBegun(); }
+
+std::function<bool()> Brush::LastsOf(std::uint64_t number) const {
+  return [history = history_, number] { return history->Lasts(number); };
 }
 
 bool Brush::CanUndo() const { return history_->CanUndo(); }
 
-void Brush::Undo(Commands& commands) {
+void Brush::Undo(Commands& commands) { Undo(0, commands, {}); }
+
+void Brush::Undo(std::uint64_t number, Commands& commands, ChangedBy changed_by) {
   commands.Do("undo of a stroke",
-              [history = history_](client::Client& client) { history->Undo(client); });
+              [history = history_, wanted = History::Wanted{number, std::move(changed_by)}](
+                  client::Client& client) { history->Undo(client, wanted); });
 }
 
 bool Brush::CanRedo() const { return history_->CanRedo(); }
 
-void Brush::Redo(Commands& commands) {
+void Brush::Redo(Commands& commands) { Redo(0, commands, {}); }
+
+void Brush::Redo(std::uint64_t number, Commands& commands, ChangedBy changed_by) {
   commands.Do("redo of a stroke",
-              [history = history_](client::Client& client) { history->Redo(client); });
+              [history = history_, wanted = History::Wanted{number, std::move(changed_by)}](
+                  client::Client& client) { history->Redo(client, wanted); });
 }
 
 }  // namespace palpate::view

@@ -19,9 +19,12 @@
 // Threads: that of the frames. Errors: in Commands::problem().
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "client/sdk/edit.h"
 #include "client/view/live/commands.h"
@@ -60,14 +63,34 @@ class Brush {
   void End();
 
   // For an edit made elsewhere: the result given to the returned function counts as a stroke of its
-  // own. The function may be called once, on any thread, also after the brush is destroyed.
-  std::function<void(const client::EditResult&)> OtherStroke();
+  // own. The function may be called once, on any thread, also after the brush is destroyed. `name`:
+  // for people, such as "filter".
+  std::function<void(const client::EditResult&)> OtherStroke(std::string name = "filter");
 
   // True if there is a finished stroke whose edits changed something.
   bool CanUndo() const;
   void Undo(Commands& commands);  // the last stroke
   bool CanRedo() const;
   void Redo(Commands& commands);
+
+  // True if an edit of a stroke waits for its answer.
+  bool is_waiting() const;
+
+  // For a history of all that the user does.
+  struct BegunStroke {
+    std::uint64_t number = 0;
+    std::string name{};
+  };
+  // The strokes that were begun since the last call; those made elsewhere, when they are done.
+  std::vector<BegunStroke> TakeBegun();
+  // False if the stroke changed nothing, or was forgotten. The function may be called later, on any
+  // thread.
+  std::function<bool()> LastsOf(std::uint64_t number) const;
+  // As Undo and Redo, if the last stroke is this one; an error of the commands otherwise.
+  // `changed_by`: names who changed the voxels last, for the error; called on the commands' thread.
+  using ChangedBy = std::function<std::string(client::Client&)>;
+  void Undo(std::uint64_t number, Commands& commands, ChangedBy changed_by);
+  void Redo(std::uint64_t number, Commands& commands, ChangedBy changed_by);
 
  private:
   class History;  // shared with commands

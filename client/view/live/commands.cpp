@@ -61,7 +61,7 @@ void Commands::Set(const client::SettingsUpdate& update) {
 void Commands::Do(std::string name, std::function<void(client::Client&)> command) {
   {
     const std::lock_guard lock(mutex_);
-    waiting_.push_back({std::move(name), std::move(command)});
+    waiting_.push_back({std::move(name), std::move(command), settings_.has_value()});
   }
   changed_.notify_all();
 }
@@ -95,8 +95,11 @@ std::optional<Commands::Command> Commands::Next() {
   changed_.wait(lock, [this] { return stopping_ || settings_ || !waiting_.empty(); });
   if (stopping_) return std::nullopt;
   working_ = true;
-  settings_were_last_ = settings_ && !(settings_were_last_ && !waiting_.empty());
+  const bool is_turn_of_others =
+      settings_were_last_ && !waiting_.empty() && !waiting_.front().after_settings;
+  settings_were_last_ = settings_ && !is_turn_of_others;
   if (settings_were_last_) {
+    for (Command& command : waiting_) command.after_settings = false;
     const client::SettingsUpdate update = *std::exchange(settings_, std::nullopt);
     return Command{"settings", [update](client::Client& client) { client.Set(update); }};
   }

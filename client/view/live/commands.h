@@ -2,7 +2,8 @@
 // network.
 //
 // Settings: the newest value wins. Values that were overtaken before sending are never sent. All
-// other commands run in order, one after the other.
+// other commands run in order, one after the other, and after the settings that were set before
+// them.
 //
 // Threads: any. Errors: none are thrown; the last error is kept as a line for people.
 #pragma once
@@ -49,6 +50,7 @@ class Commands {
   struct Command {
     std::string name;
     std::function<void(client::Client&)> run;
+    bool after_settings = false;  // settings that were set before it wait
   };
 
   void Run();

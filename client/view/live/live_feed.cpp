@@ -54,6 +54,16 @@ class Questions {
     std::optional<client::RecordingState> recording{};
     std::optional<client::VolumeInfo> volume{};
   };
+  // Of the question that is asked with the others.
+  struct ActivityAnswer {
+    std::optional<client::Activity> activity{};
+    Clock::time_point came{};
+  };
+  // None: there is no newer answer since the last call.
+  std::optional<ActivityAnswer> TakeActivity() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(activity_, std::nullopt);
+  }
   Answers answers() const {
     const std::lock_guard lock(mutex_);
     return answers_;
@@ -77,8 +87,10 @@ class Questions {
                          .series = AnswerTo([this] { return client_.GetSeries(); }),
                          .recording = AnswerTo([this] { return client_.GetRecording(); }),
                          .volume = AnswerTo([this] { return client_.GetVolume(); })};
+      ActivityAnswer activity{AnswerTo([this] { return client_.GetActivity(); }), Clock::now()};
       lock.lock();
       answers_ = std::move(answers);
+      activity_ = std::move(activity);
       wake_.wait_for(lock, kAskEvery, [this] { return stopping_ || hurried_; });
     }
   }
@@ -87,6 +99,7 @@ class Questions {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   Answers answers_;
+  std::optional<ActivityAnswer> activity_;
   bool stopping_ = false;
   bool hurried_ = false;
   std::thread thread_;
@@ -214,6 +227,8 @@ struct LiveFeed::Parts {
   bool awaits_whole = false;
   std::optional<client::VolumeUpdate> waiting;  // that the volume has not taken
   PlotHistory plots;
+  std::optional<client::Activity> activity;
+  SharedThings shared;
 };
 
 LiveFeed::LiveFeed(const client::ServerChoice& server) : parts_(std::make_unique<Parts>(server)) {}
@@ -231,6 +246,8 @@ void LiveFeed::Connect(const client::ServerChoice& server) {
   p.pose.reset();
   p.settings.reset();
   p.plots = {};
+  p.activity.reset();
+  p.shared = {};
   p.was_connected = false;
 }
 
@@ -276,6 +293,10 @@ void LiveFeed::Poll() {
   p.was_connected = connected;
   p.line->emergency_stop.Follow(state);
   p.settings = p.line->client.NewestSettings();
+  if (auto answer = p.line->questions.TakeActivity()) {
+    p.activity = std::move(answer->activity);
+    p.shared.Take(p.activity, answer->came);
+  }
   p.polled_at = Clock::now();
 }
 
@@ -326,6 +347,10 @@ std::optional<client::VolumeInfo> LiveFeed::volume_info() const {
   return parts_->line->questions.answers().volume;
 }
 
+const std::optional<client::Activity>& LiveFeed::activity() const { return parts_->activity; }
+const SharedThings& LiveFeed::shared() const { return parts_->shared; }
+SharedThings& LiveFeed::shared() { return parts_->shared; }
+
 const Commands& LiveFeed::commands() const { return parts_->line->commands; }
 Commands& LiveFeed::commands() { return parts_->line->commands; }
 
@@ -341,6 +366,7 @@ void LiveFeed::DoAndAsk(std::string name, std::function<void(client::Client&)> c
 
 void LiveFeed::ControlSeries(const client::SeriesControl& control) {
   SeriesControls& controls = parts_->line->series_controls;
+  shared().NoteOwn("series");
   if (!controls.Put(control)) return;
   DoAndAsk("series",
            [&controls](client::Client& client) { client.ControlSeries(controls.Take()); });

@@ -16,6 +16,7 @@
 #include "client/view/live/denoiser.h"
 #include "client/view/live/emergency_stop.h"
 #include "client/view/live/plot_history.h"
+#include "client/view/live/shared_things.h"
 #include "client/view/volume/view_volume.h"
 
 namespace palpate::view {
@@ -66,6 +67,11 @@ class LiveFeed {
   std::optional<client::SeriesState> series() const;
   std::optional<client::RecordingState> recording() const;
   std::optional<client::VolumeInfo> volume_info() const;
+
+  // Who is connected and who changed what, as of the last Poll.
+  const std::optional<client::Activity>& activity() const;
+  const SharedThings& shared() const;
+  SharedThings& shared();
 
   // Our role at palpated; kUnknown until palpated has sent it.
   client::Role role() const;

@@ -1,0 +1,133 @@
+#include "client/view/app/user_actions.h"
+
+#include <atomic>
+#include <memory>
+#include <utility>
+
+#include "client/view/live/shared_things.h"
+#include "common/error/error.h"
+
+namespace palpate::view {
+namespace {
+
+// Whom to name is worth no further error.
+std::string ChangedBy(client::Client& client, std::initializer_list<std::string_view> things) {
+  try {
+    return ChangedByInWords(client.GetActivity(), things);
+  } catch (const Error&) {
+    return "";
+  }
+}
+
+std::string VoxelsChangedBy(client::Client& client) {
+  return ChangedBy(client, {"voxels", "volume", "series"});
+}
+
+// Runs on the commands' thread.
+void Restore(client::Client& client, const SettingChange& change, bool forward) {
+  RestoreSetting(change, forward,
+                 {.get = [&] { return client.GetSettings(); },
+                  .set = [&](const client::SettingsUpdate& update) { client.Set(update); },
+                  .changed_by =
+                      [&] {
+                        return ChangedBy(client, {change.setting->key, "volume"});
+                      }});
+}
+
+}  // namespace
+
+void UserActions::Set(const client::Setting& setting, double before, double after) {
+  if (before == after) return;
+  feed_.shared().NoteOwn(setting.key);
+  feed_.commands().Set(UpdateTo(setting, after));
+  if (const auto ended = drag_.Add({&setting, before, after})) Add(*ended);
+}
+
+void UserActions::Add(const SettingChange& change) {
+  const std::string name(change.setting->name);
+  const auto lasts = std::make_shared<std::atomic<bool>>(true);
+  history_.Add({.name = name,
+                .go =
+                    [this, change, name, lasts](bool forward) {
+                      feed_.shared().NoteOwn(change.setting->key);
+                      feed_.commands().Do((forward ? "redo of " : "undo of ") + name,
+                                          [change, lasts, forward](client::Client& client) {
+                                            try {
+                                              Restore(client, change, forward);
+                                            } catch (const Error&) {
+                                              *lasts = false;
+                                              throw;
+                                            }
+                                          });
+                    },
+                .lasts = [lasts] { return lasts->load(); }});
+}
+
+void UserActions::AddStrokes() {
+  for (const Brush::BegunStroke& stroke : brush_.TakeBegun()) {
+    const std::uint64_t number = stroke.number;
+    feed_.shared().NoteOwn("voxels");
+    history_.Add({.name = stroke.name,
+                  .go =
+                      [this, number](bool forward) {
+                        feed_.shared().NoteOwn("voxels");
+                        forward ? brush_.Redo(number, feed_.commands(), VoxelsChangedBy)
+                                : brush_.Undo(number, feed_.commands(), VoxelsChangedBy);
+                      },
+                  .lasts = brush_.LastsOf(number)});
+  }
+}
+
+void UserActions::AddCuts() {
+  const Cuts after = cuts();
+  if (after == known_cuts_) return;
+  const Cuts before = std::exchange(known_cuts_, after);
+  const auto show = [this](const Cuts& cuts) {
+    surface_.crop = cuts.crop;
+    surface_.planes = cuts.planes;
+    known_cuts_ = cuts;
+  };
+  history_.Add({.name = before.planes == after.planes ? "crop box" : "clip plane",
+                .go = [show, before, after](bool forward) { show(forward ? after : before); }});
+}
+
+void UserActions::EndDrag() {
+  if (const auto ended = drag_.End()) Add(*ended);
+}
+
+void UserActions::EndFrame(bool in_hand) {
+  AddStrokes();
+  if (brush_.is_waiting()) feed_.shared().NoteOwn("voxels");
+  if (in_hand) return;
+  EndDrag();
+  AddCuts();
+}
+
+std::string UserActions::Prepare() {
+  AddStrokes();
+  EndDrag();
+  AddCuts();
+  const bool connected = feed_.connection().state == client::ConnectionState::kConnected;
+  return connected ? "" : "not connected: nothing can be undone or redone now";
+}
+
+std::string UserActions::Undo() {
+  const std::string problem = Prepare();
+  if (!problem.empty()) return problem;
+  return history_.Undo() ? "" : "nothing to undo";
+}
+
+std::string UserActions::Redo() {
+  const std::string problem = Prepare();
+  if (!problem.empty()) return problem;
+  return history_.Redo() ? "" : "nothing to redo";
+}
+
+void UserActions::Forget() {
+  history_.Forget();
+  brush_.TakeBegun();
+  drag_ = {};
+  known_cuts_ = cuts();
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,62 @@
+// What this user changes, with undo and redo in one order: settings of palpated, strokes and
+// filters, crop box and clip planes. Never undoes what another client did.
+//
+// Threads: that of the frames. Errors: in LiveFeed::commands().problem().
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "client/view/live/brush.h"
+#include "client/view/live/history.h"
+#include "client/view/live/live_feed.h"
+#include "client/view/live/setting_change.h"
+#include "client/view/scene/view_options.h"
+
+namespace palpate::view {
+
+class UserActions {
+ public:
+  // `surface`: its crop box and planes are followed. All must outlive this object.
+  UserActions(LiveFeed& feed, Brush& brush, SurfaceOptions& surface)
+      : feed_(feed), brush_(brush), surface_(surface) {}
+
+  // Changes a setting of palpated. `before`: what the control showed. While the control is held,
+  // all changes are one step.
+  void Set(const client::Setting& setting, double before, double after);
+  // Call it at the end of each frame. `in_hand`: the user holds a control or drags in the view.
+  void EndFrame(bool in_hand);
+
+  // Returns why nothing was done; empty: it was.
+  std::string Undo();
+  std::string Redo();
+  // What would be undone or redone; empty: nothing.
+  std::string undo_name() { return history_.undo_name(); }
+  std::string redo_name() { return history_.redo_name(); }
+  // For another palpated or another volume. Crop box and planes are as the volume begins with.
+  void Forget();
+
+ private:
+  struct Cuts {
+    CropBox crop{};
+    decltype(SurfaceOptions::planes) planes{};
+    friend bool operator==(const Cuts&, const Cuts&) = default;
+  };
+
+  Cuts cuts() const { return {surface_.crop, surface_.planes}; }
+  void AddStrokes();
+  void EndDrag();
+  void Add(const SettingChange& change);
+  void AddCuts();
+  // Before the user undoes or redoes: what is in hand counts as done.
+  std::string Prepare();
+
+  LiveFeed& feed_;
+  Brush& brush_;
+  SurfaceOptions& surface_;
+  History history_;
+  SettingDrag drag_;
+  Cuts known_cuts_;  // as the newest step left them
+};
+
+}  // namespace palpate::view

@@ -1,0 +1,46 @@
+#include "client/view/live/history.h"
+
+#include <utility>
+
+namespace palpate::view {
+
+void History::Add(Step step) {
+  undone_.clear();
+  done_.push_back(std::move(step));
+  if (done_.size() > kMost) done_.erase(done_.begin());
+}
+
+void History::Trim(Steps& steps) {
+  while (!steps.empty() && steps.back().lasts && !steps.back().lasts()) steps.pop_back();
+}
+
+bool History::Move(Steps& from, Steps& to, bool forward) {
+  Trim(from);
+  if (from.empty()) return false;
+  to.push_back(std::move(from.back()));
+  from.pop_back();
+  // A copy: the step may change the history.
+  const auto go = to.back().go;
+  go(forward);
+  return true;
+}
+
+bool History::Undo() { return Move(done_, undone_, /*forward=*/false); }
+bool History::Redo() { return Move(undone_, done_, /*forward=*/true); }
+
+std::string History::undo_name() {
+  Trim(done_);
+  return done_.empty() ? std::string() : done_.back().name;
+}
+
+std::string History::redo_name() {
+  Trim(undone_);
+  return undone_.empty() ? std::string() : undone_.back().name;
+}
+
+void History::Forget() {
+  done_.clear();
+  undone_.clear();
+}
+
+}  // namespace palpate::view
