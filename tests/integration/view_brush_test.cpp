@@ -209,6 +209,49 @@ TEST_F(ViewBrush, NothingOfAnotherClientIsTakenBack) {
   EXPECT_FALSE(brush_.CanUndo());
 }
 
+// For a history of all that the user does, which has strokes among other steps.
+TEST_F(ViewBrush, AStrokeLastsUntilAnotherClientEdits) {
+  client::Client other({.address = {.socket_path = daemon_.socket()}});
+  ASSERT_TRUE(other.WaitUntilConnected(60s));
+  EXPECT_TRUE(brush_.TakeBegun().empty());
+  const Bricks loaded = Voxels();
+  DrawLine(16, 20);
+  const auto begun = brush_.TakeBegun();
+  ASSERT_EQ(begun.size(), 1u);
+  const std::uint64_t stroke = begun[0].number;
+  const auto lasts = brush_.LastsOf(stroke);
+  EXPECT_TRUE(lasts());
+  EXPECT_GT(CountDifferent(Voxels(), loaded), 0u);
+  EXPECT_FALSE(brush_.is_waiting());
+  // The same again changes nothing: that stroke does not last.
+  MoveTo(Vec3(16, 20, 20));
+  brush_.End();
+  const auto again = brush_.TakeBegun();
+  ASSERT_EQ(again.size(), 1u);
+  Voxels();
+  EXPECT_FALSE(brush_.LastsOf(again[0].number)());
+  EXPECT_TRUE(lasts());
+
+  const auto by_ada = [](client::Client&) { return std::string("token ada"); };
+  brush_.Undo(stroke, feed_->commands(), by_ada);
+  ExpectVoxels(loaded);
+  EXPECT_TRUE(lasts());
+  brush_.Redo(stroke, feed_->commands(), by_ada);
+  const Bricks redone = Voxels();
+  EXPECT_GT(CountDifferent(redone, loaded), 0u);
+  // Not the last stroke: nothing is taken back.
+  brush_.Undo(stroke + 100, feed_->commands(), by_ada);
+  ExpectVoxels(redone);
+  EXPECT_TRUE(lasts());
+
+  ASSERT_TRUE(EditBy(other, 38).changed);
+  const Bricks both = Voxels();
+  brush_.Undo(stroke, feed_->commands(), by_ada);
+  ExpectVoxels(both);
+  EXPECT_FALSE(lasts());
+  EXPECT_NE(feed_->commands().problem().find("token ada"), std::string::npos);
+}
+
 // It counts its revisions from 1 again: they alone do not say whose edit is the last.
 TEST_F(ViewBrush, OfADaemonThatWasStartedAgainNothingIsTakenBack) {
   const std::uint64_t loaded = Revision();
