@@ -72,7 +72,9 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
   ViewState& state = viewer.state();
   TakeFrameKey(viewer, press);
   if (press.ctrl) {
-    if (press.key == "o") OpenConnectDialog(viewer);
+    if (press.key == "o") viewer.files().Choose(DialogKind::kOpenFile);
+    if (press.key == "k") OpenConnectDialog(viewer);
+    if (press.key == "s") viewer.files().BeginSave();
     if (press.key == "z") UndoEdit(viewer);
     if (press.key == "y") RedoEdit(viewer);
     return;

@@ -47,19 +47,32 @@ void SetStyle(float scale) {
   ImGui::GetStyle() = style;
 }
 
+void DrawOver(Viewer& viewer, float scale) {
+  DrawHelp(viewer, scale);
+  DrawConnectDialog(viewer, scale);
+  DrawPathForm(viewer, scale);
+}
+
 void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   DrawTopBar(viewer, layout.top, scale);
   DrawStateBar(viewer, layout.state, scale);
   DrawToolBar(viewer, layout, scale);
   DrawView(viewer, layout.view, scale);
+  if (viewer.files().PageShown()) {
+    const ImVec2 screen = ImGui::GetIO().DisplaySize;
+    const float top = layout.view.min.y;
+    DrawStartPage(viewer, {{0.0f, top}, {screen.x, screen.y - top}}, scale);
+    DrawOver(viewer, scale);
+    return;
+  }
+  DrawFileCard(viewer, layout.view, scale);
   if (layout.left.size.x > 0.0f) DrawLeftPanels(viewer, layout.left, scale);
   if (layout.right.size.x > 0.0f) DrawRightPanels(viewer, layout.right, scale);
   DrawEdges(viewer, layout, scale);
   if (layout.series.size.y > 0.0f) DrawSeriesBar(viewer, layout.series);
   if (layout.slices.size.y > 0.0f) DrawSlices(viewer, layout.slices);
   DrawPlots(viewer, layout, scale);
-  DrawHelp(viewer, scale);
-  DrawConnectDialog(viewer, scale);
+  DrawOver(viewer, scale);
   DrawRefusal(viewer, layout, scale);
 }
 

@@ -19,37 +19,21 @@ constexpr ImGuiWindowFlags kDialog = ImGuiWindowFlags_NoCollapse |
                                      ImGuiWindowFlags_NoSavedSettings |
                                      ImGuiWindowFlags_AlwaysAutoResize;
 
-void Wrapped(const ImVec4& color, const std::string& text) {
-  ImGui::PushStyleColor(ImGuiCol_Text, color);
-  ImGui::TextWrapped("%s", OneLine(text, kLongestText).c_str());
-  ImGui::PopStyleColor();
-}
-
-void Connect(Viewer& viewer, const client::ServerChoice& server) {
-  ConnectForm& form = viewer.state().connect;
-  try {
-    viewer.Connect(server);
-    form.problem.clear();
-  } catch (const Error& error) {
-    form.problem = error.what();
-  }
-}
-
 // Shows the state of the connection, and the reason if it is lost.
 void ShowConnection(const Viewer& viewer) {
   const LiveFeed& feed = viewer.feed();
   const client::Connection connection = feed.connection();
   const std::string& name = feed.name();
   if (feed.is_disconnected()) {
-    Wrapped(kDim, "not connected");
+    WrappedText(kDim, "not connected");
   } else if (connection.state == client::ConnectionState::kConnected) {
     const auto device = feed.device();
     const std::string who = device && !device->identity.empty() ? " as " + device->identity : "";
-    Wrapped(kGood, "connected to " + name + who + ", role " + client::NameOf(feed.role()));
+    WrappedText(kGood, "connected to " + name + who + ", role " + client::NameOf(feed.role()));
   } else if (connection.state == client::ConnectionState::kConnecting) {
-    Wrapped(kWarning, "connecting to " + name);
+    WrappedText(kWarning, "connecting to " + name);
   } else {
-    Wrapped(kBad, connection.why);
+    WrappedText(kBad, connection.why);
   }
 }
 
@@ -59,7 +43,7 @@ void ChooseProfile(Viewer& viewer, float scale) {
   ImGui::SameLine();
   ImGui::TextColored(kDim, "of %s", client::ProfilesFile().c_str());
   if (!form.profiles_problem.empty()) {
-    Wrapped(kBad, form.profiles_problem);
+    WrappedText(kBad, form.profiles_problem);
     return;
   }
   if (form.profiles.empty()) {
@@ -68,7 +52,7 @@ void ChooseProfile(Viewer& viewer, float scale) {
   }
   for (const client::Profile& profile : form.profiles) {
     ImGui::PushID(profile.name.c_str());
-    if (ImGui::Button("Connect")) Connect(viewer, {.profile = profile.name});
+    if (ImGui::Button("Connect")) ConnectTo(viewer, {.profile = profile.name});
     ImGui::SameLine();
     ImGui::AlignTextToFramePadding();
     ImGui::Text("%s", OneLine(profile.name, kLongestText).c_str());
@@ -92,15 +76,23 @@ void TypeServer(Viewer& viewer, float scale) {
   ImGui::InputTextWithHint("Socket", "on this machine; empty: the default one",
                            &typed.address.socket_path);
   ImGui::PopItemWidth();
-  if (ImGui::Button("Connect to it")) Connect(viewer, typed);
+  if (ImGui::Button("Connect to it")) ConnectTo(viewer, typed);
 }
 
 }  // namespace
 
-void OpenConnectDialog(Viewer& viewer) {
+void ConnectTo(Viewer& viewer, const client::ServerChoice& server) {
   ConnectForm& form = viewer.state().connect;
-  form.shown = true;
-  form.problem.clear();
+  try {
+    viewer.Connect(server);
+    form.problem.clear();
+  } catch (const Error& error) {
+    form.problem = error.what();
+  }
+}
+
+void ReadProfiles(Viewer& viewer) {
+  ConnectForm& form = viewer.state().connect;
   form.profiles_problem.clear();
   try {
     form.profiles = client::ListProfiles();
@@ -108,6 +100,13 @@ void OpenConnectDialog(Viewer& viewer) {
     form.profiles.clear();
     form.profiles_problem = error.what();
   }
+}
+
+void OpenConnectDialog(Viewer& viewer) {
+  ConnectForm& form = viewer.state().connect;
+  form.shown = true;
+  form.problem.clear();
+  ReadProfiles(viewer);
 }
 
 void DrawConnectDialog(Viewer& viewer, float scale) {
@@ -124,13 +123,13 @@ void DrawConnectDialog(Viewer& viewer, float scale) {
   if (ImGui::Button("Disconnect")) viewer.feed().Disconnect();
   ImGui::EndDisabled();
   ImGui::SameLine();
-  if (ImGui::Button("Reconnect")) Connect(viewer, viewer.server());
+  if (ImGui::Button("Reconnect")) ConnectTo(viewer, viewer.server());
   ImGui::Separator();
   ChooseProfile(viewer, scale);
   ImGui::Separator();
   TypeServer(viewer, scale);
   ImGui::EndDisabled();
-  if (!form.problem.empty()) Wrapped(kBad, form.problem);
+  if (!form.problem.empty()) WrappedText(kBad, form.problem);
   ImGui::End();
 }
 

@@ -27,7 +27,7 @@ void Dot(const ImVec4& color) {
 void BeginState(Viewer& viewer, const ImVec4& color) {
   Dot(color);
   if (ImGui::Button("Connect\xE2\x80\xA6")) OpenConnectDialog(viewer);
-  Tip("to which palpated, and as whom (ctrl+O)");
+  Tip("to which palpated, and as whom (ctrl+K)");
   ImGui::SameLine();
 }
 
@@ -106,7 +106,7 @@ void States(const Viewer& viewer) {
   if (const auto volume = viewer.feed().volume_info(); volume && volume->unsaved_edits > 0) {
     ImGui::SameLine(0.0f, 24.0f);
     ImGui::TextColored(kWarning, "%s", client::UnsavedInWords(volume->unsaved_edits).c_str());
-    if (ImGui::IsItemHovered()) ImGui::SetTooltip("save them with `palpate save`");
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("save them: ctrl+S");
   }
   if (const auto recording = viewer.feed().recording(); recording && recording->running) {
     ImGui::SameLine(0.0f, 24.0f);
@@ -153,6 +153,8 @@ void DrawTopBar(Viewer& viewer, const Area& area, float scale) {
   ImGui::SetCursorPos(first);
   // Clips long lines, so that they do not lie under the buttons.
   ImGui::PushClipRect(p, {p.x + buttons - 8.0f * scale, p.y + ImGui::GetWindowHeight()}, true);
+  DrawFileMenu(viewer);
+  ImGui::SameLine();
   ConnectionState(viewer);
   VolumeState(viewer);
   States(viewer);

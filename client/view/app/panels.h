@@ -33,6 +33,20 @@ void DrawHelp(Viewer& viewer, float scale);
 // Opens the dialog for palpated's address and our credentials. It stays until the user closes it.
 void OpenConnectDialog(Viewer& viewer);
 void DrawConnectDialog(Viewer& viewer, float scale);
+// Reads the profiles again, for the dialog and for the start page.
+void ReadProfiles(Viewer& viewer);
+// Connects; an error is shown in the dialog and on the start page.
+void ConnectTo(Viewer& viewer, const client::ServerChoice& server);
+
+// What a person without a volume can do: start palpated, connect, open.
+void DrawStartPage(Viewer& viewer, const Area& area, float scale);
+// The button of the menu for files, in the current panel.
+void DrawFileMenu(Viewer& viewer);
+// Progress, questions, errors and warnings of files: within the current window, or over the view.
+void ShowFileCard(Viewer& viewer);
+void DrawFileCard(Viewer& viewer, const Area& area, float scale);
+// The window for typing a path, to open or to save.
+void DrawPathForm(Viewer& viewer, float scale);
 
 // Shows a side, or hides it. Where there is room for one side only, the shown one has it.
 void ShowSide(Preferences& preferences, Side side, bool shown);

@@ -56,6 +56,16 @@ void Take(const Json& all, const char* name, const std::array<std::string_view, 
   if (word != words.end()) value = static_cast<Choice>(word - words.begin());
 }
 
+void Take(const Json& all, const char* name, std::vector<std::string>& paths) {
+  const Json* read = Find(all, name);
+  if (!read || !read->is_array()) return;
+  for (const Json& path : *read) {
+    if (paths.size() < kMostRecentFiles && path.is_string()) {
+      paths.push_back(path.get<std::string>());
+    }
+  }
+}
+
 template <class Choice, std::size_t kCount>
 std::string WordOf(Choice value, const std::array<std::string_view, kCount>& words) {
   return std::string(words[static_cast<std::size_t>(value)]);
@@ -70,6 +80,12 @@ Json Parse(const fs::path& file) {
 }
 
 }  // namespace
+
+void PutFirst(const std::string& path, std::vector<std::string>& files) {
+  std::erase(files, path);
+  files.insert(files.begin(), path);
+  if (files.size() > kMostRecentFiles) files.resize(kMostRecentFiles);
+}
 
 fs::path PreferencesFile() {
   fs::path folder = FolderOf("XDG_STATE_HOME");
@@ -93,6 +109,7 @@ Preferences ReadPreferences(const fs::path& file) {
   Take(all, "right_shown", read.right_shown);
   Take(all, "narrow_side", kSides, read.narrow_side);
   Take(all, "tab", kTabs, read.tab);
+  Take(all, "recent_files", read.recent_files);
   if (const Json* plots = Find(all, "plots_shown"); plots && plots->is_boolean())
     read.plots_shown = plots->get<bool>();
   return read;
@@ -106,7 +123,8 @@ void WritePreferences(const Preferences& preferences, const fs::path& file) {
               {"left_shown", preferences.left_shown},
               {"right_shown", preferences.right_shown},
               {"narrow_side", WordOf(preferences.narrow_side, kSides)},
-              {"tab", WordOf(preferences.tab, kTabs)}};
+              {"tab", WordOf(preferences.tab, kTabs)},
+              {"recent_files", preferences.recent_files}};
   if (preferences.plots_shown) all["plots_shown"] = *preferences.plots_shown;
   MakeFolders(file.parent_path());
   NewFile whole(file, IfThere::kReplace, 0600);

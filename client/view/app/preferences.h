@@ -6,6 +6,8 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <vector>
 
 namespace palpate::view {
 
@@ -17,6 +19,7 @@ inline constexpr int kLeastFont_percent = 80;
 inline constexpr int kMostFont_percent = 200;
 inline constexpr double kLeastSide_px = 200.0;
 inline constexpr double kMostSide_px = 800.0;
+inline constexpr std::size_t kMostRecentFiles = 8;
 
 struct Preferences {
   Theme theme = Theme::kDark;
@@ -29,8 +32,13 @@ struct Preferences {
   Side narrow_side = Side::kLeft;
   std::optional<bool> plots_shown{};  // none: as the height of the window allows
   LeftTab tab = LeftTab::kSurface;
+  // Files and folders that were opened last, newest first, as absolute paths of this machine.
+  std::vector<std::string> recent_files{};
   friend bool operator==(const Preferences&, const Preferences&) = default;
 };
+
+// Puts a path first, once. The list keeps its bound.
+void PutFirst(const std::string& path, std::vector<std::string>& files);
 
 // $XDG_STATE_HOME/palpate/view.json, else ~/.local/state/palpate/view.json; empty without a home.
 std::filesystem::path PreferencesFile();

@@ -75,6 +75,7 @@ void Viewer::Update(std::chrono::milliseconds brick_time) {
   brush_.Follow(feed_.volume(), feed_.losses());
   if (feed_.connection().state != client::ConnectionState::kConnected) stroke_.BreakOff();
   ForgetActionsIfRestarted();
+  files_.Follow();
   BeginVolumeIfNew();
   TakeUp(brick_time);
   FollowSettings();

@@ -14,6 +14,7 @@
 #include <tuple>
 #include <vector>
 
+#include "client/view/app/files.h"
 #include "client/view/app/held_values.h"
 #include "client/view/app/options.h"
 #include "client/view/app/pointer_stroke.h"
@@ -129,6 +130,8 @@ class Viewer {
   Brush& brush() { return brush_; }
   UserActions& actions() { return actions_; }
   PointerStroke& stroke() { return stroke_; }
+  Files& files() { return files_; }
+  const Files& files() const { return files_; }
   double last_cast_ms() const { return last_cast_ms_; }
 
  private:
@@ -176,6 +179,7 @@ class Viewer {
   HeldValues held_;
   UserActions actions_{feed_, brush_, state_.surface};
   std::uint64_t daemon_id_ = 0;  // 0: not known yet
+  Files files_{*this};
 
   std::optional<VolumeLattice> begun_;  // the volume for which the view was set up
   bool aimed_ = false;

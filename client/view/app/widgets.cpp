@@ -72,6 +72,13 @@ bool DragDouble(const char* label, double& value, double speed, double least, do
   });
 }
 
+void WrappedText(const ImVec4& color, std::string_view text) {
+  constexpr std::size_t kMost = 300;  // bytes
+  ImGui::PushStyleColor(ImGuiCol_Text, color);
+  ImGui::TextWrapped("%s", OneLine(text, kMost).c_str());
+  ImGui::PopStyleColor();
+}
+
 float ButtonWidth(const char* label) {
   return ImGui::CalcTextSize(label).x + 2.0f * ImGui::GetStyle().FramePadding.x;
 }

@@ -23,6 +23,9 @@ namespace palpate::view {
 // ImGui::End afterwards.
 void BeginPanel(const char* name, const Area& area, ImGuiWindowFlags more = 0);
 
+// Text on several lines, as much as a person reads; line breaks of its own are removed.
+void WrappedText(const ImVec4& color, std::string_view text);
+
 // The width of a button with this text.
 float ButtonWidth(const char* label);
 

@@ -187,6 +187,15 @@ ImageSize FramebufferSize(GLFWwindow* window) {
   return size;
 }
 
+// True if the window is to be closed. While the user is asked about edits, it stays.
+bool Closes(GLFWwindow* window, Viewer& viewer) {
+  if (viewer.files().closes()) return true;
+  if (!glfwWindowShouldClose(window)) return false;
+  if (viewer.files().MayClose()) return true;
+  glfwSetWindowShouldClose(window, GLFW_FALSE);
+  return false;
+}
+
 }  // namespace
 
 void RunWindow(const Options& options) {
@@ -199,7 +208,7 @@ void RunWindow(const Options& options) {
   FrameLog log;
   std::string title;
   const auto end = EndOf(options);
-  while (!glfwWindowShouldClose(window.get()) && !Interrupt::IsRaised() && Clock::now() < end) {
+  while (!Closes(window.get(), viewer) && !Interrupt::IsRaised() && Clock::now() < end) {
     const auto frame = Clock::now();
     viewer.Update(kBrickTime);
     const ImageSize pixels = FramebufferSize(window.get());
@@ -213,6 +222,7 @@ void RunWindow(const Options& options) {
     }
     if (options.seconds > 0.0 && (log.frames() > 0 || viewer.complete())) log.Add(viewer);
     input.BeginFrame();
+    viewer.files().Drop(input.TakeDropped());
     viewer.state().pointer_way = input.way();
     interface.DrawFrame(viewer, input.TakeKeys(), pixels, 0);
     SavePictures(viewer, pixels, interface.view_pixels());

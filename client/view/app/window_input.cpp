@@ -7,6 +7,7 @@
 #include <imgui_internal.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace palpate::view {
 
@@ -18,6 +19,7 @@ WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop)
   glfwSetKeyCallback(window, OnKey);
   glfwSetMouseButtonCallback(window, OnButton);
   glfwSetCursorPosCallback(window, OnMove);
+  glfwSetDropCallback(window, OnDrop);
   ImGui_ImplGlfw_InitForOpenGL(window, true);
   // Instead of Dear ImGui's own, which does not wait for clicks.
   glfwSetCharCallback(window, OnCharacter);
@@ -130,6 +132,13 @@ void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, i
   }
   WindowInput& input = Of(window);
   input.keys_.push_back({press, input.shown_ + input.waiting_.size()});
+}
+
+std::vector<std::string> WindowInput::TakeDropped() { return std::exchange(dropped_, {}); }
+
+void WindowInput::OnDrop(GLFWwindow* window, int count, const char** paths) {
+  std::vector<std::string>& dropped = Of(window).dropped_;
+  dropped.insert(dropped.end(), paths, paths + count);
 }
 
 void WindowInput::OnCharacter(GLFWwindow* window, unsigned character) {

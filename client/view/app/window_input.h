@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "client/view/app/input.h"
@@ -35,6 +36,8 @@ class WindowInput {
   bool is_urgent() const;
   // Returns the keys since the last call; none while earlier clicks still wait.
   std::vector<KeyPress> TakeKeys();
+  // Returns the paths that were dropped onto the window since the last call.
+  std::vector<std::string> TakeDropped();
   // The pointer's places in the last BeginFrame, in pixels of the screen.
   const std::vector<Eigen::Vector2d>& way() const { return way_; }
 
@@ -68,11 +71,13 @@ class WindowInput {
   static void OnKey(GLFWwindow* window, int key, int scancode, int action, int modifiers);
   static void OnCharacter(GLFWwindow* window, unsigned character);
   static void OnButton(GLFWwindow* window, int button, int action, int modifiers);
+  static void OnDrop(GLFWwindow* window, int count, const char** paths);
   static void OnMove(GLFWwindow* window, double x, double y);
 
   GLFWwindow* window_;
   std::function<void()> stop_;
   unsigned escaped_field_ = 0;  // that the last Esc went to
+  std::vector<std::string> dropped_;
   std::vector<Eigen::Vector2d> way_;
   Buttons down_{};  // as Dear ImGui knows them
   PointerEvent newest_;

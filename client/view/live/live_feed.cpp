@@ -207,6 +207,8 @@ struct LiveFeed::Line {
   Commands commands{client};
   Commands filter_commands{client};
   Denoiser denoiser{filter_commands};
+  Commands load_commands{client};
+  VolumeLoader loader{load_commands};
   Commands urgent_commands{client};
   EmergencyStop emergency_stop{urgent_commands};
 };
@@ -303,6 +305,7 @@ void LiveFeed::Poll() {
 client::Connection LiveFeed::connection() const { return parts_->line->client.connection(); }
 std::uint64_t LiveFeed::losses() const { return parts_->losses; }
 const std::string& LiveFeed::name() const { return parts_->line->client.name(); }
+bool LiveFeed::is_here() const { return parts_->line->client.shares_clock(); }
 const std::optional<client::Pose>& LiveFeed::pose() const { return parts_->pose; }
 const std::optional<client::Settings>& LiveFeed::settings() const { return parts_->settings; }
 client::VolumeStatus LiveFeed::volume_status() const {
@@ -373,6 +376,8 @@ void LiveFeed::ControlSeries(const client::SeriesControl& control) {
 }
 
 Denoiser& LiveFeed::denoiser() { return parts_->line->denoiser; }
+VolumeLoader& LiveFeed::loader() { return parts_->line->loader; }
+const VolumeLoader& LiveFeed::loader() const { return parts_->line->loader; }
 EmergencyStop& LiveFeed::emergency_stop() { return parts_->line->emergency_stop; }
 const EmergencyStop& LiveFeed::emergency_stop() const { return parts_->line->emergency_stop; }
 

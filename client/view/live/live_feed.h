@@ -17,6 +17,7 @@
 #include "client/view/live/emergency_stop.h"
 #include "client/view/live/plot_history.h"
 #include "client/view/live/shared_things.h"
+#include "client/view/live/volume_loader.h"
 #include "client/view/volume/view_volume.h"
 
 namespace palpate::view {
@@ -45,6 +46,8 @@ class LiveFeed {
   // The number of losses so far, including those between two calls of Poll.
   std::uint64_t losses() const;
   const std::string& name() const;
+  // True if palpated is reached by a socket of this machine.
+  bool is_here() const;
   const std::optional<client::Pose>& pose() const;
   const std::optional<client::Settings>& settings() const;
   client::VolumeStatus volume_status() const;
@@ -86,6 +89,8 @@ class LiveFeed {
   // Merges the change with waiting changes, key by key: the newest position of a slider wins.
   void ControlSeries(const client::SeriesControl& control);
   Denoiser& denoiser();
+  VolumeLoader& loader();
+  const VolumeLoader& loader() const;
   EmergencyStop& emergency_stop();
   const EmergencyStop& emergency_stop() const;
 

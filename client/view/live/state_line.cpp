@@ -1,6 +1,8 @@
 #include "client/view/live/state_line.h"
 
 #include <cstdio>
+#include <cstdlib>
+#include <string_view>
 
 namespace palpate::view {
 namespace {
@@ -96,6 +98,18 @@ StateLine StateOf(const KnownState& known) {
   }
   if (!known.forces) return {Tone::kCaution, "no pose yet: forces unknown"};
   return OfForces(*known.forces, known);
+}
+
+std::optional<double> FractionIn(const std::string& line) {
+  const std::size_t comma = line.rfind(", ");
+  if (comma == std::string::npos || !line.ends_with(" %")) return std::nullopt;
+  char* end = nullptr;
+  const char* number = line.c_str() + comma + 2;
+  const double percent = std::strtod(number, &end);
+  if (end == number || std::string_view(end) != " %" || !(percent >= 0.0 && percent <= 100.0)) {
+    return std::nullopt;
+  }
+  return 0.01 * percent;
 }
 
 }  // namespace palpate::view

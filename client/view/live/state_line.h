@@ -36,4 +36,8 @@ struct KnownState {
 
 StateLine StateOf(const KnownState& known);
 
+// The fraction, 0 to 1, that a line of palpated such as "loading head.nrrd, 40 %" states; none: it
+// states none.
+std::optional<double> FractionIn(const std::string& line);
+
 }  // namespace palpate::view

@@ -1,0 +1,251 @@
+#include <imgui.h>
+#include <imgui_stdlib.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "client/sdk/words.h"
+#include "client/view/app/files.h"
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+#include "client/view/live/state_line.h"
+
+namespace palpate::view {
+namespace {
+
+constexpr std::size_t kLongestPath = 200;  // bytes
+constexpr ImGuiWindowFlags kCard = ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoSavedSettings |
+                                   ImGuiWindowFlags_AlwaysAutoResize;
+
+// A grey item's tooltip says why it is grey.
+bool Item(const char* label, const char* keys, const std::string& why_not, const char* tip) {
+  const bool chosen = ImGui::MenuItem(label, keys, false, why_not.empty());
+  Tip(why_not.empty() ? tip : why_not.c_str());
+  return chosen;
+}
+
+void RecentMenu(Files& files, const std::string& why_not) {
+  if (!ImGui::BeginMenu("Recent", why_not.empty() && !files.recent().empty())) return;
+  std::string chosen;
+  for (const std::string& path : files.recent()) {
+    if (ImGui::MenuItem(OneLine(path, kLongestPath).c_str())) chosen = path;
+  }
+  ImGui::EndMenu();
+  // Opening changes the list.
+  if (!chosen.empty()) files.Open(chosen);
+}
+
+void SampleMenu(Files& files, const std::string& why_not) {
+  if (!ImGui::BeginMenu("Samples", why_not.empty())) return;
+  for (const Sample& sample : kSamples) {
+    if (ImGui::MenuItem(sample.name)) files.Open(sample.source);
+    Tip(sample.what);
+  }
+  ImGui::EndMenu();
+}
+
+void OpenItems(Files& files) {
+  const std::string why = files.WhyNotOpen();
+  if (Item("Open file\xE2\x80\xA6", "ctrl+O", why, "NRRD, MetaImage, NIfTI, TIFF, VDB")) {
+    files.Choose(DialogKind::kOpenFile);
+  }
+  if (Item("Open folder\xE2\x80\xA6", "", why, "the DICOM or TIFF files of one volume")) {
+    files.Choose(DialogKind::kOpenFolder);
+  }
+  if (Item("Type a path\xE2\x80\xA6", "", why, "of a file or folder on this machine")) {
+    files.TypePath();
+  }
+  RecentMenu(files, why);
+  SampleMenu(files, why);
+}
+
+void SaveItems(Viewer& viewer, Files& files) {
+  if (Item("Save as\xE2\x80\xA6", "ctrl+S", files.WhyNotSave(), "the volume with its edits")) {
+    files.BeginSave();
+  }
+  std::string why = files.WhyNotSave();
+  if (why.empty() && !viewer.feed().May(client::Role::kEditor)) {
+    why = "needs the role editor; yours is " + client::NameOf(viewer.feed().role());
+  }
+  if (Item("Revert", "", why, "the volume as it was loaded, for everyone; ctrl+Z takes it back")) {
+    files.Revert();
+  }
+}
+
+void ConnectionItems(Viewer& viewer, Files& files) {
+  if (Item("Connect\xE2\x80\xA6", "ctrl+K", {}, "to another palpated")) OpenConnectDialog(viewer);
+  if (!files.daemon().runs()) return;
+  bool kept = files.daemon().is_kept();
+  if (ImGui::MenuItem("Keep palpated running", nullptr, &kept)) files.daemon().Keep(kept);
+  Tip("this window started it; otherwise it ends with this window");
+}
+
+float BarWidth() { return ImGui::GetContentRegionAvail().x; }
+
+void ShowRunning(VolumeLoader& loader) {
+  const auto running = loader.running();
+  if (!running) return;
+  const client::Progress& progress = running->progress;
+  WrappedText(kPlain, running->what + (progress.stage.empty() ? "" : ": " + progress.stage) +
+                          (progress.detail.empty() ? "" : " " + progress.detail));
+  const float cancel = ButtonWidth("Cancel") + ImGui::GetStyle().ItemSpacing.x;
+  ImGui::ProgressBar(static_cast<float>(progress.fraction), {BarWidth() - cancel, 0.0f});
+  ImGui::SameLine();
+  if (ImGui::Button("Cancel")) loader.Cancel();
+  Tip("the volume that is felt stays");
+}
+
+void ShowQuestion(Files& files) {
+  const VolumeLoader::Outcome& asked = files.asked();
+  const std::string unsaved = client::UnsavedInWords(asked.unsaved_edits);
+  const char* yes = "";
+  switch (files.ask()) {
+    case Files::Ask::kNothing:
+      return;
+    case Files::Ask::kDiscard:
+      WrappedText(kWarning, unsaved + ", and would be lost");
+      yes = "Discard and open";
+      break;
+    case Files::Ask::kReplace:
+      WrappedText(kWarning, asked.text);
+      yes = "Replace it";
+      break;
+    case Files::Ask::kClose:
+      WrappedText(kWarning, unsaved + ", and palpated ends with this window");
+      yes = "Discard and close";
+      break;
+  }
+  if (ImGui::Button(yes)) files.Confirm();
+  ImGui::SameLine();
+  if (ImGui::Button("Save as\xE2\x80\xA6")) files.BeginSave();
+  ImGui::SameLine();
+  if (files.ask() == Files::Ask::kClose) {
+    if (ImGui::Button("Keep palpated and close")) {
+      files.daemon().Keep(true);
+      files.Confirm();
+    }
+    ImGui::SameLine();
+  }
+  if (ImGui::Button("Not now")) files.Dismiss();
+}
+
+void ShowWarnings(Files& files) {
+  if (files.warnings().empty()) return;
+  WrappedText(kWarning, "What the import assumed or left out:");
+  for (const std::string& warning : files.warnings()) WrappedText(kPlain, warning);
+  if (ImGui::Button("Understood")) files.DismissWarnings();
+}
+
+// Says that the picture is not what is felt now; empty: it is.
+std::string WhyOld(const Viewer& viewer) {
+  const LiveFeed& feed = viewer.feed();
+  if (!feed.volume().lattice() || feed.is_disconnected()) return {};
+  const client::VolumeStatus status = feed.volume_status();
+  if (status.is_loading) return status.problem;
+  const client::Connection connection = feed.connection();
+  if (connection.state != client::ConnectionState::kLost) return {};
+  return connection.why;
+}
+
+void ShowOld(Viewer& viewer) {
+  const std::string why = WhyOld(viewer);
+  if (why.empty()) return;
+  WrappedText(kWarning, "This picture is old. " + why);
+  if (const auto fraction = FractionIn(why)) {
+    ImGui::ProgressBar(static_cast<float>(*fraction), {BarWidth(), 0.0f});
+  }
+  const std::string& problem = viewer.files().daemon().problem();
+  if (!problem.empty()) WrappedText(kBad, problem);
+}
+
+bool HasCard(Viewer& viewer) {
+  const Files& files = viewer.files();
+  return viewer.feed().loader().running() || files.ask() != Files::Ask::kNothing ||
+         !files.problem().empty() || !files.warnings().empty() || !WhyOld(viewer).empty();
+}
+
+void PathField(Files& files, float scale) {
+  Files::PathForm& form = files.form();
+  ImGui::SetNextItemWidth(420.0f * scale);
+  const std::string before = form.path;
+  const bool entered = ImGui::InputText("##path", &form.path, ImGuiInputTextFlags_EnterReturnsTrue);
+  if (form.path != before) form.is_confirmed = false;
+  if (form.saves && form.where == SaveWhere::kHere && FileDialog::IsInstalled()) {
+    ImGui::SameLine();
+    if (ImGui::Button("Browse\xE2\x80\xA6")) files.Choose(DialogKind::kSave);
+  }
+  ImGui::BeginDisabled(form.path.empty());
+  const bool pressed = ImGui::Button(form.saves ? "Save" : "Open");
+  ImGui::EndDisabled();
+  if (!entered && !pressed) return;
+  if (form.saves) {
+    files.Save(false);
+  } else {
+    files.Open(form.path);
+  }
+}
+
+}  // namespace
+
+void DrawFileMenu(Viewer& viewer) {
+  if (ImGui::Button("File")) ImGui::OpenPopup("file menu");
+  Tip("open, save, connect");
+  if (!ImGui::BeginPopup("file menu")) return;
+  Files& files = viewer.files();
+  OpenItems(files);
+  ImGui::Separator();
+  SaveItems(viewer, files);
+  ImGui::Separator();
+  ConnectionItems(viewer, files);
+  ImGui::EndPopup();
+}
+
+void ShowFileCard(Viewer& viewer) {
+  Files& files = viewer.files();
+  ShowRunning(viewer.feed().loader());
+  ShowQuestion(files);
+  if (!files.problem().empty()) {
+    WrappedText(kBad, files.problem());
+    if (ImGui::Button("Close##problem")) files.Dismiss();
+  }
+  ShowOld(viewer);
+  ShowWarnings(files);
+}
+
+void DrawFileCard(Viewer& viewer, const Area& area, float scale) {
+  if (!HasCard(viewer)) return;
+  const float width = std::min(520.0f * scale, area.size.x - 20.0f * scale);
+  ImGui::SetNextWindowPos({area.min.x + 0.5f * area.size.x, area.min.y + 40.0f * scale},
+                          ImGuiCond_Always, {0.5f, 0.0f});
+  ImGui::SetNextWindowSizeConstraints({width, 0.0f}, {width, area.size.y});
+  ImGui::Begin("##files", nullptr,
+               kCard | ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoMove |
+                   ImGuiWindowFlags_NoFocusOnAppearing);
+  ShowFileCard(viewer);
+  ImGui::End();
+}
+
+void DrawPathForm(Viewer& viewer, float scale) {
+  Files& files = viewer.files();
+  Files::PathForm& form = files.form();
+  if (!form.shown) return;
+  const ImVec2 screen = ImGui::GetIO().DisplaySize;
+  ImGui::SetNextWindowPos({0.5f * screen.x, 0.4f * screen.y}, ImGuiCond_Appearing, {0.5f, 0.5f});
+  ImGui::Begin(form.saves ? "Save the volume###path form" : "Open a path###path form", &form.shown,
+               kCard);
+  if (form.saves && !viewer.feed().is_here()) {
+    const bool here = form.where == SaveWhere::kHere;
+    if (ImGui::RadioButton("to this machine", here)) form.where = SaveWhere::kHere;
+    ImGui::SameLine();
+    if (ImGui::RadioButton("on palpated's machine", !here)) form.where = SaveWhere::kThere;
+  }
+  ImGui::TextColored(kDim, form.saves ? "a name that ends with .nrrd or .vdb"
+                                      : "a file, or a folder of DICOM or TIFF files");
+  PathField(files, scale);
+  if (!FileDialog::IsInstalled()) {
+    ImGui::TextColored(kDim, "For a dialog, install zenity, kdialog or yad.");
+  }
+  ImGui::End();
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,115 @@
+#include "client/view/live/local_daemon.h"
+
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+
+#include "common/error/error.h"
+#include "common/files/new_file.h"
+
+namespace palpate::view {
+namespace {
+
+// A palpated ends within a second. With a large recording, it first writes that to the disk.
+constexpr std::chrono::seconds kEndPatience{10};
+
+std::filesystem::path OwnFolder() {
+  std::error_code error;
+  return std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+}
+
+// The log's lines are "2026-01-31 12:00:00.123 error another palpated ..."; what ends the daemon is
+// printed without time and level.
+std::string WithoutPrefix(const std::string& line) {
+  if (line.empty() || line.front() < '0' || line.front() > '9') return line;
+  std::size_t at = 0;
+  for (int space = 0; space < 3; ++space) {
+    at = line.find(' ', at);
+    if (at == std::string::npos) return line;
+    ++at;
+  }
+  return line.substr(at);
+}
+
+}  // namespace
+
+std::filesystem::path FindPalpated(const std::filesystem::path& own_folder,
+                                   const std::string& path_variable) {
+  const std::filesystem::path beside = FindProgram("palpated", own_folder.string());
+  return beside.empty() ? FindProgram("palpated", path_variable) : beside;
+}
+
+std::vector<std::string> PalpatedCommand(const std::filesystem::path& palpated,
+                                         const std::string& socket,
+                                         const std::filesystem::path& home) {
+  return {palpated,        "--volume", "builtin:bumps", "--device", "simulated", "--socket", socket,
+          "--load-folder", home,       "--save-folder", home};
+}
+
+std::string LastLineOf(const std::filesystem::path& log) {
+  std::ifstream in(log);
+  std::string last;
+  for (std::string line; std::getline(in, line);) {
+    if (line.find_first_not_of(" \t") != std::string::npos) last = line;
+  }
+  return WithoutPrefix(last);
+}
+
+bool IsServed(const std::string& socket) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (socket.size() >= sizeof address.sun_path) return false;
+  std::memcpy(address.sun_path, socket.c_str(), socket.size() + 1);
+  const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (probe < 0) return false;
+  const bool is_served =
+      connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 ||
+      errno == EAGAIN;
+  close(probe);
+  return is_served;
+}
+
+LocalDaemon::~LocalDaemon() {
+  if (!program_) return;
+  if (kept_) {
+    program_->Leave();
+  } else {
+    program_->End(kEndPatience);
+  }
+}
+
+void LocalDaemon::Start(const std::string& socket, const std::filesystem::path& log_folder) {
+  Poll();
+  if (program_) return;
+  problem_.clear();
+  const std::filesystem::path palpated = FindPalpated(OwnFolder(), VariableOf("PATH"));
+  if (palpated.empty()) {
+    problem_ = "there is no palpated beside palpate-view or in PATH: install palpate-daemon";
+    return;
+  }
+  try {
+    if (log_folder.empty()) throw Error(ErrorKind::kUnavailable, "HOME is not set");
+    MakeFolders(log_folder);
+    log_ = log_folder / "palpated.log";
+    const std::string home = VariableOf("HOME");
+    program_ = std::make_unique<ChildProgram>(
+        PalpatedCommand(palpated, socket, home.empty() ? "/" : home), log_);
+  } catch (const Error& error) {
+    problem_ = error.what();
+  }
+}
+
+void LocalDaemon::Poll() {
+  if (!program_ || !program_->Poll()) return;
+  program_.reset();
+  const std::string last = LastLineOf(log_);
+  problem_ = "palpated ended" + (last.empty() ? " without a word" : ": " + last) + " (" +
+             log_.string() + ")";
+}
+
+}  // namespace palpate::view

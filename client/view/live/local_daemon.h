@@ -1,0 +1,55 @@
+// A palpated that the viewer starts for its user: simulated device, a sample volume, a socket of
+// this machine. It ends with the object, unless the user keeps it.
+//
+// Its clients may load from and save to the user's home. It logs to palpated.log in the
+// folder that the caller names.
+// Threads: one. Only End and the destructor wait.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/view/live/child_program.h"
+
+namespace palpate::view {
+
+// palpated beside the program that runs, or else in `path_variable`; empty: there is none.
+std::filesystem::path FindPalpated(const std::filesystem::path& own_folder,
+                                   const std::string& path_variable);
+
+std::vector<std::string> PalpatedCommand(const std::filesystem::path& palpated,
+                                         const std::string& socket,
+                                         const std::filesystem::path& home);
+
+// The last line that is not empty, without the log's time and level; empty: there is none.
+std::string LastLineOf(const std::filesystem::path& log);
+
+// True if a program listens on the socket.
+bool IsServed(const std::string& socket);
+
+class LocalDaemon {
+ public:
+  ~LocalDaemon();
+
+  // Starts it, unless it runs. A problem is then in problem(). `log_folder`: made if it is missing.
+  void Start(const std::string& socket, const std::filesystem::path& log_folder);
+  // Takes note of its end. Call it once per frame.
+  void Poll();
+  bool runs() const { return program_ != nullptr; }
+  // Why it did not start, or that it ended; empty: neither.
+  const std::string& problem() const { return problem_; }
+  // It goes on when the viewer ends.
+  bool is_kept() const { return kept_; }
+  void Keep(bool kept) { kept_ = kept; }
+  const std::filesystem::path& log() const { return log_; }
+
+ private:
+  std::unique_ptr<ChildProgram> program_;
+  std::filesystem::path log_;
+  std::string problem_;
+  bool kept_ = false;
+};
+
+}  // namespace palpate::view
