@@ -128,10 +128,14 @@ if(TARGET palpate-view)
 "Viewer of what palpated makes felt
 Shows the volume of a palpated, near or far, with the stylus that feels it.")
   palpate_program(viewer palpate-view "shows what palpated makes felt")
+  install(FILES deploy/debian/viewer/palpate-view.desktop
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/applications COMPONENT viewer)
   set(CPACK_DEBIAN_VIEWER_PACKAGE_SHLIBDEPS ON)
   # Loaded at run time; without a graphics card's driver Mesa draws.
   set(CPACK_DEBIAN_VIEWER_PACKAGE_DEPENDS "libegl1, libgl1")
-  set(CPACK_DEBIAN_VIEWER_PACKAGE_RECOMMENDS "libgl1-mesa-dri, fonts-dejavu-core")
+  # The start page starts a palpated; one of the three is the dialog for files.
+  set(CPACK_DEBIAN_VIEWER_PACKAGE_RECOMMENDS
+    "libgl1-mesa-dri, fonts-dejavu-core, palpate-daemon, zenity | kdialog | yad")
 endif()
 
 # --- palpate-web ------------------------------------------------------------------

@@ -26,7 +26,8 @@ const Preferences kOther{.theme = Theme::kLight,
                          .right_shown = false,
                          .narrow_side = Side::kRight,
                          .plots_shown = true,
-                         .tab = LeftTab::kEdit};
+                         .tab = LeftTab::kEdit,
+                         .recent_files = {"/data/CT", "/data/a b.nrrd"}};
 
 class ViewPreferences : public ::testing::Test {
  protected:
@@ -93,7 +94,7 @@ TEST_F(ViewPreferences, AValueThatIsNotPossibleLeavesTheOthers) {
   expected.theme = Theme::kLight;
   EXPECT_EQ(ReadOf(R"({"theme": "light", "font_percent": 1e300, "left_width_px": -3,
                        "right_width_px": "wide", "left_shown": 1, "plots_shown": null,
-                       "narrow_side": "up", "tab": 3, "from a later version": {"a": [1]}})"),
+                       "narrow_side": "up", "tab": 3, "recent_files": [3, {}], "from a later version": {"a": [1]}})"),
             expected);
 }
 
@@ -105,6 +106,14 @@ TEST_F(ViewPreferences, AreNoPipeAndNoFolder) {
   ASSERT_EQ(mkfifo(file_.c_str(), 0600), 0);
   EXPECT_EQ(ReadPreferences(file_), Preferences());
   EXPECT_THROW(WritePreferences(kOther, file_), Error);
+}
+
+TEST(ViewRecentFiles, HaveTheNewestFirstAndOnce) {
+  std::vector<std::string> files;
+  for (int n = 0; n < 12; ++n) PutFirst("/data/" + std::to_string(n % 10), files);
+  EXPECT_EQ(files.size(), kMostRecentFiles);
+  EXPECT_EQ(files.front(), "/data/1");
+  EXPECT_EQ(std::count(files.begin(), files.end(), "/data/1"), 1);
 }
 
 // A file where the folder should be: that holds for root, too.

@@ -79,5 +79,14 @@ TEST(StateLine, HasWordsForAll) {
   }
 }
 
+TEST(FractionIn, IsThatOfALineOfPalpated) {
+  EXPECT_EQ(FractionIn("loading head.nrrd, 40 %"), 0.4);
+  EXPECT_EQ(FractionIn("loading a, 7 %.nrrd, 100 %"), 1.0);
+  for (const char* line : {"", "starting", "loading head.nrrd", "head, 40", "head, x %", "head, %",
+                           "head, 400 %", "head, -1 %", "40 %", "head, nan %"}) {
+    EXPECT_FALSE(FractionIn(line)) << line;
+  }
+}
+
 }  // namespace
 }  // namespace palpate::view
