@@ -35,6 +35,12 @@ def _likeness(picture, sought):
     return likeness
 
 
+def likeness_of(text, picture):
+    """How much the likest part of a picture is like a text, to tell which of several similar texts
+    it shows."""
+    return float(_likeness(np.asarray(picture.convert("L")).astype(float), _drawn(text)).max())
+
+
 def places_of(text, picture):
     """The middles (x, y) of the text's occurrences, the most alike first; bright on dark or dark
     on bright."""

@@ -50,6 +50,27 @@ std::vector<Vec3> Corners(const Bounds& bounds) {
   return corners;
 }
 
+TEST(Camera, ThePixelOfAPointIsThatOfItsRay) {
+  Dice dice;
+  for (int n = 0; n < 10000; ++n) {
+    Camera camera = dice.AnyCamera();
+    camera.SetUpright(dice.AnyTurn());
+    const ImageSize size = dice.Size();
+    const double x = dice.Between(0, size.width), y = dice.Between(0, size.height);
+    const Ray ray = camera.RayThrough(x, y, size);
+    const auto px = camera.PixelOf(ray.origin + dice.Between(1, 500) * ray.direction, size);
+    ASSERT_TRUE(px);
+    EXPECT_NEAR(px->x(), x, 1e-6);
+    EXPECT_NEAR(px->y(), y, 1e-6);
+    EXPECT_FALSE(camera.PixelOf(ray.origin - 10.0 * ray.direction, size));
+    // Beside the target by as many pixels.
+    const Vec3 right_D = camera.X_VD().linear.row(0);
+    const auto middle = camera.PixelOf(camera.target(), size);
+    const auto beside = camera.PixelOf(camera.target() + camera.MmPerPixel(size) * right_D, size);
+    EXPECT_NEAR(beside->x() - middle->x(), 1.0, 1e-6);
+  }
+}
+
 TEST(Camera, APointOnARayAppearsAtItsPixel) {
   Dice dice;
   for (int n = 0; n < 10000; ++n) {

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <random>
+#include <utility>
+
 namespace palpate::view {
 namespace {
 
@@ -76,6 +80,71 @@ TEST(ViewSliceView, ThePaddedLatticeTouchesTheNearerBordersAndIsCentred) {
 TEST(ViewSliceView, AnEmptyPictureGivesFinitePoints) {
   const SliceView view(kSlices[2], kLattice, kVoxel_mm, {});
   EXPECT_TRUE(view.PointAt({0.0, 0.0}, 0.0).allFinite());
+}
+
+class ZoomDice {
+ public:
+  double Between(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
+  Vector2d PointOf(const ImageSize& size) {
+    return {Between(0.0, size.width), Between(0.0, size.height)};
+  }
+
+ private:
+  std::mt19937 random_{13};
+};
+
+TEST(ViewSliceView, WhateverIsZoomedAndMovedPixelsAndPointsAreInverse) {
+  ZoomDice dice;
+  for (const SliceAxes& axes : kSlices) {
+    SliceZoom zoom;
+    for (int n = 0; n < 2000; ++n) {
+      const SliceView view(axes, kLattice, kVoxel_mm, kSliceSize, zoom);
+      const Vector2d px = dice.PointOf(kSliceSize);
+      const Vec3 p_I = view.PointAt(px, 7.25);
+      ASSERT_TRUE(p_I.allFinite());
+      ASSERT_LT((view.PixelOf(p_I) - px).norm(), 1e-8);
+      const auto [axis, across] = std::pair(axes.right.axis, axes.down.axis);
+      const bool is_in = p_I[axis] >= -1.0 && p_I[axis] <= kLattice[axis] && p_I[across] >= -1.0 &&
+                         p_I[across] <= kLattice[across];
+      ASSERT_EQ(view.Shows(px), is_in);
+      // The lattice cannot be lost.
+      ASSERT_TRUE(view.Shows({150.5, 100.0}));
+      zoom = n % 2 ? view.ZoomedAt(px, std::exp(dice.Between(-1.0, 1.1)))
+                   : view.MovedBy({dice.Between(-900, 900), dice.Between(-900, 900)});
+      ASSERT_GE(zoom.factor, 1.0);
+      ASSERT_LE(zoom.factor, SliceZoom::kMost);
+    }
+  }
+}
+
+TEST(ViewSliceView, AZoomKeepsThePointUnderThePointerAndADragTakesItAlong) {
+  ZoomDice dice;
+  for (const SliceAxes& axes : kSlices) {
+    const SliceView before(axes, kLattice, kVoxel_mm, kSliceSize, {3.0, {1.5, -2.0}});
+    // Near enough to the middle that the picture's middle stays on the lattice.
+    const Vector2d px = Vector2d(150.5, 100.0) + Vector2d(dice.Between(-30, 30), 12.0);
+    const Vec3 p_I = before.PointAt(px, 3.0);
+    const SliceView nearer(axes, kLattice, kVoxel_mm, kSliceSize, before.ZoomedAt(px, 2.5));
+    EXPECT_LT((nearer.PixelOf(p_I) - px).norm(), 1e-9);
+    EXPECT_LT((nearer.px_per_voxel() - 2.5 * before.px_per_voxel()).norm(), 1e-9);
+    const Vector2d drag(7.0, -11.0);
+    const SliceView moved(axes, kLattice, kVoxel_mm, kSliceSize, before.MovedBy(drag));
+    EXPECT_LT((moved.PixelOf(p_I) - px - drag).norm(), 1e-9);
+    EXPECT_EQ(moved.px_per_voxel(), before.px_per_voxel());
+    // All the way out is the whole slice again.
+    EXPECT_EQ(before.ZoomedAt(px, 0.01), SliceZoom());
+  }
+}
+
+TEST(ViewSliceView, AZoomShowsTheSameInAPictureOfAnotherSize) {
+  const SliceZoom zoom{4.0, {6.0, -3.0}};
+  for (const SliceAxes& axes : kSlices) {
+    const SliceView small(axes, kLattice, kVoxel_mm, {200, 200}, zoom);
+    const SliceView large(axes, kLattice, kVoxel_mm, {800, 800}, zoom);
+    EXPECT_LT((small.PointAt({40, 90}, 1.0) - large.PointAt({160, 360}, 1.0)).norm(), 1e-9);
+  }
 }
 
 TEST(ViewSliceView, EdgesOfAVoxelAreThoseOfItsMap) {

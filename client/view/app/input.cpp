@@ -7,7 +7,9 @@
 #include <cmath>
 
 #include "client/view/app/layout.h"
+#include "client/view/app/overlays.h"
 #include "client/view/app/panels.h"
+#include "client/view/app/slice_pane.h"
 
 namespace palpate::view {
 namespace {
@@ -85,6 +87,12 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
   if (press.key == "m") ToggleTool(state, Tool::kMeasure);
   if (press.key == "h") state.overlay.haptic_surface = !state.overlay.haptic_surface;
   if (press.key == "v") state.surface.veil.shown = !state.surface.veil.shown;
+  if (press.key == "m") state.tool = state.tool == Tool::kMeasure ? Tool::kTurn : Tool::kMeasure;
+  if (press.key == "delete") state.measure.RemoveLast();
+  if (press.key.size() == 1 && press.key >= "1" && press.key <= "6")
+    LookFromKey(viewer, press.key[0] - '0');
+  if (press.key == "+" || press.key == "=") ZoomPointedSlice(viewer, 1.25);
+  if (press.key == "-") ZoomPointedSlice(viewer, 0.8);
   if (press.key == "c") state.cross_follows_proxy = !state.cross_follows_proxy;
   if (press.key == "l") state.slices_shown = !state.slices_shown;
   if (press.key == "f1") state.help_shown = !state.help_shown;

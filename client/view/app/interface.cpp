@@ -53,11 +53,18 @@ void DrawOver(Viewer& viewer, float scale) {
   DrawPathForm(viewer, scale);
 }
 
+// In a slice's place while that slice fills the view's.
+const Area& PlaceOfView(const ViewState& state, const Layout& layout, const SliceStrip& strip) {
+  if (!state.filling_slice || layout.slices.size.y <= 0.0f) return layout.view;
+  return strip.slices[static_cast<std::size_t>(*state.filling_slice)];
+}
+
 void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   DrawTopBar(viewer, layout.top, scale);
   DrawStateBar(viewer, layout.state, scale);
   DrawToolBar(viewer, layout, scale);
-  DrawView(viewer, layout.view, scale);
+  const SliceStrip strip = LayOutSlices(layout.slices, scale);
+  DrawView(viewer, PlaceOfView(viewer.state(), layout, strip), scale);
   if (viewer.files().PageShown()) {
     const ImVec2 screen = ImGui::GetIO().DisplaySize;
     const float top = layout.view.min.y;
@@ -70,7 +77,7 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   if (layout.right.size.x > 0.0f) DrawRightPanels(viewer, layout.right, scale);
   DrawEdges(viewer, layout, scale);
   if (layout.series.size.y > 0.0f) DrawSeriesBar(viewer, layout.series);
-  if (layout.slices.size.y > 0.0f) DrawSlices(viewer, layout.slices);
+  if (layout.slices.size.y > 0.0f) DrawSlices(viewer, strip, layout.view, scale);
   DrawPlots(viewer, layout, scale);
   DrawOver(viewer, scale);
   DrawRefusal(viewer, layout, scale);
@@ -130,7 +137,8 @@ void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
                                {.preferences = viewer.preferences(),
                                 .series = viewer.feed().series().has_value(),
                                 .slices = viewer.state().slices_shown});
-  view_pixels_ = PixelsOf(layout.view.size);
+  view_pixels_ = PixelsOf(
+      PlaceOfView(viewer.state(), layout, LayOutSlices(layout.slices, scale)).size);
   DrawPanels(viewer, layout, scale);
   viewer.actions().EndFrame(ImGui::IsAnyItemActive());
   ImGui::Render();

@@ -10,6 +10,7 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "client/view/app/preferences.h"
@@ -36,6 +37,13 @@ struct Layout {
   Area slices;      // below the series
   Area drawer_bar;  // opens and closes the drawer
   Area drawer;
+};
+
+// The parts of the slices' area.
+struct SliceStrip {
+  Area row;  // of controls
+  std::array<Area, 3> slices;
+  Area bar;  // of the colours
 };
 
 struct LayoutParts {
@@ -125,6 +133,23 @@ inline Layout LayOut(const ImVec2& screen, float scale, const LayoutParts& parts
   layout.drawer_bar = {{0.0f, top + height}, {screen.x, bar}};
   layout.drawer = {{0.0f, top + height + bar}, {screen.x, drawer}};
   return layout;
+}
+
+inline SliceStrip LayOutSlices(const Area& area, float scale) {
+  constexpr float kGap = 2.0f;
+  const float row = std::min(26.0f * scale, 0.4f * area.size.y);
+  const float bar = std::min(54.0f * scale, 0.2f * area.size.x);
+  const float width = std::max(1.0f, std::floor((area.size.x - bar) / 3.0f - kGap));
+  const float top = area.min.y + row;
+  const float height = std::max(1.0f, area.size.y - row);
+  SliceStrip strip;
+  strip.row = {area.min, {area.size.x, row}};
+  for (std::size_t n = 0; n < strip.slices.size(); ++n) {
+    strip.slices[n] = {{area.min.x + static_cast<float>(n) * (width + kGap), top}, {width, height}};
+  }
+  const float right = area.min.x + 3.0f * (width + kGap);
+  strip.bar = {{right, top}, {std::max(1.0f, area.min.x + area.size.x - right), height}};
+  return strip;
 }
 
 // The size of an area in whole pixels.

@@ -20,14 +20,20 @@ constexpr Line kLines[] = {
     {"wheel", "closer, farther"},
     {"double click", "look at that point"},
     {"R", "back to the first view"},
+    {"1 ... 6, the cube", "anterior, posterior, left, right, superior, inferior"},
     {"V", "veil: a second, translucent isosurface"},
     {"H", "wireframe of the surface that is felt, near the proxy"},
     {"Tools", nullptr},
     {"G, B, M", "hand, brush, measure; the same key again: turn"},
+    {"M", "distances: two clicks on the surface or in a slice"},
+    {"right click, Delete", "remove the distance there, the last distance"},
     {"ctrl+Z, ctrl+Y", "undo and redo what you did: isovalue, feel, cuts, strokes, filters"},
     {"Slices", nullptr},
-    {"C", "slices follow the proxy, or stay"},
+    {"C", "slices follow the stylus, or stay"},
     {"click, wheel on a slice", "move the cross-hair"},
+    {"ctrl+wheel, + and - on a slice", "zoom; middle drag or shift + drag moves it"},
+    {"right drag on a slice", "window: across its width, up its level"},
+    {"double click on a slice", "as large as the view, and back"},
     {"L", "slices on or off"},
     {"Controls", nullptr},
     {"drag on the histogram", "isovalue, for everyone"},
@@ -65,7 +71,7 @@ void DrawHelp(Viewer& viewer, float scale) {
       continue;
     }
     ImGui::TextColored(kWarning, "%s", line.what);
-    ImGui::SameLine(220.0f * scale);
+    ImGui::SameLine(240.0f * scale);
     ImGui::Text("%s", line.does);
   }
   ImGui::Separator();

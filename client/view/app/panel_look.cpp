@@ -8,8 +8,7 @@ void EditColor(const char* label, Rgb& color) {
   ImGui::ColorEdit3(label, color.data(), ImGuiColorEditFlags_NoInputs);
 }
 
-void EditSurface(SurfaceOptions& surface, double min, double max) {
-  const double speed = (max - min) / 500.0;
+void EditSurface(SurfaceOptions& surface) {
   ImGui::Checkbox("Surface", &surface.shown);
   Tip("show the isosurface that is felt");
   ImGui::SameLine(0.0f, 20.0f);
@@ -27,10 +26,6 @@ void EditSurface(SurfaceOptions& surface, double min, double max) {
   if (Choose("Colour map", map, maps, static_cast<int>(std::size(maps)))) {
     surface.color_map = static_cast<ColorMap>(map);
   }
-  Tip("of height, slope, slices and cuts");
-  DragDouble("Window from", surface.window_min, speed, min - (max - min), surface.window_max,
-             "%.5g");
-  DragDouble("Window to", surface.window_max, speed, surface.window_min, max + (max - min), "%.5g");
 }
 
 void EditVeil(Veil& veil, double min, double max) {
@@ -89,7 +84,7 @@ void LookPanel(Viewer& viewer) {
   const double min = lattice ? lattice->value_min : 0.0;
   const double max = lattice ? lattice->value_max : 1.0;
   ViewState& state = viewer.state();
-  EditSurface(state.surface, min, max);
+  EditSurface(state.surface);
   EditVeil(state.surface.veil, min, max);
   EditOverlay(state.overlay);
   EditSides(state);

@@ -15,7 +15,12 @@ struct Tab {
 };
 
 void SurfaceTab(Viewer& viewer, float scale) { IsovaluePanel(viewer, scale); }
-void LookTab(Viewer& viewer, float /*scale*/) { LookPanel(viewer); }
+void LookTab(Viewer& viewer, float /*scale*/) {
+  LookPanel(viewer);
+  WindowPanel(viewer);
+  MeasurePanel(viewer);
+  SavedViewsPanel(viewer);
+}
 void CutTab(Viewer& viewer, float /*scale*/) {
   ImGui::SetNextItemOpen(true, ImGuiCond_Once);
   CutsPanel(viewer);

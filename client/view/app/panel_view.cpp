@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "client/view/app/input.h"
+#include "client/view/app/overlays.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 
@@ -90,6 +91,7 @@ void DrawView(Viewer& viewer, const Area& area, float scale) {
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0.0f, 0.0f});
   BeginPanel("view", area, ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoNav);
   ImGui::PopStyleVar();
+  TakeCube(viewer, area, scale);
   ImGui::InvisibleButton("picture", area.size,
                          ImGuiButtonFlags_MouseButtonLeft | ImGuiButtonFlags_MouseButtonRight |
                              ImGuiButtonFlags_MouseButtonMiddle);
@@ -99,7 +101,10 @@ void DrawView(Viewer& viewer, const Area& area, float scale) {
   ImGui::GetWindowDrawList()->AddImage(TextureId(viewer.renderer().DrawnTexture()), area.min,
                                        {area.min.x + area.size.x, area.min.y + area.size.y},
                                        {0.0f, 1.0f}, {1.0f, 0.0f});
-  DrawLegend(viewer, area, scale);
+  DrawCube(viewer, area, scale);
+  DrawViewMarks(viewer, area, scale);
+  // Beside a slice that fills the view's place there is no room.
+  if (!viewer.state().filling_slice) DrawLegend(viewer, area, scale);
   DrawMessages(viewer, area, scale);
   ImGui::End();
 }

@@ -28,7 +28,8 @@ void DrawPlots(Viewer& viewer, const Layout& layout, float scale);
 // A refusal of the last command, near the last click in a panel. The view shows it, too.
 void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale);
 void DrawSeriesBar(Viewer& viewer, const Area& area);
-void DrawSlices(Viewer& viewer, const Area& area);
+// A slice that fills the view is in `view`; the view is in that slice's place then.
+void DrawSlices(Viewer& viewer, const SliceStrip& strip, const Area& view, float scale);
 void DrawHelp(Viewer& viewer, float scale);
 // Opens the dialog for palpated's address and our credentials. It stays until the user closes it.
 void OpenConnectDialog(Viewer& viewer);
@@ -54,7 +55,10 @@ void ShowSide(Preferences& preferences, Side side, bool shown);
 // In the tabs on the left.
 void IsovaluePanel(Viewer& viewer, float scale);
 void LookPanel(Viewer& viewer);
+void WindowPanel(Viewer& viewer);
 void CutsPanel(Viewer& viewer);
+void MeasurePanel(Viewer& viewer);
+void SavedViewsPanel(Viewer& viewer);
 void BrushPanel(Viewer& viewer);
 // Headings on the right.
 inline constexpr const char* kFeelHeading = "Feel, for everyone";

@@ -1,8 +1,77 @@
+#include "client/view/app/tool_measure.h"
+
+#include <imgui.h>
+
 #include "client/view/app/tool.h"
-#include "client/view/app/viewer.h"
 
 namespace palpate::view {
+namespace {
 
-bool TakeMeasure(Viewer& /*viewer*/, const ViewPointer& /*pointer*/) { return false; }
+// A press that moves farther is a drag.
+constexpr double kClick_px = 4.0;
+constexpr double kNear_px = 8.0;
+constexpr int kViewPicture = 3;  // slices are 0 to 2
+
+}  // namespace
+
+bool IsRightClicked() {
+  const ImGuiIO& io = ImGui::GetIO();
+  constexpr auto kMost = static_cast<float>(kClick_px * kClick_px);
+  return ImGui::IsItemHovered() && ImGui::IsMouseReleased(ImGuiMouseButton_Right) &&
+         io.MouseDragMaxDistanceSqr[ImGuiMouseButton_Right] < kMost;
+}
+
+bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
+  ViewState& state = viewer.state();
+  std::optional<MeasurePress>& press = state.measure_press;
+  if (state.tool != Tool::kMeasure) {
+    press.reset();
+    return false;
+  }
+  if (pointer.right_clicked) {
+    if (const auto number =
+            DistanceAt(state.measure.distances, pointer.at_px, kNear_px, pointer.appears)) {
+      state.measure.Remove(*number);
+    } else {
+      state.measure.begun_W.reset();
+    }
+    return true;
+  }
+  if (pointer.clicked) press = MeasurePress{pointer.picture, pointer.at_px};
+  if (!press || press->picture != pointer.picture) return false;
+  if ((pointer.at_px - press->at_px).norm() > kClick_px) {
+    press.reset();
+    return false;
+  }
+  if (pointer.held) return true;
+  press.reset();
+  if (const auto p_W = pointer.point_W()) {
+    state.measure.AddPoint(*p_W);
+  } else {
+    viewer.Say("no surface is there to measure from");
+  }
+  return true;
+}
+
+bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer) {
+  const ViewVolume& volume = viewer.feed().volume();
+  if (!volume.lattice() || !volume.X_DI() || pointer.shift) return false;
+  const AffineMap X_DW = *volume.X_DI() * volume.lattice()->X_WI.Inverse();
+  const Camera& camera = viewer.state().camera;
+  const auto point_W = [&]() -> std::optional<Vec3> {
+    const auto p_D = viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), pointer.size);
+    return p_D ? std::optional(X_DW.Inverse().Apply(*p_D)) : std::nullopt;
+  };
+  const auto appears = [&](const Vec3& p_W) {
+    return camera.PixelOf(X_DW.Apply(p_W), pointer.size);
+  };
+  return TakeMeasurePointer(viewer, {.picture = kViewPicture,
+                                     .at_px = pointer.at_px,
+                                     .clicked = pointer.clicked,
+                                     .held = pointer.held,
+                                     .right_clicked = IsRightClicked(),
+                                     .point_W = point_W,
+                                     .appears = appears});
+}
 
 }  // namespace palpate::view

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "client/view/scene/haptic_patch.h"
+#include "client/view/scene/value_window.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -145,9 +146,10 @@ void Viewer::BeginVolumeIfNew() {
   const VolumeLattice& lattice = *volume.lattice();
   SurfaceOptions& surface = state_.surface;
   const double range = lattice.value_max - lattice.value_min;
+  const ValueWindow window = FirstWindow(lattice);
   if (!begun_) CheckVeil(lattice);
-  surface.window_min = options_.window ? options_.window->x() : lattice.value_min;
-  surface.window_max = options_.window ? options_.window->y() : lattice.value_max;
+  surface.window_min = options_.window ? options_.window->x() : window.min();
+  surface.window_max = options_.window ? options_.window->y() : window.max();
   if (begun_ || !options_.surface.veil.shown || !veil_problem_.empty()) {
     surface.veil.shown = false;
     surface.veil.isovalue = lattice.value_min + 0.25 * range;
@@ -158,6 +160,8 @@ void Viewer::BeginVolumeIfNew() {
   }
   stroke_.BreakOff();
   state_.planes_placed = {};
+  state_.slice_zoom = {};
+  state_.measure.Clear();
   state_.brush.value = 0.5 * range;
   state_.cross_I = 0.5 * (lattice.size.cast<double>() - Vec3::Ones());
   begun_ = lattice;
@@ -333,7 +337,7 @@ unsigned Viewer::Slice(const SliceRequest& request) {
   const SliceRequest& before = drawn.request;
   const bool same_but_place = drawn.texture != 0 && drawn.version == version &&
                               before.axes == request.axes && before.size == request.size &&
-                              before.surface == request.surface;
+                              before.surface == request.surface && before.zoom == request.zoom;
   const bool same_place =
       before.position_voxels == request.position_voxels && before.cross_I == request.cross_I;
   if (same_but_place && same_place) return drawn.texture;

@@ -24,6 +24,8 @@
 #include "client/view/live/brush.h"
 #include "client/view/live/live_feed.h"
 #include "client/view/render/frame_renderer.h"
+#include "client/view/scene/distances.h"
+#include "client/view/scene/saved_view.h"
 
 namespace palpate::view {
 
@@ -36,6 +38,20 @@ struct ConnectForm {
   std::string problem{};  // of the last attempt; empty: none
 };
 
+// A press of the button that is not a drag yet, while distances are measured.
+struct MeasurePress {
+  int picture = 0;
+  Eigen::Vector2d at_px = Eigen::Vector2d::Zero();
+};
+
+// The surface under the pointer, when the picture had `casts`.
+struct PointedSurfaceState {
+  float x = 0.0f;
+  float y = 0.0f;
+  std::uint64_t casts = 0;
+  std::optional<Vec3> p_D{};
+};
+
 // Everything that the user sets.
 struct ViewState {
   Camera camera;
@@ -45,9 +61,17 @@ struct ViewState {
   BrushOptions brush;
   client::Filter denoise{};
   // The point where the slices cross.
-  bool cross_follows_proxy = true;
+  bool cross_follows_proxy = false;
   Vec3 cross_I = Vec3::Zero();
   SliceSide slice_side = SliceSide::kRadiological;
+  std::array<SliceZoom, 3> slice_zoom{};  // by axis of W
+  std::optional<int> filling_slice{};     // the axis of the slice that fills the view's place
+  std::optional<int> pointed_slice{};     // the axis of the slice under the pointer
+  MeasureState measure{};
+  std::optional<MeasurePress> measure_press{};
+  PointedSurfaceState pointed_surface{};
+  std::vector<SavedView> saved_views{};  // of this volume
+  std::string view_name{};               // as typed
 
   // True for planes that the user has placed: their offsets are valid.
   std::array<bool, std::tuple_size_v<decltype(SurfaceOptions::planes)>> planes_placed{};

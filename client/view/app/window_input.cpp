@@ -127,6 +127,9 @@ void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, i
     case GLFW_KEY_F12:
       press.key = "f12";
       break;
+    case GLFW_KEY_DELETE:
+      press.key = "delete";
+      break;
     default:
       if (const char* name = glfwGetKeyName(key, scancode)) press.key = name;
   }

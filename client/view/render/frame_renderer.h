@@ -17,6 +17,7 @@
 #include "client/view/scene/camera.h"
 #include "client/view/scene/overlay.h"
 #include "client/view/scene/patient_axes.h"
+#include "client/view/scene/slice_view.h"
 #include "client/view/scene/view_options.h"
 #include "client/view/volume/view_volume.h"
 
@@ -44,6 +45,7 @@ struct SliceRequest {
   ImageSize size;
   SurfaceOptions surface;         // colour map, window, isovalue (drawn as a line)
   std::optional<Vec3> cross_I{};  // the cross-hair
+  SliceZoom zoom{};
   friend bool operator==(const SliceRequest&, const SliceRequest&) = default;
 };
 

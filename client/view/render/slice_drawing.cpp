@@ -65,7 +65,8 @@ void main() {
 )";
 
 void SetPlace(const ShaderProgram& program, const BrickCache& volume, const SliceRequest& request) {
-  const SliceView view(request.axes, volume.size(), VoxelEdges(volume.X_DI()), request.size);
+  const SliceView view(request.axes, volume.size(), VoxelEdges(volume.X_DI()), request.size,
+                       request.zoom);
   const Vec3 corner_I = view.PointAt({0.0, 0.0}, request.position_voxels);
   program.Set("corner_I", corner_I);
   program.Set("right_I", Vec3(view.PointAt({1.0, 0.0}, request.position_voxels) - corner_I));

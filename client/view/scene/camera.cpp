@@ -93,9 +93,8 @@ void Camera::Zoom(double factor) {
 }
 
 void Camera::Pan(double right_px, double down_px, const ImageSize& size) {
-  const double mm_per_px = 2.0 * distance_mm_ * HalfViewOf(size).up / std::max(size.height, 1);
   const Mat3 R_VD = X_VD().linear;
-  target_D_ += R_VD.transpose() * Vec3(-right_px, down_px, 0.0) * mm_per_px;
+  target_D_ += R_VD.transpose() * Vec3(-right_px, down_px, 0.0) * MmPerPixel(size);
 }
 
 void Camera::LookAt(const Vec3& target_D) { target_D_ = target_D; }
@@ -152,6 +151,19 @@ Ray Camera::RayThrough(double x_px, double y_px, const ImageSize& size) const {
   const double up = (1.0 - 2.0 * y_px / std::max(size.height, 1)) * half.up;
   const Mat3 R_DV = X_VD().linear.transpose();
   return {Eye(), (R_DV * Vec3(right, up, -1.0)).normalized()};
+}
+
+std::optional<Eigen::Vector2d> Camera::PixelOf(const Vec3& p_D, const ImageSize& size) const {
+  const Vec3 p_V = X_VD().Apply(p_D);
+  const double depth_mm = -p_V.z();
+  if (!(depth_mm > 0.0)) return std::nullopt;
+  const HalfView half = HalfViewOf(size);
+  return Eigen::Vector2d(0.5 * size.width * (1.0 + p_V.x() / (depth_mm * half.across)),
+                         0.5 * size.height * (1.0 - p_V.y() / (depth_mm * half.up)));
+}
+
+double Camera::MmPerPixel(const ImageSize& size) const {
+  return 2.0 * distance_mm_ * HalfViewOf(size).up / std::max(size.height, 1);
 }
 
 }  // namespace palpate::view

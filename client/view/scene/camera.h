@@ -7,6 +7,8 @@
 // Threads: plain values.
 #pragma once
 
+#include <optional>
+
 #include "common/geometry/geometry.h"
 
 namespace palpate::view {
@@ -40,6 +42,7 @@ class Camera {
   void Fit(const Bounds& bounds);
   // Keeps this frame upright: R_DU is a rotation. The angles stay, so the view turns.
   void SetUpright(const Mat3& R_DU) { R_DU_ = R_DU; }
+  const Mat3& upright() const { return R_DU_; }
   // Turns about the target. The elevation stays within ±89°.
   void Orbit(double azimuth_deg, double elevation_deg);
   // A factor above 1 moves closer.
@@ -64,6 +67,10 @@ class Camera {
   Mat4 ClipFromD(const ImageSize& size, const Bounds& bounds) const;
   // The ray through a point of the image, in D. Pixel centres are at halves.
   Ray RayThrough(double x_px, double y_px, const ImageSize& size) const;
+  // Where a point appears; none: it is not in front of the eye.
+  std::optional<Eigen::Vector2d> PixelOf(const Vec3& p_D, const ImageSize& size) const;
+  // The length in D that a pixel shows, across the view at the target.
+  double MmPerPixel(const ImageSize& size) const;
 
   friend bool operator==(const Camera&, const Camera&) = default;
 

@@ -1,0 +1,265 @@
+#include "client/view/app/slice_pane.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include "client/view/app/overlays.h"
+#include "client/view/app/tool_measure.h"
+#include "client/view/app/widgets.h"
+#include "client/view/scene/slice_view.h"
+#include "client/view/scene/value_window.h"
+
+namespace palpate::view {
+namespace {
+
+constexpr std::array<const char*, 3> kPlanes = {"sagittal", "coronal", "axial"};
+constexpr ImU32 kCaption = IM_COL32(255, 235, 120, 255);
+constexpr ImU32 kLetter = IM_COL32(255, 255, 255, 255);
+constexpr double kZoomPerStep = 1.2;
+
+struct Pane {
+  int world_axis;
+  ImVec2 min;
+  ImVec2 size;
+  SliceAxes axes;
+  SliceView view;
+  double position_voxels;  // across
+  AffineMap X_WI;
+
+  Vec3 PointUnder(const Eigen::Vector2d& at_px) const {
+    return view.PointAt(at_px, position_voxels);
+  }
+  SliceZoom& Zoom(ViewState& state) const {
+    return state.slice_zoom[static_cast<std::size_t>(world_axis)];
+  }
+};
+
+Pane PaneOf(const Viewer& viewer, int world_axis, const Area& area) {
+  const ViewVolume& volume = viewer.feed().volume();
+  const ViewState& state = viewer.state();
+  const AffineMap& X_WI = volume.lattice()->X_WI;
+  const SliceAxes axes = SliceInVolume(world_axis, state.slice_side, NearestAxes(X_WI.linear));
+  return {.world_axis = world_axis,
+          .min = area.min,
+          .size = area.size,
+          .axes = axes,
+          .view = SliceView(axes, volume.lattice()->size, VoxelEdges(volume.X_DI()),
+                            PixelsOf(area.size),
+                            state.slice_zoom[static_cast<std::size_t>(world_axis)]),
+          .position_voxels = state.cross_I[axes.across.axis],
+          .X_WI = X_WI};
+}
+
+Eigen::Vector2d PointerIn(const Pane& pane) {
+  const ImGuiIO& io = ImGui::GetIO();
+  return {static_cast<double>((io.MousePos.x - pane.min.x) * io.DisplayFramebufferScale.x),
+          static_cast<double>((io.MousePos.y - pane.min.y) * io.DisplayFramebufferScale.y)};
+}
+
+Eigen::Vector2d DragOfPointer() {
+  const ImGuiIO& io = ImGui::GetIO();
+  return {static_cast<double>(io.MouseDelta.x * io.DisplayFramebufferScale.x),
+          static_cast<double>(io.MouseDelta.y * io.DisplayFramebufferScale.y)};
+}
+
+// When the user has moved the cross-hair, it stops following the stylus.
+void MoveCross(Viewer& viewer, const Vec3& cross_I) {
+  const Vec3 last_I = viewer.feed().volume().lattice()->size.cast<double>() - Vec3::Ones();
+  viewer.state().cross_I = cross_I.cwiseMax(Vec3::Zero()).cwiseMin(last_I);
+  viewer.state().cross_follows_proxy = false;
+}
+
+// From slice to slice: towards left, posterior, superior.
+void TakeWheel(Viewer& viewer, const Pane& pane) {
+  const ImGuiIO& io = ImGui::GetIO();
+  if (!ImGui::IsItemHovered() || io.MouseWheel == 0.0f) return;
+  ViewState& state = viewer.state();
+  if (io.KeyCtrl) {
+    const double factor = std::pow(kZoomPerStep, static_cast<double>(io.MouseWheel));
+    pane.Zoom(state) = pane.view.ZoomedAt(PointerIn(pane), factor);
+    return;
+  }
+  const SignedAxis& across = pane.axes.across;
+  Vec3 cross_I = state.cross_I;
+  cross_I[across.axis] =
+      std::round(cross_I[across.axis]) + (io.MouseWheel > 0.0f ? across.sign : -across.sign);
+  MoveCross(viewer, cross_I);
+}
+
+void DragWindow(Viewer& viewer, const Pane& pane) {
+  SurfaceOptions& surface = viewer.state().surface;
+  const Eigen::Vector2d drag_px = DragOfPointer();
+  if (drag_px.isZero()) return;
+  const ImageSize pixels = PixelsOf(pane.size);
+  const ValueWindow window = Dragged(
+      ValueWindow::Between(surface.window_min, surface.window_max), drag_px.x(), drag_px.y(),
+      std::min(pixels.width, pixels.height), *viewer.feed().volume().lattice());
+  surface.window_min = window.min();
+  surface.window_max = window.max();
+}
+
+bool TakeMeasureInPane(Viewer& viewer, const Pane& pane) {
+  return TakeMeasurePointer(
+      viewer, {.picture = pane.world_axis,
+               .at_px = PointerIn(pane),
+               .clicked = ImGui::IsItemClicked(ImGuiMouseButton_Left) && !ImGui::GetIO().KeyShift,
+               .held = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left),
+               .right_clicked = IsRightClicked(),
+               .point_W = [&]() -> std::optional<Vec3> {
+                 return pane.X_WI.Apply(pane.PointUnder(PointerIn(pane)));
+               },
+               .appears = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
+                 return pane.view.PixelOf(pane.X_WI.Inverse().Apply(p_W));
+               }});
+}
+
+void TakeDrag(Viewer& viewer, const Pane& pane) {
+  if (!ImGui::IsItemActive()) return;
+  ViewState& state = viewer.state();
+  const bool moves = ImGui::GetIO().KeyShift || ImGui::IsMouseDown(ImGuiMouseButton_Middle);
+  if (ImGui::IsMouseDown(ImGuiMouseButton_Left) && !moves) {
+    if (state.tool != Tool::kMeasure) MoveCross(viewer, pane.PointUnder(PointerIn(pane)));
+    return;
+  }
+  // The motion to the place where the button was pressed is not part of the drag.
+  if (ImGui::IsItemActivated()) return;
+  if (moves) {
+    pane.Zoom(state) = pane.view.MovedBy(DragOfPointer());
+  } else {
+    DragWindow(viewer, pane);
+  }
+}
+
+void TakePointerInPane(Viewer& viewer, const Pane& pane) {
+  ViewState& state = viewer.state();
+  if (ImGui::IsItemHovered()) state.pointed_slice = pane.world_axis;
+  TakeWheel(viewer, pane);
+  if (TakeMeasureInPane(viewer, pane)) return;
+  TakeDrag(viewer, pane);
+  if (state.tool != Tool::kMeasure && ImGui::IsItemHovered() &&
+      ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left)) {
+    const bool fills = state.filling_slice == pane.world_axis;
+    state.filling_slice = fills ? std::nullopt : std::optional(pane.world_axis);
+  }
+}
+
+// The letters at the middles of the edges.
+void DrawLetters(const Pane& pane, const SliceAxes& in_world) {
+  const auto draw = [&](const SignedAxis& direction, float share_x, float share_y) {
+    const std::string letter(1, LetterOf(direction));
+    const ImVec2 text = ImGui::CalcTextSize(letter.c_str());
+    constexpr float kMargin = 6.0f;
+    DrawLabel({pane.min.x + kMargin + share_x * (pane.size.x - text.x - 2.0f * kMargin),
+               pane.min.y + kMargin + share_y * (pane.size.y - text.y - 2.0f * kMargin)},
+              letter, kLetter);
+  };
+  draw(in_world.right, 1.0f, 0.5f);
+  draw(-in_world.right, 0.0f, 0.5f);
+  draw(in_world.down, 0.5f, 1.0f);
+  draw(-in_world.down, 0.5f, 0.0f);
+}
+
+// The plane, and where the cross-hair is across it: in the patient's frame, with a letter or a
+// sign, and in voxels of the file.
+void DrawCaption(const Pane& pane, const ViewState& state) {
+  const SignedAxis& across = pane.axes.across;
+  const double at_mm = pane.X_WI.Apply(state.cross_I)[pane.world_axis];
+  const char letter = LetterOf({pane.world_axis, at_mm < 0.0 ? -1 : 1});
+  const std::string place = state.overlay.letters
+                                ? fmt::format("{} {:.1f}", letter, std::abs(at_mm))
+                                : fmt::format("{:.1f}", at_mm);
+  DrawLabel(
+      {pane.min.x + 5.0f, pane.min.y + 3.0f},
+      fmt::format("{}\n{} mm\n{} = {:.1f}", kPlanes[static_cast<std::size_t>(pane.world_axis)],
+                  place, "xyz"[across.axis], state.cross_I[across.axis]),
+      kCaption);
+}
+
+Eigen::Vector2d OnScreen(const Pane& pane, const Eigen::Vector2d& at_px) {
+  const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
+  return {static_cast<double>(pane.min.x) + at_px.x() / static_cast<double>(scale.x),
+          static_cast<double>(pane.min.y) + at_px.y() / static_cast<double>(scale.y)};
+}
+
+// Distances in this slice; those that pass through it are faint, others are not shown.
+void DrawDistances(const Pane& pane, const ViewState& state) {
+  const AffineMap X_IW = pane.X_WI.Inverse();
+  const auto away = [&](const Vec3& p_W) {
+    return X_IW.Apply(p_W)[pane.axes.across.axis] - pane.position_voxels;
+  };
+  const auto strength = [&](const Distance& distance) {
+    const double from = away(distance.from_W), to = away(distance.to_W);
+    if (std::max(std::abs(from), std::abs(to)) <= 0.75) return 1.0;
+    return from * to <= 0.0 || std::min(std::abs(from), std::abs(to)) <= 0.75 ? 0.35 : 0.0;
+  };
+  const auto on_screen = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
+    return OnScreen(pane, pane.view.PixelOf(X_IW.Apply(p_W)));
+  };
+  std::optional<Vec3> pointed_W;
+  if (ImGui::IsItemHovered() && state.tool == Tool::kMeasure) {
+    pointed_W = pane.X_WI.Apply(pane.PointUnder(PointerIn(pane)));
+  }
+  DrawMeasures(state.measure, {.on_screen = on_screen, .strength = strength}, pointed_W);
+}
+
+void DrawPaneScaleBar(const Pane& pane, float scale) {
+  const int axis = pane.axes.right.axis;
+  const double voxel_mm = pane.X_WI.linear.col(axis).norm();
+  const double px_per_voxel = std::abs(pane.view.px_per_voxel().x()) /
+                              static_cast<double>(ImGui::GetIO().DisplayFramebufferScale.x);
+  DrawScaleBar(FitScaleBar(voxel_mm / px_per_voxel,
+                           static_cast<double>(std::min(0.3f * pane.size.x, 140.0f * scale))),
+               {pane.min.x + pane.size.x - 10.0f * scale, pane.min.y + 4.0f});
+}
+
+}  // namespace
+
+void DrawSlicePane(Viewer& viewer, int world_axis, const Area& area, float scale) {
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0.0f, 0.0f});
+  BeginPanel(kPlanes[static_cast<std::size_t>(world_axis)], area,
+             ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoNav);
+  ImGui::PopStyleVar();
+  ImGui::InvisibleButton("slice", area.size,
+                         ImGuiButtonFlags_MouseButtonLeft | ImGuiButtonFlags_MouseButtonRight |
+                             ImGuiButtonFlags_MouseButtonMiddle);
+  TakePointerInPane(viewer, PaneOf(viewer, world_axis, area));
+  // The pointer may have moved it.
+  const Pane pane = PaneOf(viewer, world_axis, area);
+  const ViewState& state = viewer.state();
+  const unsigned texture = viewer.Slice({.picture = world_axis,
+                                         .axes = pane.axes,
+                                         .position_voxels = pane.position_voxels,
+                                         .size = PixelsOf(area.size),
+                                         .surface = state.surface,
+                                         .cross_I = state.cross_I,
+                                         .zoom = pane.Zoom(viewer.state())});
+  const ImVec2 max = {area.min.x + area.size.x, area.min.y + area.size.y};
+  ImGui::GetWindowDrawList()->AddImage(
+      reinterpret_cast<ImTextureID>(static_cast<std::uintptr_t>(texture)), area.min, max,
+      {0.0f, 1.0f}, {1.0f, 0.0f});
+  DrawDistances(pane, state);
+  DrawPaneScaleBar(pane, scale);
+  DrawCaption(pane, state);
+  if (state.overlay.letters) DrawLetters(pane, SliceInWorld(world_axis, state.slice_side));
+  if (ImGui::IsItemHovered() && pane.view.Shows(PointerIn(pane))) {
+    DrawLabel({area.min.x + 6.0f, max.y - 2.0f * ImGui::GetTextLineHeight() - 6.0f},
+              Readout(viewer, pane.PointUnder(PointerIn(pane))), kLetter);
+  }
+  ImGui::End();
+}
+
+void ZoomPointedSlice(Viewer& viewer, double factor) {
+  ViewState& state = viewer.state();
+  if (!state.pointed_slice || !viewer.feed().volume().lattice()) return;
+  // The whole size is enough: the middle of the picture stays.
+  const Area any{{0.0f, 0.0f}, {200.0f, 200.0f}};
+  const Pane pane = PaneOf(viewer, *state.pointed_slice, any);
+  const ImageSize pixels = PixelsOf(any.size);
+  pane.Zoom(state) = pane.view.ZoomedAt({0.5 * pixels.width, 0.5 * pixels.height}, factor);
+}
+
+}  // namespace palpate::view

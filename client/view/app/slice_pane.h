@@ -1,0 +1,17 @@
+// One slice on the screen, with what the pointer does in it.
+//
+// Threads: that of the frames, within a frame of Dear ImGui.
+#pragma once
+
+#include "client/view/app/layout.h"
+#include "client/view/app/viewer.h"
+
+namespace palpate::view {
+
+// The slice across an axis of W, in an area of its own. Requires a lattice.
+void DrawSlicePane(Viewer& viewer, int world_axis, const Area& area, float scale);
+
+// Zooms the slice under the pointer about its middle, for keys. Does nothing elsewhere.
+void ZoomPointedSlice(Viewer& viewer, double factor);
+
+}  // namespace palpate::view

@@ -1,0 +1,62 @@
+#include "client/view/scene/distances.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+
+namespace palpate::view {
+
+void MeasureState::AddPoint(const Vec3& p_W) {
+  if (begun_W) {
+    distances.push_back({*begun_W, p_W});
+    begun_W.reset();
+  } else {
+    begun_W = p_W;
+  }
+}
+
+void MeasureState::RemoveLast() {
+  if (begun_W) {
+    begun_W.reset();
+  } else if (!distances.empty()) {
+    distances.pop_back();
+  }
+}
+
+void MeasureState::Remove(std::size_t number) {
+  if (number < distances.size()) {
+    distances.erase(distances.begin() + static_cast<std::ptrdiff_t>(number));
+  }
+}
+
+std::string TextOf(const Distance& distance) {
+  const double mm = distance.mm();
+  return fmt::format("{:.{}f} mm", mm, mm < 1.0 ? 3 : mm < 10.0 ? 2 : 1);
+}
+
+double PixelsToLine(const Eigen::Vector2d& point_px, const Eigen::Vector2d& from_px,
+                    const Eigen::Vector2d& to_px) {
+  const Eigen::Vector2d line = to_px - from_px;
+  const double squared = line.squaredNorm();
+  const double share =
+      squared > 0.0 ? std::clamp((point_px - from_px).dot(line) / squared, 0.0, 1.0) : 0.0;
+  return (point_px - from_px - share * line).norm();
+}
+
+std::optional<std::size_t> DistanceAt(const std::vector<Distance>& distances,
+                                      const Eigen::Vector2d& point_px, double most_px,
+                                      const Appears& appears) {
+  std::optional<std::size_t> nearest;
+  for (std::size_t n = 0; n < distances.size(); ++n) {
+    const auto from_px = appears(distances[n].from_W);
+    const auto to_px = appears(distances[n].to_W);
+    if (!from_px || !to_px) continue;
+    const double away_px = PixelsToLine(point_px, *from_px, *to_px);
+    if (away_px > most_px) continue;
+    most_px = away_px;
+    nearest = n;
+  }
+  return nearest;
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,38 @@
+#include "client/view/scene/readout.h"
+
+#include <fmt/core.h>
+
+#include <cmath>
+
+#include "client/view/scene/patient_axes.h"
+
+namespace palpate::view {
+
+std::string ValueText(double value, const VolumeLattice& lattice) {
+  const bool is_whole = lattice.type != LeafType::kFloat;
+  // To a tenth, as whole numbers have no more that is of use.
+  const double shown = is_whole ? std::round(10.0 * value) / 10.0 : value;
+  const std::string number = fmt::format("{:.{}g}", shown + 0.0, is_whole ? 7 : 5);
+  return lattice.unit.empty() ? number : number + " " + lattice.unit;
+}
+
+std::string PlaceText(const Vec3& p_W, bool of_patient) {
+  std::string text;
+  for (int axis = 0; axis < 3; ++axis) {
+    // Rounded first: "R 0.0" and "-0.0" would puzzle.
+    const double at = std::round(10.0 * p_W[axis]) / 10.0 + 0.0;
+    text += of_patient
+                ? fmt::format("{} {:.1f} ", LetterOf({axis, at < 0.0 ? -1 : 1}), std::abs(at))
+                : fmt::format("{} {:.1f} ", "xyz"[axis], at);
+  }
+  return text + "mm";
+}
+
+double DeviceMmPerMm(const ViewVolume& volume) {
+  if (!volume.lattice() || !volume.X_DI()) return 1.0;
+  const double det_D = volume.X_DI()->linear.determinant();
+  const double det_W = volume.lattice()->X_WI.linear.determinant();
+  return std::cbrt(std::abs(det_D / det_W));
+}
+
+}  // namespace palpate::view
