@@ -36,9 +36,11 @@ def slice_area(number):
 def brighter(picture, number):
     """(right, up) of a slice: 1 where that half is the brighter one, otherwise -1. Letters and
     caption are beside what is looked at."""
-    left, top, edge = SLICES[0] + SLICE_STEP * number, SLICES[1], SLICE_WIDTH
-    gray = picture[top:top + edge, left:left + edge].astype(float).mean(axis=2)
-    near, far, middle = slice(45, 90), slice(135, 180), slice(90, 135)
+    left, top, right, bottom = slice_area(number)
+    middle_x, middle_y = (left + right) // 2, (top + bottom) // 2
+    part = picture[middle_y - 60:middle_y + 60, middle_x - 60:middle_x + 60]
+    gray = part.astype(float).mean(axis=2)
+    near, far, middle = slice(0, 40), slice(80, 120), slice(40, 80)
     return (np.sign(gray[middle, far].mean() - gray[middle, near].mean()),
             np.sign(gray[near, middle].mean() - gray[far, middle].mean()))
 

@@ -34,10 +34,10 @@ STATE = (306, 40, 974, 72)  # the bar that says whether forces act
 TOOLS = (306, 72, 974, 104)
 VIEW_AREA = (306, 104, 974, 554)
 VIEW = (640, 329)  # its middle
-SLICES = (306, 554, 974, 776)
+SLICES = (306, 580, 918, 776)
 PLOTS_BAR = (0, 776, 1280, 800)
 # Of a slice: its width, and the distance of their left edges.
-SLICE_WIDTH, SLICE_STEP = 221, 223
+SLICE_WIDTH, SLICE_STEP = 202, 204
 
 
 class Screen:

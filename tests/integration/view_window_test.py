@@ -248,8 +248,11 @@ class ViewPanels(OneWindow):
         left, top, _, _ = SLICE
         places = [(left + 70, top + 90), (left + 150, top + 140)]
         pictures = []
+        self.window.do("key", "c")
         for place in places:
             self.window.click(*place)
+            # Where the pointer is, the window shows the value.
+            self.window.do("mousemove", 640, 20)
             pictures.append(self.settled(self.slice))
         # The stylus moves, but the cross-hair does not; nothing but its lines has changed.
         rows, columns = np.nonzero(np.abs(pictures[0] - pictures[1]).sum(axis=2))

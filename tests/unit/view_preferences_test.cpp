@@ -27,7 +27,8 @@ const Preferences kOther{.theme = Theme::kLight,
                          .narrow_side = Side::kRight,
                          .plots_shown = true,
                          .tab = LeftTab::kEdit,
-                         .recent_files = {"/data/CT", "/data/a b.nrrd"}};
+                         .recent_files = {"/data/CT", "/data/a b.nrrd"},
+                         .slice_side = SliceSide::kNeurological};
 
 class ViewPreferences : public ::testing::Test {
  protected:
@@ -61,6 +62,18 @@ TEST_F(ViewPreferences, ComeBackAndReplaceTheOnesBefore) {
   EXPECT_EQ(ReadPreferences(file_), Preferences());
   // Nothing is left of the files before.
   EXPECT_EQ(std::distance(fs::directory_iterator(file_.parent_path()), {}), 1);
+}
+
+TEST_F(ViewPreferences, SavedViewsComeBackWithTheirVolumes) {
+  Preferences preferences;
+  preferences.saved_views = {{"head.nrrd", {{.name = "one"}, {.name = "two"}}},
+                             {"other \"volume\"", {{.name = ""}}}};
+  WritePreferences(preferences, file_);
+  EXPECT_EQ(ReadPreferences(file_), preferences);
+  // A damaged view leaves the others.
+  std::string content = Written();
+  content.replace(content.find("\"one\""), 5, "12345");
+  EXPECT_EQ(ReadOf(content).saved_views["head.nrrd"].size(), 1u);
 }
 
 TEST_F(ViewPreferences, OfADamagedFileAreTheDefaults) {

@@ -48,7 +48,7 @@ struct Options {
   std::optional<Eigen::Vector2d> window{};
   SurfaceOptions surface{};
   OverlayOptions overlay{};
-  SliceSide slice_side = SliceSide::kRadiological;
+  std::optional<SliceSide> slice_side{};  // none: as remembered
 };
 
 // Returns none if the program is done, as after --help; `exit_code` is then its exit code.

@@ -119,10 +119,10 @@ void DrawScaleBar(const ScaleBar& bar, const ImVec2& right_top) {
   }
 }
 
-std::string Readout(const Viewer& viewer, const Vec3& p_I) {
+std::string Readout(const Viewer& viewer, const Vec3& p_I, const char* between) {
   const ViewVolume& volume = viewer.feed().volume();
   const VolumeLattice& lattice = *volume.lattice();
-  return ValueText(volume.Interpolate(p_I), lattice) + "\n" +
+  return ValueText(volume.Interpolate(p_I), lattice) + between +
          PlaceText(lattice.X_WI.Apply(p_I), IsOfPatient(lattice));
 }
 
@@ -148,9 +148,10 @@ void DrawViewMarks(Viewer& viewer, const Area& view, float scale) {
     if (const auto p_D = PointedSurface(viewer, view)) {
       const Vec3 p_I = volume.X_DI()->Inverse().Apply(*p_D);
       pointed_W = volume.lattice()->X_WI.Apply(p_I);
+      // Below the messages.
       DrawLabel({view.min.x + 10.0f * scale,
-                 view.min.y + view.size.y - 2.0f * ImGui::GetTextLineHeight() - 8.0f},
-                Readout(viewer, p_I), kMark);
+                 view.min.y + view.size.y - ImGui::GetTextLineHeight() - 4.0f},
+                Readout(viewer, p_I, "   "), kMark);
     }
   }
   DrawDistancesInView(viewer, view, X_DW,

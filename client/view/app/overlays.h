@@ -27,8 +27,8 @@ void LookFromKey(Viewer& viewer, int key);
 void DrawViewMarks(Viewer& viewer, const Area& view, float scale);
 // `right_top`: the corner beside which the bar is drawn.
 void DrawScaleBar(const ScaleBar& bar, const ImVec2& right_top);
-// Value and place of a point of the volume, in two lines.
-std::string Readout(const Viewer& viewer, const Vec3& p_I);
+// Value and place of a point of the volume.
+std::string Readout(const Viewer& viewer, const Vec3& p_I, const char* between);
 
 // Distances, in a picture that shows points of W where `on_screen` says (none: not in it).
 // `strength`: how visible the line of a distance is, 0 to 1.

@@ -66,12 +66,12 @@ void EditOverlay(OverlayOptions& overlay) {
   Tip("the volume's edges");
 }
 
-void EditSides(ViewState& state) {
+void EditSides(Viewer& viewer) {
   static const char* const sides[] = {"left at the right", "left at the left"};
-  int side = static_cast<int>(state.slice_side);
-  if (Choose("Slices", side, sides, 2)) state.slice_side = static_cast<SliceSide>(side);
+  int side = static_cast<int>(viewer.slice_side());
+  if (Choose("Slices", side, sides, 2)) viewer.SetSliceSide(static_cast<SliceSide>(side));
   Tip("the patient's left: at the right is radiological, at the left neurological");
-  ImGui::Checkbox("Letters: left, right, ...", &state.overlay.letters);
+  ImGui::Checkbox("Letters: left, right, ...", &viewer.state().overlay.letters);
   Tip("the patient's sides, at the box and at the slices");
 }
 
@@ -87,7 +87,7 @@ void LookPanel(Viewer& viewer) {
   EditSurface(state.surface);
   EditVeil(state.surface.veil, min, max);
   EditOverlay(state.overlay);
-  EditSides(state);
+  EditSides(viewer);
 }
 
 }  // namespace palpate::view

@@ -13,13 +13,17 @@ std::optional<AffineMap> PlaceInD(const ViewVolume& volume) {
   return *volume.X_DI() * volume.lattice()->X_WI.Inverse();
 }
 
-void Keep(ViewState& state, const AffineMap& X_DW) {
+// A full list loses its oldest view.
+constexpr std::size_t kMostViews = 100;
+
+void Keep(ViewState& state, std::vector<SavedView>& views, const AffineMap& X_DW) {
   std::string name = OneLine(state.view_name, 100);
-  if (name.empty()) name = "View " + std::to_string(state.saved_views.size() + 1);
+  if (name.empty()) name = "View " + std::to_string(views.size() + 1);
   SavedView view = SaveView(name, state.camera, state.surface, state.cross_I, X_DW);
   // A name stands for one view: the newest.
-  std::erase_if(state.saved_views, [&](const SavedView& old) { return old.name == name; });
-  state.saved_views.push_back(std::move(view));
+  std::erase_if(views, [&](const SavedView& old) { return old.name == name; });
+  if (views.size() >= kMostViews) views.erase(views.begin());
+  views.push_back(std::move(view));
   state.view_name.clear();
 }
 
@@ -30,16 +34,17 @@ void SavedViewsPanel(Viewer& viewer) {
   ViewState& state = viewer.state();
   const std::optional<AffineMap> X_DW = PlaceInD(viewer.feed().volume());
   if (!X_DW) return;
+  auto& views = viewer.preferences().saved_views[viewer.feed().volume().lattice()->source];
   const char* save = "Save the view";
   ImGui::SetNextItemWidth(-ButtonWidth(save) - ImGui::GetStyle().ItemSpacing.x);
   ImGui::InputTextWithHint("##name", "its name", &state.view_name);
   Tip("a name that is there already is replaced");
   ImGui::SameLine();
-  if (ImGui::Button(save)) Keep(state, *X_DW);
+  if (ImGui::Button(save)) Keep(state, views, *X_DW);
   Tip("keeps camera, cuts, window and cross-hair");
   std::optional<std::size_t> removed;
-  for (std::size_t n = 0; n < state.saved_views.size(); ++n) {
-    const SavedView& view = state.saved_views[n];
+  for (std::size_t n = 0; n < views.size(); ++n) {
+    const SavedView& view = views[n];
     ImGui::PushID(static_cast<int>(n));
     if (ImGui::Button(view.name.c_str())) {
       ShowView(view, *X_DW, state.camera, state.surface, state.cross_I);
@@ -52,7 +57,7 @@ void SavedViewsPanel(Viewer& viewer) {
     Tip("removes this view from the list");
     ImGui::PopID();
   }
-  if (removed) state.saved_views.erase(state.saved_views.begin() + static_cast<long>(*removed));
+  if (removed) views.erase(views.begin() + static_cast<std::ptrdiff_t>(*removed));
 }
 
 }  // namespace palpate::view

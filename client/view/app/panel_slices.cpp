@@ -16,6 +16,7 @@ namespace {
 void DrawRow(Viewer& viewer, const Area& area) {
   BeginPanel("slices", area, ImGuiWindowFlags_NoScrollWithMouse);
   ViewState& state = viewer.state();
+  ImGui::SetCursorPosX(6.0f);
   ImGui::Checkbox("Follow the stylus (C)", &state.cross_follows_proxy);
   Tip("slices and cross-hair go with the stylus; otherwise they stay where they were put");
   ImGui::SameLine(0.0f, 16.0f);

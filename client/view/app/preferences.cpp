@@ -9,6 +9,8 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <utility>
+#include <vector>
 
 #include "common/files/new_file.h"
 
@@ -22,6 +24,7 @@ constexpr std::uintmax_t kMostBytes = 1 << 20;
 constexpr std::array<std::string_view, 2> kThemes = {"dark", "light"};
 constexpr std::array<std::string_view, 4> kTabs = {"surface", "look", "cut", "edit"};
 constexpr std::array<std::string_view, 2> kSides = {"left", "right"};
+constexpr std::array<std::string_view, 2> kSliceSides = {"radiological", "neurological"};
 
 fs::path FolderOf(const char* variable) {
   const char* value = std::getenv(variable);
@@ -71,6 +74,16 @@ std::string WordOf(Choice value, const std::array<std::string_view, kCount>& wor
   return std::string(words[static_cast<std::size_t>(value)]);
 }
 
+void Take(const Json& all, const char* name, std::map<std::string, std::vector<SavedView>>& value) {
+  const Json* read = Find(all, name);
+  if (!read || !read->is_object()) return;
+  for (const auto& [source, views] : read->items()) {
+    if (std::vector<SavedView> usable = ViewsOf(views.dump()); !usable.empty()) {
+      value[source] = std::move(usable);
+    }
+  }
+}
+
 Json Parse(const fs::path& file) {
   std::error_code error;
   // A pipe or a device could make the window wait for ever.
@@ -110,6 +123,8 @@ Preferences ReadPreferences(const fs::path& file) {
   Take(all, "narrow_side", kSides, read.narrow_side);
   Take(all, "tab", kTabs, read.tab);
   Take(all, "recent_files", read.recent_files);
+  Take(all, "slice_side", kSliceSides, read.slice_side);
+  Take(all, "saved_views", read.saved_views);
   if (const Json* plots = Find(all, "plots_shown"); plots && plots->is_boolean())
     read.plots_shown = plots->get<bool>();
   return read;
@@ -124,7 +139,11 @@ void WritePreferences(const Preferences& preferences, const fs::path& file) {
               {"right_shown", preferences.right_shown},
               {"narrow_side", WordOf(preferences.narrow_side, kSides)},
               {"tab", WordOf(preferences.tab, kTabs)},
-              {"recent_files", preferences.recent_files}};
+              {"recent_files", preferences.recent_files},
+              {"slice_side", WordOf(preferences.slice_side, kSliceSides)}};
+  for (const auto& [source, views] : preferences.saved_views) {
+    if (!views.empty()) all["saved_views"][source] = Json::parse(JsonOf(views));
+  }
   if (preferences.plots_shown) all["plots_shown"] = *preferences.plots_shown;
   MakeFolders(file.parent_path());
   NewFile whole(file, IfThere::kReplace, 0600);

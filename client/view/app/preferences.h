@@ -5,9 +5,13 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "client/view/scene/patient_axes.h"
+#include "client/view/scene/saved_view.h"
 
 namespace palpate::view {
 
@@ -34,6 +38,8 @@ struct Preferences {
   LeftTab tab = LeftTab::kSurface;
   // Files and folders that were opened last, newest first, as absolute paths of this machine.
   std::vector<std::string> recent_files{};
+  SliceSide slice_side = SliceSide::kRadiological;
+  std::map<std::string, std::vector<SavedView>> saved_views{};  // by the volume's source
   friend bool operator==(const Preferences&, const Preferences&) = default;
 };
 

@@ -42,7 +42,7 @@ Pane PaneOf(const Viewer& viewer, int world_axis, const Area& area) {
   const ViewVolume& volume = viewer.feed().volume();
   const ViewState& state = viewer.state();
   const AffineMap& X_WI = volume.lattice()->X_WI;
-  const SliceAxes axes = SliceInVolume(world_axis, state.slice_side, NearestAxes(X_WI.linear));
+  const SliceAxes axes = SliceInVolume(world_axis, viewer.slice_side(), NearestAxes(X_WI.linear));
   return {.world_axis = world_axis,
           .min = area.min,
           .size = area.size,
@@ -244,10 +244,10 @@ void DrawSlicePane(Viewer& viewer, int world_axis, const Area& area, float scale
   DrawDistances(pane, state);
   DrawPaneScaleBar(pane, scale);
   DrawCaption(pane, state);
-  if (state.overlay.letters) DrawLetters(pane, SliceInWorld(world_axis, state.slice_side));
+  if (state.overlay.letters) DrawLetters(pane, SliceInWorld(world_axis, viewer.slice_side()));
   if (ImGui::IsItemHovered() && pane.view.Shows(PointerIn(pane))) {
     DrawLabel({area.min.x + 6.0f, max.y - 2.0f * ImGui::GetTextLineHeight() - 6.0f},
-              Readout(viewer, pane.PointUnder(PointerIn(pane))), kLetter);
+              Readout(viewer, pane.PointUnder(PointerIn(pane)), "\n"), kLetter);
   }
   ImGui::End();
 }

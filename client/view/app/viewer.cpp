@@ -61,7 +61,6 @@ Viewer::Viewer(const Options& options)
       renderer_(static_cast<std::size_t>(options.graphics_memory_mib) << 20) {
   state_.surface = options.surface;
   state_.overlay = options.overlay;
-  state_.slice_side = options.slice_side;
 }
 
 void Viewer::Connect(const client::ServerChoice& server) {

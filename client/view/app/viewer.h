@@ -25,7 +25,6 @@
 #include "client/view/live/live_feed.h"
 #include "client/view/render/frame_renderer.h"
 #include "client/view/scene/distances.h"
-#include "client/view/scene/saved_view.h"
 
 namespace palpate::view {
 
@@ -63,15 +62,13 @@ struct ViewState {
   // The point where the slices cross.
   bool cross_follows_proxy = false;
   Vec3 cross_I = Vec3::Zero();
-  SliceSide slice_side = SliceSide::kRadiological;
   std::array<SliceZoom, 3> slice_zoom{};  // by axis of W
   std::optional<int> filling_slice{};     // the axis of the slice that fills the view's place
   std::optional<int> pointed_slice{};     // the axis of the slice under the pointer
   MeasureState measure{};
   std::optional<MeasurePress> measure_press{};
   PointedSurfaceState pointed_surface{};
-  std::vector<SavedView> saved_views{};  // of this volume
-  std::string view_name{};               // as typed
+  std::string view_name{};  // of the next saved view, as typed
 
   // True for planes that the user has placed: their offsets are valid.
   std::array<bool, std::tuple_size_v<decltype(SurfaceOptions::planes)>> planes_placed{};
@@ -137,6 +134,13 @@ class Viewer {
   // Settings of palpated that the user is changing here: the user's value until palpated has it.
   HeldValues& held() { return held_; }
   static constexpr unsigned kIsovalueControl = 1;
+
+  // As the options say, until the user chooses one in the window, which is remembered.
+  SliceSide slice_side() const { return options_.slice_side.value_or(preferences_.slice_side); }
+  void SetSliceSide(SliceSide side) {
+    options_.slice_side.reset();
+    preferences_.slice_side = side;
+  }
 
   // Shows a line to the user for some seconds.
   void Say(const std::string& message);

@@ -10,6 +10,11 @@
 #include <utility>
 
 namespace palpate::view {
+namespace {
+
+constexpr float kDoubleClick_s = 0.3f;
+
+}  // namespace
 
 WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop)
     : window_(window), stop_(std::move(stop)) {
@@ -36,6 +41,8 @@ void WindowInput::BeginFrame() {
   ReleaseKeys();
   if (ImGui::GetActiveID() != escaped_field_) escaped_field_ = 0;
   ImGuiIO& io = ImGui::GetIO();
+  // Each press and release has a frame of its own: slow frames must not part a double click.
+  io.MouseDoubleClickTime = std::max(kDoubleClick_s, 5.0f * io.DeltaTime);
   bool moved = false;
   bool clicked = false;
   way_.clear();

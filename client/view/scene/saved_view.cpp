@@ -9,7 +9,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::size_t kMostViews = 1000;
+constexpr std::size_t kMostViews = 100;
 constexpr std::size_t kMostNameBytes = 200;
 
 double ScaleOf(const AffineMap& X_DW) { return std::cbrt(std::abs(X_DW.linear.determinant())); }

@@ -52,7 +52,8 @@ SliceZoom SliceView::MovedBy(const Eigen::Vector2d& drag_px) const {
 
 SliceZoom SliceView::ShowAtMiddle(double factor, const Eigen::Vector2d& middle_voxels) const {
   if (factor <= 1.0) return {};
-  const Eigen::Vector2d most = 0.5 * lattice_voxels_;
+  // The outermost voxels.
+  const Eigen::Vector2d most = 0.5 * lattice_voxels_ - Eigen::Vector2d::Ones();
   return {factor, middle_voxels.cwiseMax(-most).cwiseMin(most)};
 }
 
