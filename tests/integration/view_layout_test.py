@@ -47,7 +47,7 @@ class Layout(DaemonTest):
                 self.assertGreaterEqual(seen[1], 200)
                 # The other side comes in place of this one, and keeps half of the window.
                 window.click(width - 20, 88)
-                window.find("Device")
+                window.find("Stiffness")
                 self.assertFalse(window.shows("Isovalue"))
                 self.assertGreaterEqual(self.view_size(window)[0], width // 2)
                 window.end()
@@ -184,3 +184,17 @@ class Layout(DaemonTest):
         window.find("Stop recording", within=RIGHT)
         self.assertEqual(window.find("Stiffness", within=RIGHT), place)
         self.conn.recording.stop()
+
+    def test_the_keyboard_does_not_drag_the_histogram(self):
+        window = self.whole()
+        before = self.conn.settings.isovalue
+        window.press("Hand (G)", within=TOOLS)
+        window.do("key", "F6")
+        window.picture()
+        # Over the heading to the histogram, while the pointer is elsewhere.
+        for key in ("Down", "Down", "space"):
+            window.do("key", key)
+            window.picture()
+        for _ in range(3):
+            window.picture()
+            self.assertEqual(self.conn.settings.isovalue, before)

@@ -119,7 +119,9 @@ class Window:
 
     def find(self, text, among=0, within=None):
         """The middle of a text in the window, once it is there; `among`: which of several, from
-        above; `within`: left, top, right, bottom of where it is looked for."""
+        above; `within`: left, top, right, bottom of where it is looked for. Moves the pointer into
+        a corner: where it rests, a tooltip covers what is below."""
+        self.do("mousemove", 1, 1)
         places = []
 
         def is_there():
@@ -143,8 +145,6 @@ class Window:
     def press(self, text, among=0, within=None):
         """Clicks on a text: a button, a tab, a check box."""
         self.click(*self.find(text, among, within))
-        # Where it rests, a tooltip would cover others.
-        self.do("mousemove", 1, 1)
 
     def tab(self, name):
         """Opens a tab on the left: Surface, Look, Cut, Edit."""

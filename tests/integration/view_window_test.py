@@ -8,12 +8,12 @@ import unittest
 import numpy as np
 import palpate
 from support import Daemon, DaemonTest, nrrd, pattern, wait_until
-from view_support import (LEFT, RIGHT, SLICE_WIDTH, SLICES, STATE, VIEW, WITHOUT_DISPLAY,
+from view_support import (LEFT, RIGHT, SLICE_WIDTH, SLICES, STATE, VIEW, VIEW_AREA, WITHOUT_DISPLAY,
                           Screen, Window, run_view)
 
 # The first slice. The series bar takes its height from the view.
 SLICE = (SLICES[0], SLICES[1], SLICES[0] + SLICE_WIDTH, SLICES[3])
-SERIES = (SLICES[0], SLICES[1] - 44, SLICES[0] + 100, SLICES[1])
+SERIES = (VIEW_AREA[0], VIEW_AREA[3] - 44, VIEW_AREA[0] + 100, VIEW_AREA[3])
 HISTOGRAM_X = (10, 290)
 POSITION_X = (372, 490, 900)  # before, within and beyond the series' slider
 

@@ -19,8 +19,8 @@ constexpr double kZoomPerStep = 1.15;
 
 // The parts of the screen in the order in which F6 goes through them, by the names of their
 // windows.
-constexpr std::array<const char*, 7> kParts = {"top",   "state",  "tools",    "left",
-                                               "right", "slices", "plots bar"};
+constexpr std::array<const char*, 6> kParts = {"top",  "state", "tools",
+                                               "left", "right", "plots bar"};
 
 void FocusNextPart() {
   const ImGuiWindow* focused = ImGui::GetCurrentContext()->NavWindow;

@@ -91,7 +91,8 @@ bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
       histogram.max(),
       {ImGui::GetCursorScreenPos(), {ImGui::GetContentRegionAvail().x, 96.0f * scale_of_screen}}};
   ImGui::InvisibleButton("histogram", scale.area.size);
-  const bool held = ImGui::IsItemActive();
+  // The keyboard can choose it, too, while the pointer is anywhere.
+  const bool held = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left);
   const auto info = viewer.feed().volume_info();
   const auto suggestions = info.value_or(client::VolumeInfo()).suggested_isovalues;
   if (ImGui::IsItemHovered() || held) {
