@@ -58,6 +58,12 @@ TEST(ViewReadout, ValuesHaveTheirUnit) {
   EXPECT_EQ(ValueText(1.25e-7, lattice), "1.25e-07");
 }
 
+TEST(ViewReadout, WideWindowsHaveNoDecimalsAndNarrowOnesAllThatTheyNeed) {
+  EXPECT_EQ(WindowText(614.5123, 359.0), "615");
+  EXPECT_EQ(WindowText(-0.2, 359.0), "0");
+  EXPECT_EQ(WindowText(0.0125, 0.05), "0.0125");
+}
+
 VolumeLattice LatticeOf(double min, double max, LeafType type, const char* unit) {
   VolumeLattice lattice;
   lattice.value_min = min;
@@ -134,7 +140,7 @@ TEST(ViewDistances, TwoPointsAreADistanceAndTheLastIsRemovedFirst) {
 }
 
 TEST(ViewDistances, APointerFindsTheNearestLineWithinReach) {
-  const Appears appears = [](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
+  const PixelOfPoint appears = [](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
     if (p_W.z() < 0.0) return std::nullopt;
     return Eigen::Vector2d(p_W.x(), p_W.y());
   };

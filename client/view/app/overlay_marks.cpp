@@ -86,9 +86,10 @@ void DrawDistance(const Distance& distance, const MeasurePicture& picture) {
   list.AddLine(ScreenOf(*from), ScreenOf(*to), color, 1.5f);
   DrawEnd(*from, color, rim);
   DrawEnd(*to, color, rim);
-  const std::string text = TextOf(distance);
+  // A line that only passes through a slice must not hide it.
+  if (strength < 1.0) return;
   const ImVec2 middle = ScreenOf(0.5 * (*from + *to));
-  DrawLabel({middle.x + 8.0f, middle.y + 6.0f}, text, color);
+  DrawLabel({middle.x + 8.0f, middle.y + 6.0f}, TextOf(distance), color);
 }
 
 }  // namespace

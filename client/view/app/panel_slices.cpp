@@ -7,6 +7,7 @@
 #include "client/view/app/panels.h"
 #include "client/view/app/slice_pane.h"
 #include "client/view/app/widgets.h"
+#include "client/view/scene/readout.h"
 #include "client/view/scene/value_window.h"
 
 namespace palpate::view {
@@ -26,7 +27,8 @@ void DrawRow(Viewer& viewer, const Area& area) {
       "back");
   const ValueWindow window =
       ValueWindow::Between(state.surface.window_min, state.surface.window_max);
-  const std::string text = fmt::format("level {:.5g}, width {:.5g}", window.level, window.width);
+  const std::string text = fmt::format("level {}, width {}", WindowText(window.level, window.width),
+                                       WindowText(window.width, window.width));
   const float x = area.size.x - ImGui::CalcTextSize(text.c_str()).x - 4.0f;
   ImGui::SameLine(0.0f, 16.0f);
   if (ImGui::GetCursorPosX() < x) {
@@ -67,7 +69,7 @@ void DrawColorBar(const Viewer& viewer, const Area& area, float scale) {
   for (const double share : {0.0, 0.5, 1.0}) {
     const double value = std::lerp(surface.window_min, surface.window_max, share);
     list.AddText({right + 3.0f * scale, y_of(share) - 0.5f * line}, color,
-                 fmt::format("{:.4g}", value).c_str());
+                 WindowText(value, surface.window_max - surface.window_min).c_str());
   }
   const double share =
       (surface.isovalue - surface.window_min) / (surface.window_max - surface.window_min);

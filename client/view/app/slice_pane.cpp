@@ -54,6 +54,12 @@ Pane PaneOf(const Viewer& viewer, int world_axis, const Area& area) {
           .X_WI = X_WI};
 }
 
+// So that the picture is not stretched.
+Area WithoutFractions(const Area& area) {
+  return {{std::floor(area.min.x), std::floor(area.min.y)},
+          {std::max(1.0f, std::floor(area.size.x)), std::max(1.0f, std::floor(area.size.y))}};
+}
+
 Eigen::Vector2d PointerIn(const Pane& pane) {
   const ImGuiIO& io = ImGui::GetIO();
   return {static_cast<double>((io.MousePos.x - pane.min.x) * io.DisplayFramebufferScale.x),
@@ -112,7 +118,7 @@ bool TakeMeasureInPane(Viewer& viewer, const Pane& pane) {
                .point_W = [&]() -> std::optional<Vec3> {
                  return pane.X_WI.Apply(pane.PointUnder(PointerIn(pane)));
                },
-               .appears = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
+               .pixel_of = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
                  return pane.view.PixelOf(pane.X_WI.Inverse().Apply(p_W));
                }});
 }
@@ -167,7 +173,9 @@ void DrawLetters(const Pane& pane, const SliceAxes& in_world) {
 // sign, and in voxels of the file.
 void DrawCaption(const Pane& pane, const ViewState& state) {
   const SignedAxis& across = pane.axes.across;
-  const double at_mm = pane.X_WI.Apply(state.cross_I)[pane.world_axis];
+  // Rounded first, so that the middle is not "A 0.0".
+  const double at_mm =
+      std::round(10.0 * pane.X_WI.Apply(state.cross_I)[pane.world_axis]) / 10.0 + 0.0;
   const char letter = LetterOf({pane.world_axis, at_mm < 0.0 ? -1 : 1});
   const std::string place = state.overlay.letters
                                 ? fmt::format("{} {:.1f}", letter, std::abs(at_mm))
@@ -218,7 +226,8 @@ void DrawPaneScaleBar(const Pane& pane, float scale) {
 
 }  // namespace
 
-void DrawSlicePane(Viewer& viewer, int world_axis, const Area& area, float scale) {
+void DrawSlicePane(Viewer& viewer, int world_axis, const Area& given, float scale) {
+  const Area area = WithoutFractions(given);
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0.0f, 0.0f});
   BeginPanel(kPlanes[static_cast<std::size_t>(world_axis)], area,
              ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoNav);

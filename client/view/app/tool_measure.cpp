@@ -30,7 +30,7 @@ bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
   }
   if (pointer.right_clicked) {
     if (const auto number =
-            DistanceAt(state.measure.distances, pointer.at_px, kNear_px, pointer.appears)) {
+            DistanceAt(state.measure.distances, pointer.at_px, kNear_px, pointer.pixel_of)) {
       state.measure.Remove(*number);
     } else {
       state.measure.begun_W.reset();
@@ -62,7 +62,7 @@ bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer) {
     const auto p_D = viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), pointer.size);
     return p_D ? std::optional(X_DW.Inverse().Apply(*p_D)) : std::nullopt;
   };
-  const auto appears = [&](const Vec3& p_W) {
+  const auto pixel_of = [&](const Vec3& p_W) {
     return camera.PixelOf(X_DW.Apply(p_W), pointer.size);
   };
   return TakeMeasurePointer(viewer, {.picture = kViewPicture,
@@ -71,7 +71,7 @@ bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer) {
                                      .held = pointer.held,
                                      .right_clicked = IsRightClicked(),
                                      .point_W = point_W,
-                                     .appears = appears});
+                                     .pixel_of = pixel_of});
 }
 
 }  // namespace palpate::view

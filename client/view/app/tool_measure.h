@@ -19,7 +19,7 @@ struct MeasurePointer {
   bool right_clicked = false;  // the right button was pressed and released without a drag
   // The point under the pointer, asked for only when needed; none: nothing is there.
   std::function<std::optional<Vec3>()> point_W;
-  Appears appears;
+  PixelOfPoint pixel_of;
 };
 
 // Does nothing unless Tool::kMeasure is chosen. Returns true if the pointer is used: until it moves

@@ -45,11 +45,11 @@ double PixelsToLine(const Eigen::Vector2d& point_px, const Eigen::Vector2d& from
 
 std::optional<std::size_t> DistanceAt(const std::vector<Distance>& distances,
                                       const Eigen::Vector2d& point_px, double most_px,
-                                      const Appears& appears) {
+                                      const PixelOfPoint& pixel_of) {
   std::optional<std::size_t> nearest;
   for (std::size_t n = 0; n < distances.size(); ++n) {
-    const auto from_px = appears(distances[n].from_W);
-    const auto to_px = appears(distances[n].to_W);
+    const auto from_px = pixel_of(distances[n].from_W);
+    const auto to_px = pixel_of(distances[n].to_W);
     if (!from_px || !to_px) continue;
     const double away_px = PixelsToLine(point_px, *from_px, *to_px);
     if (away_px > most_px) continue;

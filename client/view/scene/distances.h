@@ -41,10 +41,10 @@ double PixelsToLine(const Eigen::Vector2d& point_px, const Eigen::Vector2d& from
                     const Eigen::Vector2d& to_px);
 
 // Where a point of W appears in a picture; none: not in it.
-using Appears = std::function<std::optional<Eigen::Vector2d>(const Vec3& p_W)>;
+using PixelOfPoint = std::function<std::optional<Eigen::Vector2d>(const Vec3& p_W)>;
 // The distance whose line is nearest to a point of the picture, and at most `most_px` from it.
 std::optional<std::size_t> DistanceAt(const std::vector<Distance>& distances,
                                       const Eigen::Vector2d& point_px, double most_px,
-                                      const Appears& appears);
+                                      const PixelOfPoint& pixel_of);
 
 }  // namespace palpate::view

@@ -16,6 +16,11 @@ std::string ValueText(double value, const VolumeLattice& lattice) {
   return lattice.unit.empty() ? number : number + " " + lattice.unit;
 }
 
+std::string WindowText(double value, double width) {
+  return width >= 100.0 ? fmt::format("{:.0f}", std::round(value) + 0.0)
+                        : fmt::format("{:.4g}", value);
+}
+
 std::string PlaceText(const Vec3& p_W, bool of_patient) {
   std::string text;
   for (int axis = 0; axis < 3; ++axis) {
