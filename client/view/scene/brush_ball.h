@@ -1,0 +1,26 @@
+// The ball of the edit brush in the view.
+//
+// Frame: D (mm). Threads: pure.
+#pragma once
+
+#include "client/view/scene/overlay.h"
+#include "client/view/scene/projection.h"
+
+namespace palpate::view {
+
+// The line around a sphere as the eye sees it.
+struct SphereOutline {
+  Vec3 center_D = Vec3::Zero();
+  double radius_mm = 0.0;
+  Vec3 axis = Vec3::UnitZ();  // of length 1, to the eye
+};
+// None: the eye is within the sphere.
+std::optional<SphereOutline> OutlineOf(const Vec3& center_D, double radius_mm, const Vec3& eye_D);
+
+// Adds the ball, clear enough to see what is under it, its outline, and fainter the outline of
+// where the fade ends. What the surface hides of them is fainter, so that one sees where the ball
+// meets the surface.
+void AddBrushBall(const Vec3& center_D, double radius_mm, double fade_mm,
+                  const Projection& projection, Overlay& overlay);
+
+}  // namespace palpate::view
