@@ -80,6 +80,23 @@ TEST_F(PointerStrokeTest, FollowsTheSurfaceBetweenTheFrames) {
   EXPECT_LE(nearest_mm, 302.0);
 }
 
+TEST_F(PointerStrokeTest, DrawsTheSamePointsHoweverOftenThePointerIsSampled) {
+  const SeenSurface ridge =
+      Wall([](double x) { return 300.0f + static_cast<float>(std::abs(x - 40)); });
+  std::vector<std::optional<Vec3>> first;
+  for (const int samples : {1, 2, 7, 99, 600}) {
+    stroke_ = {};
+    drawn_ = {};
+    ASSERT_TRUE(Begin(ridge, 100.5));
+    for (int n = 1; n <= samples; ++n) MoveTo(100.5 + std::round(600.0 * n / samples));
+    if (first.empty()) first = drawn_.points;
+    ASSERT_EQ(drawn_.points.size(), first.size()) << samples;
+    for (std::size_t n = 0; n < first.size(); ++n) {
+      EXPECT_LT((*drawn_.points[n] - *first[n]).norm(), 1e-9) << samples << " " << n;
+    }
+  }
+}
+
 TEST_F(PointerStrokeTest, IsLiftedBesideTheSurfaceAndWhereItJumps) {
   for (const float beyond : {kNoDistance, 300.0f + 2.0f * static_cast<float>(kJump_mm), 280.0f}) {
     stroke_ = {};

@@ -32,6 +32,7 @@ bool PointerStroke::Begin(SeenSurface surface, const Eigen::Vector2d& at_px, con
   surface_ = std::move(surface);
   jump_mm_ = jump_mm;
   at_px_ = at_px;
+  since_step_px_ = 0.0;
   last_D_ = p_D;
   sink.draw(*p_D);
   return true;
@@ -40,10 +41,12 @@ bool PointerStroke::Begin(SeenSurface surface, const Eigen::Vector2d& at_px, con
 void PointerStroke::MoveTo(const Eigen::Vector2d& at_px, const ImageSize& view, const Sink& sink) {
   if (!surface_) return;
   const Eigen::Vector2d from_px = std::exchange(at_px_, at_px);
-  const int steps = static_cast<int>(std::ceil((at_px - from_px).norm() / kStep_px));
-  for (int n = 1; n <= steps; ++n) {
-    Draw(from_px + (at_px - from_px) * n / steps, view, sink);
+  const double way_px = (at_px - from_px).norm();
+  double next_px = kStep_px - since_step_px_;
+  for (; next_px <= way_px; next_px += kStep_px) {
+    Draw(from_px + (at_px - from_px) * (next_px / way_px), view, sink);
   }
+  since_step_px_ = way_px - (next_px - kStep_px);
 }
 
 void PointerStroke::Draw(const Eigen::Vector2d& at_px, const ImageSize& view, const Sink& sink) {

@@ -35,12 +35,15 @@ class PointerStroke {
   // True from Begin until the button is released, also if the stroke was broken off: the pointer
   // still belongs to the stroke.
   bool has_pointer() const { return has_pointer_; }
+  // Where the stroke is now; none: beside the surface, or broken off.
+  std::optional<Vec3> at_D() const { return surface_ ? last_D_ : std::nullopt; }
 
   // Returns false if no surface is under the pointer. `jump_mm`: a neighbour that is this much
   // farther from the eye belongs to another surface.
   bool Begin(SeenSurface surface, const Eigen::Vector2d& at_px, const ImageSize& view,
              double jump_mm, const Sink& sink);
-  // Moves along a straight line, in steps of pixels.
+  // Moves along a straight line, in equal steps. They are counted along the pointer's way from
+  // where the button was pressed, so the points do not depend on how often the pointer is sampled.
   void MoveTo(const Eigen::Vector2d& at_px, const ImageSize& view, const Sink& sink);
   // Draws nothing more until the next Begin.
   void BreakOff() { surface_.reset(); }
@@ -53,6 +56,7 @@ class PointerStroke {
   std::optional<SeenSurface> surface_;  // none: broken off
   double jump_mm_ = 0.0;
   Eigen::Vector2d at_px_ = Eigen::Vector2d::Zero();
+  double since_step_px_ = 0.0;  // the way from the last step to at_px_
   std::optional<Vec3> last_D_;  // none: the pointer was beside the surface
 };
 

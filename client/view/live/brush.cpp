@@ -1,6 +1,7 @@
 #include "client/view/live/brush.h"
 
 #include <algorithm>
+#include <exception>
 #include <mutex>
 #include <utility>
 #include <vector>
@@ -21,15 +22,6 @@ client::Edit EditOf(const BrushOptions& options) {
   edit.strength = options.strength;
   edit.falloff = options.falloff_mm;
   return edit;
-}
-
-// Extends a waiting edit to a further point.
-void Extend(client::Edit& edit, const Vec3& to_W) {
-  if (const auto* sphere = std::get_if<Sphere>(&edit.shape)) {
-    edit.shape = Capsule{sphere->center, to_W, sphere->radius};
-  } else {
-    std::get<Capsule>(edit.shape).to = to_W;
-  }
 }
 
 }  // namespace
@@ -185,13 +177,12 @@ class Brush::History {
   std::vector<BegunStroke> begun_;
 };
 
-// An edit that grows until it can be sent.
-struct Brush::Waiting {
-  std::mutex mutex;
-  std::optional<client::Edit> edit;  // none: already sent
+// The thread of the commands reads and writes it.
+struct Brush::Sent {
+  std::exception_ptr failure;  // of an edit of the stroke; null: none failed
 };
 
-Brush::Brush() : history_(std::make_shared<History>()) {}
+Brush::Brush() : history_(std::make_shared<History>()), sent_(std::make_shared<Sent>()) {}
 
 Brush::~Brush() = default;
 
@@ -211,29 +202,20 @@ void Brush::Stroke(const BrushOptions& options, const Vec3& p_D, const ViewVolum
   if (!p_W.allFinite()) return;
   if (last_W_ && (p_W - *last_W_).norm() < kWayPerRadius * options.radius_mm) return;
   const std::optional<Vec3> from_W = std::exchange(last_W_, p_W);
-  if (waiting_) {
-    const std::lock_guard lock(waiting_->mutex);
-    if (waiting_->edit) {
-      Extend(*waiting_->edit, p_W);
-      return;
-    }
-  }
-  waiting_ = std::make_shared<Waiting>();
-  client::Edit& edit = waiting_->edit.emplace(EditOf(options));
+  client::Edit edit = EditOf(options);
   if (from_W) {
     edit.shape = Capsule{*from_W, p_W, options.radius_mm};
   } else {
     edit.shape = Sphere{p_W, options.radius_mm};
   }
   history_->Ask(stroke_);
-  commands.Do("brush", [waiting = waiting_, history = history_, stroke = stroke_,
+  commands.Do("brush", [edit, sent = sent_, history = history_, stroke = stroke_,
                         connection = connection_](client::Client& client) {
-    std::unique_lock lock(waiting->mutex);
-    const client::Edit sent = *std::exchange(waiting->edit, std::nullopt);
-    lock.unlock();
     try {
-      history->Add(stroke, connection, client.Apply(sent));
-    } catch (const Error&) {
+      if (sent->failure) std::rethrow_exception(sent->failure);
+      history->Add(stroke, connection, client.Apply(edit));
+    } catch (...) {
+      sent->failure = std::current_exception();
       history->Answered(stroke);
       throw;
     }
@@ -241,13 +223,11 @@ void Brush::Stroke(const BrushOptions& options, const Vec3& p_D, const ViewVolum
   });
 }
 
-void Brush::Lift() {
-  last_W_.reset();
-  waiting_.reset();
-}
+void Brush::Lift() { last_W_.reset(); }
 
 void Brush::End() {
   Lift();
+  sent_ = std::make_shared<Sent>();
   ++stroke_;
 }
 

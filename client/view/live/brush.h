@@ -1,9 +1,11 @@
 // The edit brush: strokes of the pointer over the surface become edits of the volume. One undo
 // takes back one stroke.
 //
-// At most one edit of a stroke is running, and one waits. The waiting edit grows with the pointer
-// until it can be sent. Edits overlap along a stroke, so adding and subtracting build up, as with
-// an airbrush.
+// A stroke is a row of short capsules, a third of the radius long, which are sent one after the
+// other. Longer ones would cut through a curved surface. Edits overlap along a stroke, so adding
+// and subtracting build up, as with an airbrush: capsules that wait are not joined, because the
+// depth of a stroke would depend on how fast the daemon is. If an edit fails, the rest of its
+// stroke is dropped.
 //
 // The daemon has one history for all clients. The brush counts strokes by the volume revisions of
 // their edits. It forgets strokes that it can no longer undo alone:
@@ -39,6 +41,9 @@ struct BrushOptions {
   double value = 0.0;       // data units
   double strength = 0.5;    // for smooth and paint
 };
+
+inline constexpr double kLeastBrush_mm = 0.1;
+inline constexpr double kGreatestBrush_mm = 100.0;
 
 class Brush {
  public:
@@ -94,15 +99,15 @@ class Brush {
 
  private:
   class History;  // shared with commands
-  struct Waiting;
+  struct Sent;
 
   std::shared_ptr<History> history_;
   std::uint64_t stroke_ = 1;
   std::uint64_t daemon_id_ = 0;  // 0: not known yet
   std::uint64_t losses_ = 0;
-  std::uint64_t connection_ = 0;      // counted here; rises whenever the daemon may be another one
-  std::optional<Vec3> last_W_;        // where the newest edit of this stroke ends
-  std::shared_ptr<Waiting> waiting_;  // the newest edit of this stroke
+  std::uint64_t connection_ = 0;  // counted here; rises whenever the daemon may be another one
+  std::optional<Vec3> last_W_;    // where the newest edit of this stroke ends
+  std::shared_ptr<Sent> sent_;    // this stroke, shared with its commands
 };
 
 }  // namespace palpate::view
