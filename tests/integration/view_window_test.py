@@ -232,18 +232,6 @@ class ViewPanels(OneWindow):
         self.window.click(20, plane)
         self.assertTrue(self.becomes(whole))
 
-    def test_a_click_filters_the_volume_as_one_step(self):
-        self.window.tab("Edit")
-        before = self.conn.volume.download().values
-        revision = self.revision()
-        self.window.press("Denoise the volume", within=LEFT)
-        self.assertTrue(wait_until(lambda: self.revision() == revision + 1))
-        self.assertTrue((self.conn.volume.download().values != before).any())
-        # The brush's own undo takes it back.
-        self.window.do("key", "ctrl+z")
-        self.assertTrue(wait_until(lambda: self.revision() == revision + 2))
-        np.testing.assert_array_equal(self.conn.volume.download().values, before)
-
     def test_a_click_moves_the_cross_hair_and_ends_following(self):
         left, top, _, _ = SLICE
         places = [(left + 70, top + 90), (left + 150, top + 140)]

@@ -85,9 +85,9 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
   if (press.key == "g") ToggleTool(state, Tool::kHand);
   if (press.key == "b") ToggleTool(state, Tool::kBrush);
   if (press.key == "m") ToggleTool(state, Tool::kMeasure);
+  if (press.key == "[" || press.key == "]") GrowBrush(viewer, press.key == "]" ? 1.0 : -1.0);
   if (press.key == "h") state.overlay.haptic_surface = !state.overlay.haptic_surface;
   if (press.key == "v") state.surface.veil.shown = !state.surface.veil.shown;
-  if (press.key == "m") state.tool = state.tool == Tool::kMeasure ? Tool::kTurn : Tool::kMeasure;
   if (press.key == "delete") state.measure.RemoveLast();
   if (press.key.size() == 1 && press.key >= "1" && press.key <= "6")
     LookFromKey(viewer, press.key[0] - '0');
@@ -118,6 +118,7 @@ ViewPointer PointerOf(const Viewer& viewer, const ImVec2& min, const ImageSize& 
       .clicked = ImGui::IsItemClicked(ImGuiMouseButton_Left),
       .held = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left),
       .shift = io.KeyShift,
+      .ctrl = io.KeyCtrl,
       .wheel_steps = ImGui::IsItemHovered() ? static_cast<double>(io.MouseWheel) : 0.0};
   for (const Eigen::Vector2d& at : viewer.state().pointer_way) {
     pointer.way_px.push_back(PixelIn(min, at));
@@ -138,7 +139,15 @@ void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys) {
 void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen) {
   const ImGuiIO& io = ImGui::GetIO();
   const ImageSize size = PixelsOf(size_on_screen);
-  const ViewPointer pointer = PointerOf(viewer, min, size);
+  ViewPointer pointer = PointerOf(viewer, min, size);
+  if (TakeCutHandles(viewer, pointer)) {
+    // The tools let go of it.
+    pointer = {.size = size, .at_px = pointer.at_px, .way_px = {}};
+    TakeHand(viewer, pointer);
+    TakeBrush(viewer, pointer);
+    TakeMeasure(viewer, pointer);
+    return;
+  }
   // All of them, whichever has the pointer.
   const bool hand = TakeHand(viewer, pointer);
   const bool brush = TakeBrush(viewer, pointer);

@@ -3,41 +3,44 @@
 
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
+#include "client/view/scene/cut_rulers.h"
 
 namespace palpate::view {
 namespace {
 
-void EditCrop(CropBox& crop) {
-  static constexpr std::array<const char*, 3> names = {"Crop x", "Crop y", "Crop z"};
-  for (int axis = 0; axis < 3; ++axis) {
-    std::array<float, 2> percent = {static_cast<float>(100.0 * crop.min[axis]),
-                                    static_cast<float>(100.0 * crop.max[axis])};
-    const bool changed = ImGui::DragFloatRange2(names[static_cast<std::size_t>(axis)], &percent[0],
-                                                &percent[1], 0.3f, 0.0f, 100.0f, "%.0f %%",
-                                                "%.0f %%", ImGuiSliderFlags_AlwaysClamp);
-    Tip("the part that is shown along this axis of the volume; what is felt stays whole");
-    if (!changed) continue;
-    // At least 1 % of the volume stays visible.
-    crop.min[axis] = std::min(static_cast<double>(percent[0]) / 100.0, 0.99);
-    crop.max[axis] = std::max(static_cast<double>(percent[1]) / 100.0, crop.min[axis] + 0.01);
+// A drag moves a face by this share of the volume.
+constexpr double kSharePerPixel = 0.003;
+
+void EditCrop(CropBox& crop, const VolumeLattice& lattice) {
+  const bool of_patient = IsOfPatient(lattice);
+  static constexpr std::array<const char*, 3> kOfPatient = {"R to L", "A to P", "I to S"};
+  static constexpr std::array<const char*, 3> kOfOthers = {"Crop x", "Crop y", "Crop z"};
+  const auto rulers = RulersOf(lattice.X_WI, lattice.size);
+  for (std::size_t n = 0; n < rulers.size(); ++n) {
+    const CutRuler& ruler = rulers[n];
+    const auto [low_mm, high_mm] = FacesOnRuler(crop, ruler);
+    auto low = static_cast<float>(low_mm);
+    auto high = static_cast<float>(high_mm);
+    const auto begin = static_cast<float>(ruler.begin_mm);
+    const auto end = static_cast<float>(ruler.end_mm);
+    if (ImGui::DragFloatRange2(of_patient ? kOfPatient[n] : kOfOthers[n], &low, &high,
+                               static_cast<float>(kSharePerPixel) * (end - begin), begin, end,
+                               "%.1f mm", "%.1f mm", ImGuiSliderFlags_AlwaysClamp)) {
+      SetFacesOnRuler({static_cast<double>(low), static_cast<double>(high)}, ruler, crop);
+    }
+    Tip(of_patient ? "shows the volume from here to there; negative: right, anterior, inferior"
+                   : "shows the volume from here to there");
   }
   if (ImGui::Button("Whole volume")) crop = {};
-  Tip("show all of it again");
+  Tip("ends the cropping; planes stay");
 }
 
-// The range of the plane's offset in voxels: the extent of the lattice, with its layer of
-// background, along the plane's normal. At one end the plane cuts nothing, at the other end
-// everything.
-std::array<double, 2> Extent(const ClipPlane& plane, const Vec3i& size) {
-  const Vec3 one = -plane.normal_I;
-  const Vec3 other = plane.normal_I.cwiseProduct(size.cast<double>());
-  return {one.cwiseMin(other).sum(), one.cwiseMax(other).sum()};
-}
-
-void Place(ClipPlane& plane, const Vec3& normal_I, const Vec3i& size) {
+void Place(Viewer& viewer, std::size_t number, const Vec3& normal_I, const Vec3i& size) {
+  ClipPlane& plane = viewer.state().surface.planes[number];
   plane.normal_I = normal_I.normalized();
-  const auto [least, most] = Extent(plane, size);
+  const auto [least, most] = OffsetRange(plane.normal_I, size);
   plane.offset_voxels = 0.5 * (least + most);
+  viewer.state().cuts.pivots_I[number] = 0.5 * (size.cast<double>() - Vec3::Ones());
 }
 
 // The normal along the line of sight: the cut removes what is nearer to the viewer.
@@ -49,37 +52,54 @@ Vec3 NormalToViewer(const Viewer& viewer) {
   return X_DI ? Vec3(X_DI->linear.transpose() * normal_D) : normal_D;
 }
 
-void EditPlane(Viewer& viewer, ClipPlane& plane, int number, const Vec3i& size) {
-  bool& placed = viewer.state().planes_placed[static_cast<std::size_t>(number)];
-  ImGui::PushID(number);
+void EditOffset(ClipPlane& plane, const VolumeLattice& lattice) {
+  const auto mm = [&](double offset_voxels) {
+    return DistanceOfPlane(offset_voxels, plane.normal_I, lattice.X_WI, lattice.size);
+  };
+  const auto [least_voxels, most_voxels] = OffsetRange(plane.normal_I, lattice.size);
+  const double least_mm = mm(least_voxels);
+  const double most_mm = mm(most_voxels);
+  double offset_mm = mm(plane.offset_voxels);
+  if (ImGui::SliderScalar("Offset", ImGuiDataType_Double, &offset_mm, &least_mm, &most_mm,
+                          "%.1f mm")) {
+    plane.offset_voxels =
+        std::clamp(OffsetOfPlane(offset_mm, plane.normal_I, lattice.X_WI, lattice.size),
+                   least_voxels, most_voxels);
+  }
+  Tip("from the middle of the volume along the plane's normal");
+}
+
+void EditPlane(Viewer& viewer, std::size_t number, const VolumeLattice& lattice) {
+  ClipPlane& plane = viewer.state().surface.planes[number];
+  bool& placed = viewer.state().cuts.planes_placed[number];
+  ImGui::PushID(static_cast<int>(number));
   const std::string label = "Plane " + std::to_string(number + 1);
   if (ImGui::Checkbox(label.c_str(), &plane.on) && plane.on && !placed) {
-    Place(plane, plane.normal_I, size);
+    Place(viewer, number, plane.normal_I, lattice.size);
     placed = true;
   }
-  Tip("cut the picture at a plane; what is felt stays whole");
+  Tip("hides one side; drag its arrow or the rim of its disc in the view");
   if (plane.on) {
-    static constexpr std::array<const char*, 3> axes = {"x", "y", "z"};
+    static constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
     for (int axis = 0; axis < 3; ++axis) {
       ImGui::SameLine();
-      if (ImGui::SmallButton(axes[static_cast<std::size_t>(axis)])) {
-        Place(plane, Vec3::Unit(axis), size);
+      if (ImGui::SmallButton(kAxes[static_cast<std::size_t>(axis)])) {
+        Place(viewer, number, Vec3::Unit(axis), lattice.size);
       }
-      Tip("across this axis of the volume, through its middle");
+      Tip("across this axis of the file");
     }
     ImGui::SameLine();
-    if (ImGui::SmallButton("facing me")) Place(plane, NormalToViewer(viewer), size);
-    Tip("across the line of sight: removes what is nearer");
+    if (ImGui::SmallButton("facing me")) {
+      Place(viewer, number, NormalToViewer(viewer), lattice.size);
+    }
+    Tip("across the line of sight");
     ImGui::SameLine();
     if (ImGui::SmallButton("flip")) {
       plane.normal_I = -plane.normal_I;
       plane.offset_voxels = -plane.offset_voxels;
     }
-    Tip("remove the other side");
-    const auto [least, most] = Extent(plane, size);
-    ImGui::SliderScalar("Offset", ImGuiDataType_Double, &plane.offset_voxels, &least, &most,
-                        "%.1f voxels");
-    Tip("where the plane is along its direction; ctrl+click to type");
+    Tip("hides the other side");
+    EditOffset(plane, lattice);
   }
   ImGui::PopID();
 }
@@ -90,13 +110,12 @@ void CutsPanel(Viewer& viewer) {
   if (!ImGui::CollapsingHeader("Crop and cut")) return;
   const auto& lattice = viewer.feed().volume().lattice();
   if (!lattice) return;
+  viewer.state().cuts.panel_frame = ImGui::GetFrameCount();
   SurfaceOptions& surface = viewer.state().surface;
-  EditCrop(surface.crop);
-  for (int number = 0; number < static_cast<int>(surface.planes.size()); ++number) {
-    EditPlane(viewer, surface.planes[static_cast<std::size_t>(number)], number, lattice->size);
-  }
+  EditCrop(surface.crop, *lattice);
+  for (std::size_t n = 0; n < surface.planes.size(); ++n) EditPlane(viewer, n, *lattice);
   ImGui::Checkbox("Show values where it is cut", &surface.caps);
-  Tip("colour the cut by the volume's values; else one looks inside");
+  Tip("the cut faces show the values in the colour map; else they are open");
 }
 
 }  // namespace palpate::view

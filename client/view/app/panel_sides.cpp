@@ -25,7 +25,10 @@ void CutTab(Viewer& viewer, float /*scale*/) {
   ImGui::SetNextItemOpen(true, ImGuiCond_Once);
   CutsPanel(viewer);
 }
-void EditTab(Viewer& viewer, float /*scale*/) { BrushPanel(viewer); }
+void EditTab(Viewer& viewer, float /*scale*/) {
+  BrushPanel(viewer);
+  FilterPanel(viewer);
+}
 
 constexpr std::array<Tab, 4> kTabs = {{
     {LeftTab::kSurface, "Surface", "the surface that is seen and felt", SurfaceTab},

@@ -6,6 +6,7 @@
 
 #include "client/view/app/layout.h"
 #include "client/view/app/viewer.h"
+#include "client/view/scene/slice_view.h"
 
 namespace palpate::view {
 
@@ -30,6 +31,9 @@ void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale);
 void DrawSeriesBar(Viewer& viewer, const Area& area);
 // A slice that fills the view is in `view`; the view is in that slice's place then.
 void DrawSlices(Viewer& viewer, const SliceStrip& strip, const Area& view, float scale);
+// The brush in a slice that was just drawn at `min`.
+void DrawBrushInSlice(const Viewer& viewer, const SliceView& view, const SignedAxis& across,
+                      const ImVec2& min);
 void DrawHelp(Viewer& viewer, float scale);
 // Opens the dialog for palpated's address and our credentials. It stays until the user closes it.
 void OpenConnectDialog(Viewer& viewer);
@@ -60,6 +64,7 @@ void CutsPanel(Viewer& viewer);
 void MeasurePanel(Viewer& viewer);
 void SavedViewsPanel(Viewer& viewer);
 void BrushPanel(Viewer& viewer);
+void FilterPanel(Viewer& viewer);
 // Headings on the right.
 inline constexpr const char* kFeelHeading = "Feel, for everyone";
 inline constexpr const char* kDeviceHeading = "Device";

@@ -251,6 +251,7 @@ void DrawSlicePane(Viewer& viewer, int world_axis, const Area& given, float scal
       reinterpret_cast<ImTextureID>(static_cast<std::uintptr_t>(texture)), area.min, max,
       {0.0f, 1.0f}, {1.0f, 0.0f});
   DrawDistances(pane, state);
+  DrawBrushInSlice(viewer, pane.view, pane.axes.across, area.min);
   DrawPaneScaleBar(pane, scale);
   DrawCaption(pane, state);
   if (state.overlay.letters) DrawLetters(pane, SliceInWorld(world_axis, viewer.slice_side()));

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "client/view/scene/camera.h"
+#include "client/view/volume/view_volume.h"
 
 namespace palpate::view {
 
@@ -28,6 +29,7 @@ struct ViewPointer {
   bool clicked = false;  // the left button went down on the view
   bool held = false;     // the left button is down since a click on the view
   bool shift = false;
+  bool ctrl = false;
   double wheel_steps = 0.0;
 };
 
@@ -37,5 +39,10 @@ struct ViewPointer {
 bool TakeHand(Viewer& viewer, const ViewPointer& pointer);
 bool TakeBrush(Viewer& viewer, const ViewPointer& pointer);
 bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer);
+
+// The length in D, in mm, of one mm of the volume (W).
+double DeviceMmPerMm(const ViewVolume& volume);
+// Makes the brush's radius this many steps greater.
+void GrowBrush(Viewer& viewer, double steps);
 
 }  // namespace palpate::view

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "client/view/app/tool.h"
@@ -9,18 +10,9 @@ namespace {
 // Depths that differ by more than this many brush radii belong to different surfaces.
 constexpr double kJump_radii = 3.0;
 
-// The length in D, in mm, of one mm of the volume (W).
-double DeviceMmPerMm(const ViewVolume& volume) {
-  if (!volume.lattice() || !volume.X_DI()) return 1.0;
-  const double det_D = volume.X_DI()->linear.determinant();
-  const double det_W = volume.lattice()->X_WI.linear.determinant();
-  return std::cbrt(std::abs(det_D / det_W));
-}
+constexpr double kGrowthPerStep = 1.1;
 
-}  // namespace
-
-// A drag that begins beside the surface turns the view instead.
-bool TakeBrush(Viewer& viewer, const ViewPointer& pointer) {
+bool TakeStroke(Viewer& viewer, const ViewPointer& pointer) {
   PointerStroke& stroke = viewer.stroke();
   const ViewState& state = viewer.state();
   if (!pointer.held) {
@@ -49,6 +41,43 @@ bool TakeBrush(Viewer& viewer, const ViewPointer& pointer) {
     stroke.Begin(viewer.seen_surface(), pointer.at_px, pointer.size, jump_mm, sink);
   }
   return stroke.has_pointer();
+}
+
+// On the surface that the stroke sees; between strokes, that of the picture.
+std::optional<Vec3> PlaceOfBrush(Viewer& viewer, const ViewPointer& pointer) {
+  if (viewer.state().tool != Tool::kBrush) return std::nullopt;
+  if (viewer.stroke().has_pointer()) return viewer.stroke().at_D();
+  if (!pointer.hovered) return std::nullopt;
+  return viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), pointer.size);
+}
+
+}  // namespace
+
+double DeviceMmPerMm(const ViewVolume& volume) {
+  if (!volume.lattice() || !volume.X_DI()) return 1.0;
+  const double det_D = volume.X_DI()->linear.determinant();
+  const double det_W = volume.lattice()->X_WI.linear.determinant();
+  return std::cbrt(std::abs(det_D / det_W));
+}
+
+void GrowBrush(Viewer& viewer, double steps) {
+  ViewState& state = viewer.state();
+  if (state.tool != Tool::kBrush) return;
+  double& radius_mm = state.brush.radius_mm;
+  radius_mm =
+      std::clamp(radius_mm * std::pow(kGrowthPerStep, steps), kLeastBrush_mm, kGreatestBrush_mm);
+}
+
+// A drag that begins beside the surface turns the view instead.
+bool TakeBrush(Viewer& viewer, const ViewPointer& pointer) {
+  bool taken = TakeStroke(viewer, pointer);
+  if (viewer.state().tool == Tool::kBrush && (pointer.shift || pointer.ctrl) &&
+      pointer.wheel_steps != 0.0) {
+    GrowBrush(viewer, pointer.wheel_steps);
+    taken = true;
+  }
+  viewer.state().brush_at_D = PlaceOfBrush(viewer, pointer);
+  return taken;
 }
 
 }  // namespace palpate::view

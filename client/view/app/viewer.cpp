@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "client/view/scene/brush_ball.h"
 #include "client/view/scene/haptic_patch.h"
 #include "client/view/scene/value_window.h"
 #include "common/error/error.h"
@@ -158,11 +159,13 @@ void Viewer::BeginVolumeIfNew() {
     for (ClipPlane& plane : surface.planes) plane = {};
   }
   stroke_.BreakOff();
-  state_.planes_placed = {};
   state_.slice_zoom = {};
   state_.measure.Clear();
+  const Vec3 middle_I = 0.5 * (lattice.size.cast<double>() - Vec3::Ones());
+  state_.cuts = {};
+  state_.cuts.pivots_I.fill(middle_I);
   state_.brush.value = 0.5 * range;
-  state_.cross_I = 0.5 * (lattice.size.cast<double>() - Vec3::Ones());
+  state_.cross_I = middle_I;
   begun_ = lattice;
   actions_.Forget();
   Aim();
@@ -305,7 +308,8 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   if (const auto device = feed_.device(); device && device->device.max_force_n > 0.0) {
     scene.max_force_n = device->device.max_force_n;
   }
-  const Overlay overlay = BuildOverlay(scene, state_.overlay, state_.camera, view);
+  Overlay overlay = BuildOverlay(scene, state_.overlay, state_.camera, view);
+  AddTools(view, overlay);
   const std::uint64_t casts = renderer_.casts();
   const auto begin = Clock::now();
   renderer_.Draw(
@@ -316,6 +320,24 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   glFinish();
   last_cast_ms_ =
       std::chrono::duration<double, std::milli>(Clock::now() - begin).count() / Share(size, view);
+}
+
+// The cuts with their handles, and the brush.
+void Viewer::AddTools(const ImageSize& view, Overlay& overlay) const {
+  const Projection projection(state_.camera, view);
+  if (const std::optional<CutScene> cuts = CutSceneOf(*this)) {
+    const CropBox whole;
+    if (state_.cuts.in_use || (state_.overlay.box && cuts->cuts.crop != whole)) {
+      AddCropBox(*cuts, overlay);
+    }
+    if (state_.cuts.in_use) AddCutHandles(*cuts, LitHandle(state_.cuts), projection, overlay);
+  }
+  // Last: it is translucent, and what is within it is to be seen.
+  if (state_.brush_at_D) {
+    const double scale = DeviceMmPerMm(feed_.volume());
+    AddBrushBall(*state_.brush_at_D, scale * state_.brush.radius_mm,
+                 scale * state_.brush.falloff_mm, projection, overlay);
+  }
 }
 
 std::optional<Vec3> Viewer::SurfaceAt(double x_px, double y_px, const ImageSize& size) const {

@@ -11,16 +11,17 @@
 #include <chrono>
 #include <optional>
 #include <string>
-#include <tuple>
 #include <vector>
 
 #include "client/view/app/files.h"
+#include "client/view/app/filter_form.h"
 #include "client/view/app/held_values.h"
 #include "client/view/app/options.h"
 #include "client/view/app/pointer_stroke.h"
 #include "client/view/app/preferences.h"
 #include "client/view/app/tool.h"
 #include "client/view/app/user_actions.h"
+#include "client/view/app/tool_cuts.h"
 #include "client/view/live/brush.h"
 #include "client/view/live/live_feed.h"
 #include "client/view/render/frame_renderer.h"
@@ -58,7 +59,9 @@ struct ViewState {
   OverlayOptions overlay;
   Tool tool = Tool::kTurn;
   BrushOptions brush;
-  client::Filter denoise{};
+  // Where the brush is on the surface under the pointer, in D; none: not chosen, or beside it.
+  std::optional<Vec3> brush_at_D{};
+  FilterForm filter{};
   // The point where the slices cross.
   bool cross_follows_proxy = false;
   Vec3 cross_I = Vec3::Zero();
@@ -70,8 +73,7 @@ struct ViewState {
   PointedSurfaceState pointed_surface{};
   std::string view_name{};  // of the next saved view, as typed
 
-  // True for planes that the user has placed: their offsets are valid.
-  std::array<bool, std::tuple_size_v<decltype(SurfaceOptions::planes)>> planes_placed{};
+  CutsState cuts{};
   // The pointer's path since the last frame, in pixels of the screen.
   std::vector<Eigen::Vector2d> pointer_way{};
 
@@ -193,6 +195,7 @@ class Viewer {
   void UpdateHapticLines(const Vec3& p_I);
   // `view`: the size on the screen, for things whose size does not depend on the picture's pixels.
   void DrawAt(const ImageSize& size, const ImageSize& view);
+  void AddTools(const ImageSize& view, Overlay& overlay) const;
   std::optional<Bounds> VolumeBounds() const;
   std::optional<CameraStart> FirstLook() const;
   void AimInProfile();

@@ -15,7 +15,7 @@ void Denoiser::Start(const client::Filter& filter,
                      const std::function<void(const client::EditResult&)>& done) {
   if (commands_.busy()) return;
   progress_ = std::make_shared<Progress>();
-  commands_.Do("denoise", [filter, done, progress = progress_](client::Client& client) {
+  commands_.Do("filter", [filter, done, progress = progress_](client::Client& client) {
     done(client.RunFilter(filter, [&](const client::Progress& so_far) {
       progress->fraction = so_far.fraction;
       return !progress->is_cancelled;

@@ -1,0 +1,140 @@
+#include <algorithm>
+#include <array>
+
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+namespace {
+
+using client::Filter;
+using client::FilterKind;
+
+struct KindText {
+  const char* name;
+  const char* tip;
+};
+// In the order of FilterKind.
+constexpr std::array<KindText, 6> kKinds = {{
+    {"gaussian", "smooths noise: four means one after the other"},
+    {"mean", "the mean of the voxels around each voxel"},
+    {"median", "removes single wrong voxels and keeps edges; slow above a width of 2"},
+    {"offset", "level sets: moves the surface outwards, or inwards by a negative distance"},
+    {"mean curvature", "level sets: smooths the surface, the more the stronger it curves"},
+    {"resample", "another spacing of the voxels, for the whole volume"},
+}};
+
+void ChooseKind(Filter& filter, bool is_level_set) {
+  const auto now = static_cast<std::size_t>(filter.kind);
+  if (ImGui::BeginCombo("Filter", kKinds[now].name)) {
+    for (std::size_t n = 0; n < kKinds.size(); ++n) {
+      const auto kind = static_cast<FilterKind>(n);
+      ImGui::BeginDisabled(IsForLevelSets(kind) && !is_level_set);
+      if (ImGui::Selectable(kKinds[n].name, n == now)) filter.kind = kind;
+      ImGui::EndDisabled();
+      Tip(kKinds[n].tip);
+    }
+    ImGui::EndCombo();
+  }
+  Tip(kKinds[now].tip);
+}
+
+void EditSpacing(Filter& filter, const VolumeLattice& lattice, bool is_level_set) {
+  // None chosen yet: twice as coarse.
+  if (filter.spacing_mm.isZero(0.0)) filter.spacing_mm = 2.0 * lattice.spacing_mm;
+  const double speed = 0.005 * lattice.spacing_mm.maxCoeff();
+  static constexpr std::array<const char*, 3> kAxes = {"Spacing x", "Spacing y", "Spacing z"};
+  for (int axis = 0; axis < (is_level_set ? 1 : 3); ++axis) {
+    DragDouble(is_level_set ? "Spacing" : kAxes[static_cast<std::size_t>(axis)],
+               filter.spacing_mm[axis], speed, 1e-4, 1e4, "%.3f mm");
+    Tip("between the new voxels");
+  }
+  if (is_level_set) filter.spacing_mm = Vec3::Constant(filter.spacing_mm.x());
+}
+
+void EditParameters(Filter& filter, const VolumeLattice& lattice, bool is_level_set) {
+  if (HasRegion(filter.kind)) {
+    ImGui::SliderInt("Width", &filter.width, 1, 8, "%d voxels", ImGuiSliderFlags_AlwaysClamp);
+    Tip("as many voxels to each side");
+  }
+  if (const int most = MostIterations(filter.kind, filter.width); most > 0) {
+    filter.iterations = std::min(filter.iterations, most);
+    ImGui::SliderInt("Times", &filter.iterations, 1, most, "%d", ImGuiSliderFlags_AlwaysClamp);
+    Tip("how often the filter is applied");
+  }
+  if (filter.kind == FilterKind::kOffset) {
+    const double voxel_mm = lattice.spacing_mm.minCoeff();
+    DragDouble("Distance", filter.distance_mm, 0.02 * voxel_mm, -128.0 * voxel_mm, 128.0 * voxel_mm,
+               "%.2f mm");
+    Tip("outwards; negative: inwards");
+  }
+  if (filter.kind == FilterKind::kResample) EditSpacing(filter, lattice, is_level_set);
+}
+
+void EditRegion(FilterForm& form) {
+  if (!HasRegion(form.filter.kind)) return;
+  static const char* const regions[] = {"whole volume", "crop box", "ball at the proxy"};
+  int region = static_cast<int>(form.region);
+  if (Choose("Where", region, regions, 3)) form.region = static_cast<FilterRegion>(region);
+  Tip("the voxels that are replaced");
+  if (form.region != FilterRegion::kProxyBall) return;
+  DragDouble("Ball", form.radius_mm, 0.05, 0.1, 1000.0, "%.2f mm");
+  Tip("radius around the point where the stylus touches the surface");
+}
+
+std::optional<Vec3> ProxyInWorld(const Viewer& viewer) {
+  const ViewVolume& volume = viewer.feed().volume();
+  const auto& pose = viewer.feed().pose();
+  if (!pose || !volume.X_DI() || !volume.lattice()) return std::nullopt;
+  return volume.lattice()->X_WI.Apply(volume.X_DI()->Inverse().Apply(pose->scp_h_mm));
+}
+
+void StartOrCancel(Viewer& viewer, const VolumeLattice& lattice, bool is_level_set) {
+  Denoiser& run = viewer.feed().denoiser();
+  if (const std::optional<double> fraction = run.fraction()) {
+    ImGui::ProgressBar(static_cast<float>(*fraction),
+                       {0.58f * ImGui::GetContentRegionAvail().x, 0});
+    ImGui::SameLine();
+    if (ImGui::Button("Cancel")) run.Cancel();
+    Tip("the volume stays as it is");
+    return;
+  }
+  const FilterForm& form = viewer.state().filter;
+  const std::optional<Filter> filter =
+      FilterOf(form, viewer.state().surface.crop, lattice.size, ProxyInWorld(viewer));
+  const bool moves = form.filter.kind != FilterKind::kOffset || form.filter.distance_mm != 0.0;
+  const bool fits = is_level_set || !IsForLevelSets(form.filter.kind);
+  ImGui::BeginDisabled(!filter || !moves || !fits);
+  if (ImGui::Button("Apply the filter")) {
+    const char* name = kKinds[static_cast<std::size_t>(form.filter.kind)].name;
+    run.Start(*filter, viewer.brush().OtherStroke(name));
+  }
+  ImGui::EndDisabled();
+  Tip(fits ? "one step to undo" : "the volume is no level set");
+  SharedSign(viewer, "voxels");
+}
+
+}  // namespace
+
+void FilterPanel(Viewer& viewer) {
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Filter")) return;
+  const auto& lattice = viewer.feed().volume().lattice();
+  if (!lattice) return;
+  const std::optional<client::VolumeInfo> info = viewer.feed().volume_info();
+  const bool is_level_set = info && info->is_level_set;
+  FilterForm& form = viewer.state().filter;
+  BeginAllowed(viewer, client::Role::kEditor);
+  ChooseKind(form.filter, is_level_set);
+  EditParameters(form.filter, *lattice, is_level_set);
+  EditRegion(form);
+  StartOrCancel(viewer, *lattice, is_level_set);
+  EndAllowed();
+  if (const std::string problem = viewer.feed().denoiser().problem(); !problem.empty()) {
+    ImGui::PushStyleColor(ImGuiCol_Text, kWarning);
+    ImGui::TextWrapped("%s", OneLine(problem, 200).c_str());
+    ImGui::PopStyleColor();
+  }
+}
+
+}  // namespace palpate::view
