@@ -10,7 +10,7 @@
 namespace palpate::view {
 namespace {
 
-using Rgba = std::array<std::uint8_t, 4>;
+using PixelColor = std::array<std::uint8_t, 4>;
 
 constexpr ImageSize kSize = {800, 600};
 
@@ -32,7 +32,7 @@ client::Pose InContact() {
   return pose;
 }
 
-std::vector<SolidVertex> WithColor(const Overlay& overlay, const Rgba& rgba) {
+std::vector<SolidVertex> WithColor(const Overlay& overlay, const PixelColor& rgba) {
   std::vector<SolidVertex> found;
   for (const SolidVertex& vertex : overlay.solids) {
     if (vertex.rgba == rgba) found.push_back(vertex);
@@ -88,7 +88,7 @@ TEST(ViewOverlay, SpheresAreAroundTheirPoints) {
   const OverlayOptions options = Only(&OverlayOptions::points);
   const client::Pose pose = InContact();
   const Overlay overlay = BuildOverlay({.pose = pose}, options, {}, kSize);
-  const std::pair<Rgba, Vec3> points[] = {
+  const std::pair<PixelColor, Vec3> points[] = {
       {kHipColor, pose.hip_mm}, {kScpHColor, pose.scp_h_mm}, {kScpVColor, *pose.scp_v_mm}};
   std::size_t vertices = 0;
   for (const auto& [rgba, center_D] : points) {

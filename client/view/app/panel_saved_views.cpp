@@ -49,7 +49,7 @@ void SavedViewsPanel(Viewer& viewer) {
     if (ImGui::Button(view.name.c_str())) {
       ShowView(view, *X_DW, state.camera, state.surface, state.cross_I);
       state.cross_follows_proxy = false;
-      state.planes_placed.fill(true);
+      state.cuts.planes_placed.fill(true);
     }
     Tip("shows this view again");
     ImGui::SameLine();
