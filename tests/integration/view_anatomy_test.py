@@ -75,6 +75,12 @@ class OfPatient(DaemonTest):
         cls.addClassCleanup(cls.window.end)
         cls.window.wait_for_title("Palpate: ramp.nrrd")
         cls.coronal = Pane(cls.window, "coronal", 0)
+        cls.sagittal = Pane(cls.window, "sagittal", 1)
+
+    def setUp(self):
+        # The cross-hair in the middle of the volume.
+        for pane in (self.sagittal, self.coronal):
+            self.window.click(*(int(n) for n in pane.middle))
 
     def best(self, texts):
         """The one of some texts that the window shows, by its pixels."""
@@ -176,9 +182,7 @@ class OfPatient(DaemonTest):
     def wheel(self, button, times, *keys):
         for key in keys:
             self.window.do("keydown", key)
-        for _ in range(times):
-            self.window.do("click", button)
-            self.window.picture()
+        self.window.do("click", "--repeat", times, button)
         for key in keys:
             self.window.do("keyup", key)
 
@@ -207,7 +211,7 @@ class OfPatient(DaemonTest):
         self.assertTrue(self.shown_at((x, y), place))
         # Without ctrl: the next slice, half a voxel from the middle one.
         self.wheel(4, 1)
-        posterior = f"P {ORIGIN_MM[1] + 5 * SPACING_MM[1]:.1f} mm"
+        posterior = f"{ORIGIN_MM[1] + 5 * SPACING_MM[1]:.1f} mm"
         self.assertTrue(wait_until(lambda: self.window.shows(posterior)), posterior)
 
     def test_a_double_click_makes_a_slice_as_large_as_the_view(self):
