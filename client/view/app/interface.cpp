@@ -88,10 +88,8 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
 Interface::Interface(float screen_scale) : screen_scale_(screen_scale) {
   IMGUI_CHECKVERSION();
   ImGui::CreateContext();
-  ImGuiIO& io = ImGui::GetIO();
   // Dear ImGui has nothing to store: see Preferences.
-  io.IniFilename = nullptr;
-  io.ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
+  ImGui::GetIO().IniFilename = nullptr;
   LoadFont(screen_scale);
   SetStyle(screen_scale);
   UseTheme(look_.theme);

@@ -26,6 +26,8 @@ WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop)
   glfwSetCursorPosCallback(window, OnMove);
   glfwSetDropCallback(window, OnDrop);
   ImGui_ImplGlfw_InitForOpenGL(window, true);
+  // Dear ImGui demands keys for this, which pictures without a window do not have.
+  ImGui::GetIO().ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
   // Instead of Dear ImGui's own, which does not wait for clicks.
   glfwSetCharCallback(window, OnCharacter);
 }
