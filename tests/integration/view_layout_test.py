@@ -97,10 +97,10 @@ class Layout(DaemonTest):
             window = self.open(screen)
             size = self.view_size(window)
             window.tab("Look")
-            window.drag([(303, 400), (310, 400), (353, 400)])
-            self.assertTrue(wait_until(lambda: self.view_size(window)[0] < size[0] - 30))
+            window.drag([(303, 400), (296, 400), (253, 400)])
+            self.assertTrue(wait_until(lambda: self.view_size(window)[0] > size[0] + 30))
             window.do("key", "t", "key", "d")
-            window.find("Hide plots (D)")
+            window.find("Depth, mm")
             window.click(960, 88)  # hides the right side
             self.assertTrue(wait_until(lambda: not window.shows("Device", within=RIGHT)))
             kept = self.view_size(window)
@@ -108,7 +108,7 @@ class Layout(DaemonTest):
             self.assertEqual(window.end(), (0, ""))
             window = self.open(screen)
             window.find("Colour map", within=LEFT)
-            window.find("Hide plots (D)")
+            window.find("Depth, mm")
             self.assertEqual(self.view_size(window), kept)
             self.assertGreater(lightness(window.picture(), (20, 500, 280, 600)), 200)
 
