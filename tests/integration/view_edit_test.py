@@ -156,7 +156,7 @@ class Cutting(ViewEdit):
         view = self.view()
         red, green, blue = np.moveaxis(view, 2, 0)
         rows, columns = np.nonzero((red > 120) & (blue < 0.45 * red) & (green > 0.5 * red)
-                                   & (green < 0.8 * red))
+                                   & (green < 0.715 * red))
         return np.stack([columns - view.shape[1] // 2, rows - view.shape[0] // 2], axis=1)
 
     def open_panel(self):

@@ -54,7 +54,7 @@ void EditSpacing(Filter& filter, const VolumeLattice& lattice, bool is_level_set
 
 void EditParameters(Filter& filter, const VolumeLattice& lattice, bool is_level_set) {
   if (HasRegion(filter.kind)) {
-    ImGui::SliderInt("Width", &filter.width, 1, 8, "%d voxels", ImGuiSliderFlags_AlwaysClamp);
+    ImGui::SliderInt("Voxels around", &filter.width, 1, 8, "%d", ImGuiSliderFlags_AlwaysClamp);
     Tip("as many voxels to each side");
   }
   if (const int most = MostIterations(filter.kind, filter.width); most > 0) {
