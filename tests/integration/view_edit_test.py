@@ -72,7 +72,7 @@ class ViewEdit(DaemonTest):
         seen = [None, self.values()]
 
         def same():
-            time.sleep(0.3)
+            time.sleep(2.0)
             seen.append(self.values())
             return np.array_equal(*seen[-2:])
 
@@ -123,6 +123,9 @@ class Brush(ViewEdit):
         """A straight drag over the middle; the voxels after it."""
         samples = int(STROKE_S * samples_per_s)
         start = -STROKE_PX // 2
+        # The window shows the surface as it is: the stroke follows what is seen.
+        self.window.do("mousemove", *self.at(*BESIDE))
+        self.settled()
         self.window.do("mousemove", *self.at(start, 0), "mousedown", 1)
         # Seen by the window before the pointer goes on.
         self.window.picture()
@@ -202,6 +205,8 @@ class Filtering(ViewEdit):
     def test_a_filter_replaces_the_region_as_one_step(self):
         before = self.values()
         first = self.revision()
+        for heading in ("Isovalue", "Look", "Brush"):
+            self.window.press(heading)
         self.window.press("Apply the filter")
         self.assertTrue(wait_until(lambda: self.revision() == first + 1))
         everywhere = self.values() != before
