@@ -102,19 +102,22 @@ StylusScript::Target GuidedScript::Next(const HandState& hand, const Vec3& felt_
       goes_back_ || phase_ == Phase::kOut
           ? 1.0
           : std::clamp((kHeldForceN - felt_force_D_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
-  hand_.Follow(Goal(pace * dt_s), dt_s);
-  // Where the spring's end must be for the hand to be at hand_.p_mm.
-  const Vec3 pull_n = kHandDamperNsPerMm * hand_.v_mm_s + (kHandMassKg / kMmPerM) * hand_.a_mm_s2 -
-                      Limited(felt_force_D_n, phase_ == Phase::kOut ? kOutForceN : kHeldForceN);
-  return {.p_DTarget_mm = hand_.p_mm + pull_n / kHandSpringNPerMm, .buttons = 0};
+  hand_.Follow(Goal(pace * dt_s), kFollowS, dt_s);
+  const Vec3 held_n = Limited(felt_force_D_n, phase_ == Phase::kOut ? kOutForceN : kHeldForceN);
+  return {.p_DTarget_mm = hand_.SpringEnd(held_n), .buttons = 0};
 }
 
-// Two poles, both at 1 / kFollowS. Steps beyond 0.82 of kFollowS would swing up.
-void GuidedScript::Follower::Follow(const Vec3& p_DGoal_mm, double dt_s) {
-  const double step_s = std::min(dt_s, 0.5 * kFollowS);
-  a_mm_s2 = ((p_DGoal_mm - p_mm) / kFollowS - 2.0 * v_mm_s) / kFollowS;
-  v_mm_s += a_mm_s2 * step_s;
-  p_mm += v_mm_s * step_s;
+// Acquires, so that the plans of this time are freed. The newest one counts as new afterwards.
+void GuidedScript::ResumeAt(const HandState& hand) noexcept {
+  const TouchPlan* const plan = plans_.Acquire();
+  if (plan != nullptr && plan->makes_room) plans_.is_out.store(true, std::memory_order_relaxed);
+  plan_ = nullptr;
+  times_caught_ = 0;
+  goes_back_ = false;
+  unguided_left_s_ = 0.0;
+  normal_D_ = Vec3::Zero();
+  phase_ = Phase::kUnguided;
+  unguided_->ResumeAt(hand);
 }
 
 void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand, double dt_s) {

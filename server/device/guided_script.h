@@ -23,6 +23,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "server/device/hand_follower.h"
 #include "server/device/stylus_script.h"
 #include "server/device/touch_plan.h"
 
@@ -34,18 +35,12 @@ class GuidedScript final : public StylusScript {
   GuidedScript(std::unique_ptr<StylusScript> unguided, TouchPlanInbox& plans);
 
   Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  // Whoever leads the hand also makes room for another volume: nobody waits for the hand.
+  void ResumeAt(const HandState& hand) noexcept override;
 
  private:
   enum class Phase : std::uint8_t { kUnguided, kArc, kStroke, kOut };
   struct Nearest;
-
-  // A smooth point that follows another one, with its derivatives.
-  struct Follower {
-    Vec3 p_mm = Vec3::Zero();
-    Vec3 v_mm_s = Vec3::Zero();
-    Vec3 a_mm_s2 = Vec3::Zero();
-    void Follow(const Vec3& p_DGoal_mm, double dt_s);
-  };
 
   void TakePlan(const TouchPlan* plan, const HandState& hand, double dt_s);
   void BeginPlan(const HandState& hand);
@@ -93,7 +88,7 @@ class GuidedScript final : public StylusScript {
   double out_s_ = 0.0;            // since the way out began
   double nothing_s_ = 0.0;        // that the hand has felt nothing on a stroke
   Vec3 normal_D_ = Vec3::Zero();  // of the surface that was touched last; zero: none
-  Follower hand_;
+  HandFollower hand_;
 };
 
 }  // namespace palpate

@@ -19,6 +19,8 @@ class PathScript final : public StylusScript {
   PathScript(std::vector<Vec3> p_DWaypoints_mm, double speed_mm_s);
 
   Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  // Goes on to the next way point, from there.
+  void ResumeAt(const HandState& hand) noexcept override { target_mm_ = hand.p_DHip_mm; }
 
  private:
   std::vector<Vec3> waypoints_mm_;

@@ -20,6 +20,7 @@ class PressScript final : public StylusScript {
   PressScript(std::unique_ptr<StylusScript> script, std::uint32_t buttons);
 
   Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  void ResumeAt(const HandState& hand) noexcept override { script_->ResumeAt(hand); }
 
  private:
   std::unique_ptr<StylusScript> script_;

@@ -36,7 +36,7 @@ class StylusScript {
   // the servo thread, once a tick; must not lock, allocate, log, throw or wait.
   virtual Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept = 0;
 
-  // Something else has led the hand; the next target is to be near it. As Next.
+  // Something else has led the hand in this tick; the next target is to be near it. As Next.
   virtual void ResumeAt(const HandState& /*hand*/) noexcept {}
 };
 

@@ -1,0 +1,77 @@
+#include "server/device/led_script.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kLedFollowS = 0.008;
+constexpr double kLedStepS = 0.001;
+
+}  // namespace
+
+void LedScript::Mean::Begin(const Vec3& p_mm) { last_mm_.fill(p_mm); }
+
+Vec3 LedScript::Mean::Add(const Vec3& p_mm) {
+  last_mm_[oldest_] = p_mm;
+  oldest_ = (oldest_ + 1) % kSize;
+  // Always in the same order, and anew: a running sum would collect rounding errors for hours.
+  Vec3 sum_mm = Vec3::Zero();
+  for (const Vec3& one_mm : last_mm_) sum_mm += one_mm;
+  return sum_mm / static_cast<double>(kSize);
+}
+
+LedScript::LedScript(std::unique_ptr<StylusScript> unled, LedHand& led,
+                     const Vec3& workspace_min_mm, const Vec3& workspace_max_mm)
+    : unled_(std::move(unled)),
+      led_(led),
+      workspace_min_mm_(workspace_min_mm),
+      workspace_max_mm_(workspace_max_mm) {
+  if (unled_ == nullptr) {
+    throw Error(ErrorKind::kInvalidArgument, "a led hand needs a script for when nobody leads it");
+  }
+}
+
+StylusScript::Target LedScript::Next(const HandState& hand, const Vec3& felt_force_D_n,
+                                     double dt_s) noexcept {
+  const LedTarget& newest = led_.Newest();
+  // Without time, the hand is asked where it begins: it is nowhere yet.
+  if (!newest.is_led || !(dt_s > 0.0)) {
+    is_led_ = false;
+    return unled_->Next(hand, felt_force_D_n, dt_s);
+  }
+  if (!is_led_) Begin(hand, felt_force_D_n);
+  is_led_ = true;
+  unled_->ResumeAt(hand);
+  p_DTarget_mm_ = Vec3(newest.x_mm, newest.y_mm, newest.z_mm)
+                      .cwiseMax(workspace_min_mm_)
+                      .cwiseMin(workspace_max_mm_);
+  Follow(dt_s);
+  return {.p_DTarget_mm = hand_.SpringEnd(Vec3::Zero()), .buttons = newest.buttons};
+}
+
+// Where the spring and the force that the hand feels are in balance, so that the hand stays.
+void LedScript::Begin(const HandState& hand, const Vec3& felt_force_D_n) {
+  p_DWay_mm_ = hand.p_DHip_mm - felt_force_D_n / kHandSpringNPerMm;
+  hand_ = {.p_mm = p_DWay_mm_, .v_mm_s = hand.v_DHip_mm_s};
+  mean_.Begin(p_DWay_mm_);
+}
+
+// Late ticks are made up for in steps: the same lag, however slow the machine is.
+void LedScript::Follow(double dt_s) {
+  const int steps = std::max(1, static_cast<int>(std::lround(dt_s / kLedStepS)));
+  const double step_s = dt_s / steps;
+  for (int n = 0; n < steps; ++n) {
+    const Vec3 ahead_mm = mean_.Add(p_DTarget_mm_) - p_DWay_mm_;
+    const double most_mm = kLedMmPerS * step_s;
+    const double distance_mm = ahead_mm.norm();
+    p_DWay_mm_ += distance_mm > most_mm ? Vec3(ahead_mm * (most_mm / distance_mm)) : ahead_mm;
+    hand_.Follow(p_DWay_mm_, kLedFollowS, step_s);
+  }
+}
+
+}  // namespace palpate
