@@ -43,8 +43,10 @@ void PrintDevice(client::Calls& palpated, bool json) {
   const client::DaemonInfo info = palpated.GetDevice();
   WriteOutput(json ? ToText({{"device", ToJson(info.device)},
                              {"health", ToJson(info.health)},
-                             {"forces", ForcesJson(info)}})
-                   : Describe(info.device) + Describe(info.health) + DescribeForces(info));
+                             {"forces", ForcesJson(info)},
+                             {"hand", HandJson(info)}})
+                   : Describe(info.device) + Describe(info.health) + DescribeForces(info) +
+                         DescribeHand(info));
 }
 
 void Calibrate(client::Calls& palpated, bool json) {

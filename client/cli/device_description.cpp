@@ -41,6 +41,10 @@ Json ForcesJson(const client::DaemonInfo& daemon) {
   return object;
 }
 
+Json HandJson(const client::DaemonInfo& daemon) {
+  return {{"led_by", daemon.hand_led_by.empty() ? Json() : Json(daemon.hand_led_by)}};
+}
+
 Json CallerJson(const client::DaemonInfo& daemon) {
   return {{"identity", daemon.identity}, {"role", client::NameOf(daemon.role)}};
 }
@@ -185,6 +189,13 @@ std::string DescribeForces(const client::DaemonInfo& daemon) {
   if (!daemon.forces_set_by.empty()) {
     AppendLine(text, "", "set by " + OneLine(daemon.forces_set_by));
   }
+  return text;
+}
+
+std::string DescribeHand(const client::DaemonInfo& daemon) {
+  std::string text;
+  if (!daemon.hand_led_by.empty())
+    AppendLine(text, "hand", "led by " + OneLine(daemon.hand_led_by));
   return text;
 }
 

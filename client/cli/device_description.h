@@ -13,6 +13,8 @@ Json ToJson(const client::DeviceInfo& device);
 Json ToJson(const client::DeviceHealth& health);
 Json ToJson(const client::ForceStatus& forces);
 Json ToJson(const client::ListedDevice& device);
+// Who leads the simulated hand; null: nobody does.
+Json HandJson(const client::DaemonInfo& daemon);
 // Returns the identity and role that the daemon has verified for this client.
 Json CallerJson(const client::DaemonInfo& daemon);
 // The state of the forces, and who set it.
@@ -32,6 +34,8 @@ std::string Describe(const client::DeviceInfo& device);
 std::string Describe(const client::DeviceHealth& health);
 std::string Describe(const client::ForceStatus& forces);
 std::string DescribeForces(const client::DaemonInfo& daemon);
+// Empty if nobody leads the hand.
+std::string DescribeHand(const client::DaemonInfo& daemon);
 
 // Returns a table. Below each unusable device it says why and what to do.
 std::string Describe(const std::vector<client::ListedDevice>& list);

@@ -117,6 +117,8 @@ DeviceHealth Calls::CalibrateDevice() {
       link_->Call<Device>(&Device::Stub::CalibrateDevice, v1::CalibrateDeviceRequest()).health());
 }
 
+std::unique_ptr<HandLead> Calls::LeadHand() { return std::make_unique<HandLead>(*link_); }
+
 Activity Calls::GetActivity() {
   return FromProto(link_->Call<v1::ActivityService>(&v1::ActivityService::Stub::GetActivity,
                                                     v1::GetActivityRequest()));

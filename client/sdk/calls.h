@@ -10,7 +10,7 @@
 //
 // Paths are absolute and on the daemon's machine, unless stated otherwise.
 // Threads: call all methods from any thread, also at the same time. Calls must outlive every
-// PoseReader and future that it returned.
+// PoseReader, HandLead and future that it returned.
 // Errors: Error (common/error/error.h) with the daemon's own text. Any method may throw
 //   kUnavailable       palpated is not reached, went away, or did not answer within 5 s
 //   kPermissionDenied  our role does not allow the call
@@ -34,6 +34,7 @@
 #include "client/sdk/device.h"
 #include "client/sdk/download.h"
 #include "client/sdk/edit.h"
+#include "client/sdk/hand_lead.h"
 #include "client/sdk/placement.h"
 #include "client/sdk/pose_reader.h"
 #include "client/sdk/progress.h"
@@ -155,6 +156,8 @@ class Calls {
   // kInvalidArgument (the device has no place of rest), kFailedPrecondition (the stylus is not
   // there).
   DeviceHealth CalibrateDevice();
+  // Leads the hand of the simulated device. Returns at once, and does not connect: see HandLead.
+  std::unique_ptr<HandLead> LeadHand();
 
   // Who is connected, and who changed what.
   Activity GetActivity();

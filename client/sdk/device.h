@@ -84,6 +84,8 @@ struct DaemonInfo {
   // Who enabled, disabled or stopped forces last: "token or-2 at ipv4:192.0.2.7:51544". Empty: no
   // client since the daemon's start.
   std::string forces_set_by;
+  // Who leads the simulated hand, in the same form. Empty: nobody does.
+  std::string hand_led_by;
   ServoInfo servo;
   // The identity that the daemon has verified: "token or-2", "local socket". Empty: the daemon does
   // not say.

@@ -73,13 +73,10 @@ DeviceHealth FromProto(const v1::DeviceHealth& health) {
 }
 
 DaemonInfo FromProto(const v1::GetDeviceResponse& response) {
-  return {DeviceOf(response.device()),
-          FromProto(response.health()),
-          FromProto(response.forces()),
-          response.forces_set_by(),
-          ServoOf(response.servo()),
-          response.caller().identity(),
-          EnumOf(response.caller().role(), Role::kAdmin)};
+  return {DeviceOf(response.device()),  FromProto(response.health()),
+          FromProto(response.forces()), response.forces_set_by(),
+          response.hand_led_by(),       ServoOf(response.servo()),
+          response.caller().identity(), EnumOf(response.caller().role(), Role::kAdmin)};
 }
 
 ListedDevice FromProto(const v1::ListedDevice& device) {

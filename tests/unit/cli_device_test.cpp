@@ -74,6 +74,15 @@ TEST(DeviceWords, ForcesAreToldWithWhatToDo) {
   EXPECT_EQ(NameOf(Forces(client::ForceState::kRampIn)), "ramp in");
 }
 
+TEST(DeviceWords, ALedHandNamesItsLeader) {
+  client::DaemonInfo daemon;
+  EXPECT_EQ(DescribeHand(daemon), "");
+  EXPECT_TRUE(HandJson(daemon)["led_by"].is_null());
+  daemon.hand_led_by = "token ada at ipv4:192.0.2.7:51544";
+  EXPECT_TRUE(Has(DescribeHand(daemon), daemon.hand_led_by));
+  EXPECT_EQ(HandJson(daemon)["led_by"], daemon.hand_led_by);
+}
+
 TEST(DeviceWords, HealthLeavesOutWhatSaysNothing) {
   client::DeviceHealth health;
   health.connection = client::DeviceConnection::kStreaming;
