@@ -35,7 +35,8 @@ SessionParts::SessionParts(const LoadedConfig& loaded, const DaemonPaths& paths,
       editor(session),
       recording(session, instrument.pump,
                 {[&](const std::string& path) { return paths.clients.CheckSave(path); },
-                 [&](const std::string& path) { return paths.clients.OpenToLoad(path); }},
+                 [&](const std::string& path) { return paths.clients.OpenToLoad(path); },
+                 paths.clients.save_folders()},
                 "palpated " PALPATE_VERSION, instrument.limits, PassivityDeviceOf(session.device()),
                 [](const std::string& line, bool is_error) {
                   is_error ? LogError("{}", line) : LogWarning("{}", line);

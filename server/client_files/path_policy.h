@@ -66,6 +66,8 @@ class PathPolicy {
 
   // The real paths of all folders to load from, with links followed.
   const std::vector<std::filesystem::path>& load_folders() const { return load_folders_; }
+  // Likewise, to save to.
+  const std::vector<std::filesystem::path>& save_folders() const { return save_folders_; }
 
  private:
   std::vector<std::filesystem::path> load_folders_;

@@ -124,17 +124,21 @@ std::int64_t RecordingControl::Mark(const std::string& text) {
   return recorder->Mark(text);
 }
 
-void RecordingControl::Replay(const std::string& path, double speed,
-                              const ViewerReplayProgress& progress,
-                              const std::function<bool()>& cancelled) {
+void RecordingControl::Replay(const std::string& path, const ViewerReplayOptions& options,
+                              const ReplayReports& report, const std::function<bool()>& cancelled) {
   {
     const std::lock_guard command(commands_);
     CheckIdle();
     replaying_.store(true);
   }
   const Running running{replaying_};
+  RecordingReader all(paths_.open(path), path);
+  RecordingOutline outline = ReadOutline(all, cancelled);
   RecordingReader reader(paths_.open(path), path);
-  ReplayToViewers(session_, pump_, reader, speed, progress, cancelled);
+  const auto progress = [&](const ViewerReplayState& state) {
+    report({state, outline.ticks, std::exchange(outline.markers, {})});
+  };
+  ReplayToViewers(session_, pump_, reader, options, progress, cancelled);
 }
 
 void RecordingControl::End() noexcept {

@@ -12,8 +12,11 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "server/recording/recorder.h"
+#include "server/recording/recording_list.h"
+#include "server/recording/recording_outline.h"
 #include "server/recording/viewer_replay.h"
 #include "server/session/session.h"
 
@@ -29,10 +32,20 @@ struct RecordingStatus {
 
 // Decide which files may be written and read. Each function takes the name that a client sent.
 // `save` returns the path to write, `open` returns the open file; both throw Error to refuse.
+// `folders`: to which clients save, the one for new recordings first.
 struct RecordingPaths {
   std::function<std::filesystem::path(const std::string&)> save;
   std::function<std::unique_ptr<std::istream>(const std::string&)> open;
+  std::vector<std::filesystem::path> folders{};
 };
+
+// What a client learns of a replay: at the start all of it, then where it is.
+struct ReplayReport {
+  ViewerReplayState state{};
+  std::uint64_t total_ticks = 0;
+  std::vector<PlacedMarker> markers{};  // with the first report only
+};
+using ReplayReports = std::function<void(ReplayReport)>;
 
 class RecordingControl final : public SceneListener {
  public:
@@ -57,8 +70,16 @@ class RecordingControl final : public SceneListener {
   std::int64_t Mark(const std::string& text);
 
   // See ReplayToViewers. Also throws kConflict while a recording or a replay runs, and kNotFound.
-  void Replay(const std::string& path, double speed, const ViewerReplayProgress& progress,
-              const std::function<bool()>& cancelled);
+  void Replay(const std::string& path, const ViewerReplayOptions& options,
+              const ReplayReports& report, const std::function<bool()>& cancelled);
+
+  std::vector<ListedRecording> Recordings() const {
+    return FindRecordings(paths_.folders, paths_.open);
+  }
+  // Where new recordings belong; empty: clients may save nowhere.
+  std::filesystem::path folder() const {
+    return paths_.folders.empty() ? std::filesystem::path() : paths_.folders.front();
+  }
 
   // Closes the recording, if one runs.
   void End() noexcept;

@@ -59,19 +59,21 @@ Registration RegistrationOf(const RecordedScene& scene, const VolumeMetadata& vo
 
 class ViewerReplay {
  public:
-  ViewerReplay(Session& session, Pump& pump, RecordingReader& reader, double speed,
-               const ViewerReplayProgress& progress, const std::function<bool()>& cancelled)
+  ViewerReplay(Session& session, Pump& pump, RecordingReader& reader,
+               const ViewerReplayOptions& options, const ViewerReplayProgress& progress,
+               const std::function<bool()>& cancelled)
       : session_(session),
         pump_(pump),
         reader_(reader),
-        ahead_ms_(kAheadMs * std::max(1.0, speed)),
+        first_tick_(options.first_tick),
+        ahead_ms_(kAheadMs * std::max(1.0, options.speed)),
         progress_(progress),
         cancelled_(cancelled),
         loading_(session.BeginLoad()),
         hold_(session.store()),
         before_(session.volume()),
         follower_([this](const RecordedScene& scene) { return StartVolume(scene); }),
-        shown_(std::make_shared<ShownSamples>(speed)) {}
+        shown_(std::make_shared<ShownSamples>(options.speed)) {}
 
   void Run() {
     CheckStart();
@@ -87,6 +89,12 @@ class ViewerReplay {
   }
 
  private:
+  // How the volume is at the first tick, until it is shown so.
+  struct Start {
+    std::shared_ptr<const VolumeSnapshot> volume{};
+    std::optional<RecordedScene> scene{};
+  };
+
   // Changes nothing in the session, so it may throw without a Restore.
   void CheckStart() {
     while (!IsSceneWaiting() && read_ms_ < kLatestSceneMs && events_.size() < kMaxEventsAhead &&
@@ -96,11 +104,34 @@ class ViewerReplay {
       throw Error(ErrorKind::kInvalidArgument,
                   "the recording does not begin with a scene: it was cut, or is damaged");
     }
-    Event& first = events_.back();
-    for (RecordedEdit& edit : first.edits) follower_.Take(std::move(edit));
-    first.edits.clear();
-    start_ = follower_.Follow(*first.scene);
-    if (!start_) throw *follower_.error();
+    FollowNewest();
+    if (!start_.volume) throw *follower_.error();
+    SkipToFirstTick();
+  }
+
+  // Reads what comes before the first tick to show, and keeps only where it leads.
+  void SkipToFirstTick() {
+    while (read_ticks_ <= first_tick_ && first_tick_ > 0) {
+      for (const Event& event : events_) lost_ticks_ += event.lost_ticks;
+      events_.clear();
+      if (!ReadOne()) {
+        throw Error(ErrorKind::kInvalidArgument, "the recording has only " +
+                                                     std::to_string(read_ticks_) +
+                                                     " ticks: start at an earlier one");
+      }
+      if (IsSceneWaiting()) FollowNewest();
+    }
+  }
+
+  // The newest scene is where the replay starts, as far as its volume is known.
+  void FollowNewest() {
+    Event& event = events_.back();
+    for (RecordedEdit& edit : event.edits) follower_.Take(std::move(edit));
+    event.edits.clear();
+    if (auto volume = follower_.Follow(*event.scene)) {
+      start_ = {std::move(volume), std::move(event.scene)};
+    }
+    event.scene.reset();
   }
 
   bool IsSceneWaiting() const { return !events_.empty() && events_.back().scene; }
@@ -171,15 +202,20 @@ class ViewerReplay {
   }
 
   void Place(const TickSample& sample) {
+    if (read_ticks_++ < first_tick_) return;
     const std::uint64_t missed = missed_ticks_ ? sample.missed_ticks - *missed_ticks_ : 0;
+    // The first one is shown at once, however slow the replay is.
+    if (missed_ticks_) read_ms_ += static_cast<double>(1 + std::min(missed, kLongestPauseMs));
     missed_ticks_ = sample.missed_ticks;
-    read_ms_ += static_cast<double>(1 + std::min(missed, kLongestPauseMs));
     shown_->Add(sample, read_ms_);
   }
 
   void ApplyDue() {
     // CheckStart has already found the first scene's volume.
-    if (start_) Show(*std::exchange(start_, nullptr));
+    if (const Start start = std::exchange(start_, {}); start.volume) {
+      Show(*start.volume);
+      Put(*start.scene);
+    }
     while (!events_.empty() &&
            (position_is_end_ || events_.front().position_ms <= shown_->position_ms())) {
       Event event = std::move(events_.front());
@@ -231,12 +267,14 @@ class ViewerReplay {
   }
 
   void Report(const std::string& marker) {
-    progress_({.ticks = shown_->passed(), .lost_ticks = lost_ticks_, .marker = marker});
+    progress_(
+        {.ticks = first_tick_ + shown_->passed(), .lost_ticks = lost_ticks_, .marker = marker});
   }
 
   Session& session_;
   Pump& pump_;
   RecordingReader& reader_;
+  const std::uint64_t first_tick_;
   const double ahead_ms_;
   const ViewerReplayProgress& progress_;
   const std::function<bool()>& cancelled_;
@@ -248,12 +286,13 @@ class ViewerReplay {
 
   // State of the reading, ahead of the shown position.
   double read_ms_ = 0.0;
+  std::uint64_t read_ticks_ = 0;
   std::optional<std::uint64_t> missed_ticks_;
   std::vector<RecordedEdit> edits_;  // the edits before the next scene
   std::deque<Event> events_;
 
   bool started_ = false;
-  std::shared_ptr<const VolumeSnapshot> start_;
+  Start start_;
   bool position_is_end_ = false;
   std::optional<AffineMap> placed_;
   std::uint64_t lost_ticks_ = 0;
@@ -261,12 +300,13 @@ class ViewerReplay {
 
 }  // namespace
 
-void ReplayToViewers(Session& session, Pump& pump, RecordingReader& reader, double speed,
-                     const ViewerReplayProgress& progress, const std::function<bool()>& cancelled) {
-  if (!(speed > 0.0 && speed <= kMaxReplaySpeed)) {
+void ReplayToViewers(Session& session, Pump& pump, RecordingReader& reader,
+                     const ViewerReplayOptions& options, const ViewerReplayProgress& progress,
+                     const std::function<bool()>& cancelled) {
+  if (!(options.speed > 0.0 && options.speed <= kMaxReplaySpeed)) {
     throw Error(ErrorKind::kInvalidArgument, "the speed must be above 0 and at most 100");
   }
-  ViewerReplay(session, pump, reader, speed, progress, cancelled).Run();
+  ViewerReplay(session, pump, reader, options, progress, cancelled).Run();
 }
 
 }  // namespace palpate

@@ -21,20 +21,27 @@
 
 namespace palpate {
 
+struct ViewerReplayOptions {
+  double speed = 1.0;  // multiple of real time, above 0, at most kMaxReplaySpeed
+  // Starts at this place (recording_outline.h). What changed before it is applied at once.
+  std::uint64_t first_tick = 0;
+};
+
 struct ViewerReplayState {
-  std::uint64_t ticks = 0;       // played so far
-  std::uint64_t lost_ticks = 0;  // ticks in the gaps played so far
+  std::uint64_t ticks = 0;       // the place: ticks played so far, and those before the first one
+  std::uint64_t lost_ticks = 0;  // ticks in the gaps before
   std::string marker{};          // the marker just passed; empty: none
 };
 using ViewerReplayProgress = std::function<void(const ViewerReplayState&)>;
 
 inline constexpr double kMaxReplaySpeed = 100.0;
 
-// speed: multiple of real time, above 0, at most kMaxReplaySpeed. A gap takes at most one second of
-// the recording's time.
-// Throws Error: kInvalidArgument (speed, a recording without a scene), kConflict (the loaded volume
-// is not the recorded one, or a volume is being loaded), kCancelled.
-void ReplayToViewers(Session& session, Pump& pump, RecordingReader& reader, double speed,
-                     const ViewerReplayProgress& progress, const std::function<bool()>& cancelled);
+// A gap takes at most one second of the recording's time.
+// Throws Error: kInvalidArgument (speed, first_tick beyond the last one, a recording without a
+// scene), kConflict (the loaded volume is not the recorded one, or a volume is being loaded),
+// kCancelled.
+void ReplayToViewers(Session& session, Pump& pump, RecordingReader& reader,
+                     const ViewerReplayOptions& options, const ViewerReplayProgress& progress,
+                     const std::function<bool()>& cancelled);
 
 }  // namespace palpate

@@ -22,6 +22,20 @@ v1::RecordingState ToProto(const RecordingStatus& status) {
   return out;
 }
 
+v1::ReplayResponse ToProto(const ReplayReport& report) {
+  v1::ReplayResponse out;
+  out.set_ticks(report.state.ticks);
+  out.set_lost_ticks(report.state.lost_ticks);
+  out.set_marker(report.state.marker);
+  out.set_total_ticks(report.total_ticks);
+  for (const PlacedMarker& marker : report.markers) {
+    v1::RecordedMarker& to = *out.add_markers();
+    to.set_tick(marker.place);
+    to.set_text(marker.text);
+  }
+  return out;
+}
+
 }  // namespace
 
 Reply* RecordingService::StartRecording(CallContext* context,
@@ -69,24 +83,37 @@ Reply* RecordingService::Mark(CallContext* context, const v1::MarkRequest* reque
       [=, this](const Admission&) { response->set_time_ns(control_.Mark(request->text())); });
 }
 
+Reply* RecordingService::ListRecordings(CallContext* context,
+                                        const v1::ListRecordingsRequest* request,
+                                        v1::ListRecordingsResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.RecordingService/ListRecordings", *request,
+                       [=, this](const Admission&) {
+                         for (const ListedRecording& recording : control_.Recordings()) {
+                           v1::RecordedFile& to = *response->add_recordings();
+                           to.set_path(recording.path.string());
+                           to.set_size_bytes(recording.size_bytes);
+                           to.set_modified_s(recording.modified_s);
+                         }
+                         response->set_folder(control_.folder().string());
+                       });
+}
+
 EventStream<v1::ReplayResponse>* RecordingService::Replay(CallContext* context,
                                                           const v1::ReplayRequest* request) {
   return calls_.Stream<v1::ReplayResponse>(
       context, "/palpate.v1.RecordingService/Replay",
       [=, this](auto& events, const auto& cancelled) {
         std::uint64_t ticks = 0;
-        const auto progress = [&](const ViewerReplayState& state) {
-          ticks = state.ticks;
-          v1::ReplayResponse event;
-          event.set_ticks(state.ticks);
-          event.set_lost_ticks(state.lost_ticks);
-          event.set_marker(state.marker);
-          events.Send(std::move(event));
+        const auto report = [&](const ReplayReport& now) {
+          ticks = now.state.ticks;
+          events.Send(ToProto(now));
         };
-        LogInfo("replaying {} to viewers", request->path());
-        control_.Replay(request->path(), request->speed() == 0.0 ? 1.0 : request->speed(), progress,
-                        cancelled);
-        LogInfo("replayed {} ticks of {}", ticks, request->path());
+        const ViewerReplayOptions options = {
+            .speed = request->speed() == 0.0 ? 1.0 : request->speed(),
+            .first_tick = request->first_tick()};
+        LogInfo("replaying {} to viewers, from tick {}", request->path(), options.first_tick);
+        control_.Replay(request->path(), options, report, cancelled);
+        LogInfo("replayed {} to tick {}", request->path(), ticks);
       });
 }
 

@@ -20,6 +20,8 @@ class RecordingService final : public v1::RecordingService::CallbackService {
                       v1::GetRecordingResponse* response) override;
   Reply* Mark(CallContext* context, const v1::MarkRequest* request,
               v1::MarkResponse* response) override;
+  Reply* ListRecordings(CallContext* context, const v1::ListRecordingsRequest* request,
+                        v1::ListRecordingsResponse* response) override;
   EventStream<v1::ReplayResponse>* Replay(CallContext* context,
                                           const v1::ReplayRequest* request) override;
 

@@ -4,9 +4,11 @@
 
 #include <gtest/gtest.h>
 #include <malloc.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -34,7 +36,7 @@ using testing::Carve;
 using testing::kNever;
 using testing::Refusal;
 
-const ViewerReplayProgress kUnwatched = [](const ViewerReplayState&) {};
+const ReplayReports kUnwatched = [](const ReplayReport&) {};
 
 // All that a viewer, or a tool, gets.
 class Collector final : public SampleSink {
@@ -132,7 +134,7 @@ class RecordingControlTest : public ::testing::Test, protected testing::RunningS
   }
 
   test::TemporaryFolder folder_;
-  RecordingControl control_{session(), pump(),         {Allowed, OpenAllowed},
+  RecordingControl control_{session(), pump(),         {Allowed, OpenAllowed, {folder_.path()}},
                             "test",    SafetyLimits{}, PassivityDevice{}};
   VolumeHash recorded_hash_;
 };
@@ -148,7 +150,7 @@ TEST_F(RecordingControlTest, OneAtATimeAndOnlyWhereAllowed) {
   control_.Start(File("a"), false);
   EXPECT_EQ(Refusal([&] { control_.Start(File("b"), false); }), ErrorKind::kConflict);
   EXPECT_FALSE(std::filesystem::exists(File("b")));
-  EXPECT_EQ(Refusal([&] { control_.Replay(File("a"), 1.0, kUnwatched, kNever); }),
+  EXPECT_EQ(Refusal([&] { control_.Replay(File("a"), {}, kUnwatched, kNever); }),
             ErrorKind::kConflict);
   EXPECT_GT(control_.Mark(std::string(4096, 'x')), 0);
   control_.Stop();
@@ -164,14 +166,14 @@ TEST_F(RecordingControlTest, OneAtATimeAndOnlyWhereAllowed) {
 TEST_F(RecordingControlTest, BadReplaysAreRefusedAndChangeNothing) {
   RecordEdits("a", false);  // and keeps the edits
   const VolumeState before = session().volume();
-  const auto refusal = [&](const std::string& name, double speed = 1.0) {
-    return Refusal([&] { control_.Replay(File(name), speed, kUnwatched, kNever); });
+  const auto refusal = [&](const std::string& name, const ViewerReplayOptions& options = {}) {
+    return Refusal([&] { control_.Replay(File(name), options, kUnwatched, kNever); });
   };
   EXPECT_EQ(refusal("absent"), ErrorKind::kNotFound);
   EXPECT_EQ(refusal("forbidden"), ErrorKind::kPermissionDenied);
   EXPECT_EQ(refusal("."), ErrorKind::kInvalidArgument);
   for (const double bad : {-1.0, 0.0, 100.1, std::nan("")}) {
-    EXPECT_EQ(refusal("a", bad), ErrorKind::kInvalidArgument);
+    EXPECT_EQ(refusal("a", {.speed = bad}), ErrorKind::kInvalidArgument);
   }
   std::ofstream(File("text")) << "no recording";
   const RecordedEdit edit{.bricks = {{0, Leaf::Constant(LeafType::kFloat, 0.0f)}}};
@@ -194,7 +196,14 @@ TEST_F(RecordingControlTest, BadReplaysAreRefusedAndChangeNothing) {
   Load("builtin:gyroid:40");
   EXPECT_EQ(refusal("a"), ErrorKind::kConflict);
   Load("builtin:gyroid:32");
-  EXPECT_EQ(refusal("a", 50.0), std::nullopt);
+  EXPECT_EQ(refusal("a", {.speed = 50.0}), std::nullopt);
+  std::uint64_t total = 0;
+  control_.Replay(
+      File("a"), {.speed = 50.0}, [&](const ReplayReport& now) { total = now.total_ticks; },
+      kNever);
+  EXPECT_EQ(refusal("a", {.first_tick = total}), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(refusal("a", {.first_tick = total - 1}), std::nullopt);
+  EXPECT_EQ(session().volume().volume, volume());
 }
 
 // 200 MB of texts in a small file, between two ticks.
@@ -222,12 +231,26 @@ TEST_F(RecordingControlTest, AReplayReadsFewTextsAheadAndCanBeCancelledInTheMids
   const std::size_t before_bytes = mallinfo2().uordblks;
   std::size_t most_bytes = 0;
   int asked = 0;
+  int looks = 0;
+  bool plays = false;
   const auto cancelled = [&] {
-    most_bytes = std::max(most_bytes, mallinfo2().uordblks);
-    return ++asked == 3000;
+    // Asked for each text of the whole recording first: the question costs more than a text.
+    if (plays || ++looks % 1000 == 0) most_bytes = std::max(most_bytes, mallinfo2().uordblks);
+    return plays && ++asked == 3000;
   };
-  EXPECT_EQ(Refusal([&] { control_.Replay(File("texts"), 1.0, kUnwatched, cancelled); }),
+  std::size_t markers = 0;
+  EXPECT_EQ(Refusal([&] {
+              control_.Replay(
+                  File("texts"), {},
+                  [&](const ReplayReport& now) {
+                    plays = true;
+                    markers += now.markers.size();
+                  },
+                  cancelled);
+            }),
             ErrorKind::kCancelled);
+  EXPECT_GT(markers, 200u);
+  EXPECT_LT(markers, 260u);  // of 1 MiB
   EXPECT_LT(most_bytes, before_bytes + (32u << 20));
 }
 
@@ -257,17 +280,22 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
   std::vector<std::string> markers;
   std::uint64_t ticks = 0;
   std::set<std::uint64_t> hashes;
+  std::vector<PlacedMarker> timeline;
   control_.Replay(
-      File("a"), 1.0,
-      [&](const ViewerReplayState& state) {
-        ticks = state.ticks;
+      File("a"), {},
+      [&](const ReplayReport& now) {
+        ticks = now.state.ticks;
         hashes.insert(LiveHash().low);
-        if (!state.marker.empty()) markers.push_back(state.marker);
+        if (!now.state.marker.empty()) markers.push_back(now.state.marker);
+        timeline.insert(timeline.end(), now.markers.begin(), now.markers.end());
+        EXPECT_EQ(now.total_ticks, recorded.size());
         EXPECT_EQ(Refusal([&] { control_.Start(File("b"), false); }), ErrorKind::kConflict);
       },
       kNever);
   EXPECT_EQ(ticks, recorded.size());
   EXPECT_EQ(markers.size(), 10u);
+  ASSERT_EQ(timeline.size(), 10u);
+  for (std::size_t n = 0; n < timeline.size(); ++n) EXPECT_EQ(timeline[n].text, markers[n]);
   EXPECT_GE(hashes.size(), 3u);
   EXPECT_TRUE(hashes.contains(recorded_hash_.low));
   EXPECT_EQ(LiveHash(), HashVolume(*before.volume));
@@ -302,6 +330,77 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
   EXPECT_EQ(shown.back().hip_mm, live.back().hip_mm);
 }
 
+// The state of any tick is shown as if all before it had been played.
+TEST_F(RecordingControlTest, AReplayBeginsAnywhere) {
+  const std::vector<TickSample> recorded = RecordEdits("a");
+  RecordingReader reader(File("a"));
+  const std::vector<RecordedChunk> chunks = testing::ReadAll(reader);
+  std::mt19937_64 random(7);
+  for (int n = 0; n < 12; ++n) {
+    const std::uint64_t first = n == 0 ? recorded.size() - 1 : random() % recorded.size();
+    const std::uint64_t tick = recorded[first].tick;
+    VolumeHash expected;
+    for (const RecordedChunk& chunk : chunks) {
+      const auto* const scene = std::get_if<RecordedScene>(&chunk);
+      if (scene && scene->tick <= tick) expected = scene->volume_hash;
+    }
+    const auto viewer = std::make_shared<Collector>();
+    pump().Subscribe(viewer, Pump::Feed::kShown);
+    std::optional<VolumeHash> shown;
+    std::vector<std::uint64_t> places;
+    // So slow that nothing changes before the first look at the voxels.
+    const auto watch = [&](const ReplayReport& now) {
+      if (!shown) shown = LiveHash();
+      places.push_back(now.state.ticks);
+    };
+    const auto cancelled = [&] { return !places.empty() && places.back() > first; };
+    const auto kind = Refusal([&] {
+      control_.Replay(File("a"), {.speed = 1e-6, .first_tick = first}, watch, cancelled);
+    });
+    // The last tick's replay has ended by then.
+    if (n > 0) {
+      EXPECT_EQ(kind, ErrorKind::kCancelled);
+    }
+    EXPECT_EQ(*shown, expected) << first;
+    EXPECT_GE(places.front(), first);
+    EXPECT_LE(places.back(), first + 1);
+    const std::vector<TickSample> samples = viewer->Take();
+    EXPECT_TRUE(std::any_of(samples.begin(), samples.end(), [&](const TickSample& sample) {
+      return sample.hip_mm == recorded[first].hip_mm && sample.force_n == recorded[first].force_n &&
+             sample.scp_h_mm == recorded[first].scp_h_mm &&
+             sample.update_ns == recorded[first].update_ns;
+    })) << first;
+  }
+}
+
+TEST_F(RecordingControlTest, RecordingsAreListedByWhatTheyAre) {
+  EXPECT_TRUE(control_.Recordings().empty());
+  const auto record = [&](const std::string& name, int age_s) {
+    control_.Start(File(name), false);
+    control_.Stop();
+    std::filesystem::last_write_time(
+        File(name), std::filesystem::file_time_type::clock::now() - std::chrono::seconds(age_s));
+  };
+  record("old.palrec", 1000);
+  record("no suffix", 10);
+  std::filesystem::copy_file(File("no suffix"), File("forbidden"));
+  std::ofstream(File("a.palrec")) << "not one, whatever its name";
+  std::ofstream(File("empty.palrec")).flush();
+  record("\xc3\xa4", 2000);
+  for (const char* name : {"\xff", "\xc3", "\xed\xa0\x80", "a\nb"}) record(name, 0);
+  std::filesystem::create_directory(File("folder.palrec"));
+  std::filesystem::create_symlink("no suffix", File("link"));
+  std::filesystem::create_symlink("nowhere", File("broken"));
+  EXPECT_EQ(mkfifo(File("pipe").c_str(), 0600), 0);
+  std::vector<std::string> names;
+  for (const ListedRecording& listed : control_.Recordings()) {
+    EXPECT_EQ(listed.size_bytes, std::filesystem::file_size(listed.path));
+    names.push_back(listed.path.filename());
+  }
+  EXPECT_EQ(names, (std::vector<std::string>{"link", "no suffix", "old.palrec", "\xc3\xa4"}));
+  EXPECT_EQ(control_.folder(), folder_.path());
+}
+
 TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
   RecordEdits("a");
   const VolumeHash before = LiveHash();
@@ -309,8 +408,8 @@ TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
   std::atomic<bool> changed{false};
   EXPECT_EQ(Refusal([&] {
               control_.Replay(
-                  File("a"), 0.5,
-                  [&](const ViewerReplayState&) { changed = changed || LiveHash() != before; },
+                  File("a"), {.speed = 0.5},
+                  [&](const ReplayReport&) { changed = changed || LiveHash() != before; },
                   [&] { return changed.load(); });
             }),
             ErrorKind::kCancelled);
@@ -342,8 +441,8 @@ TEST_F(RecordingControlTest, TheVolumeLiesWhereItDid) {
   session().Move([&](const VolumeState&) { return before.registration; });
   double farthest_mm = 0.0;
   control_.Replay(
-      File("a"), 1.0,
-      [&](const ViewerReplayState&) {
+      File("a"), {},
+      [&](const ReplayReport&) {
         const Vec3 way = session().volume().X_DI.translation - before.X_DI.translation;
         farthest_mm = std::max(farthest_mm, way.norm());
       },
@@ -364,9 +463,9 @@ TEST_F(RecordingControlTest, ALoadWhileRecording) {
   const VolumeHash before = LiveHash();
   std::uint64_t ticks = 0;
   control_.Replay(
-      File("a"), 10.0,
-      [&](const ViewerReplayState& state) {
-        ticks = state.ticks;
+      File("a"), {.speed = 10.0},
+      [&](const ReplayReport& now) {
+        ticks = now.state.ticks;
         EXPECT_EQ(LiveHash(), before);
       },
       kNever);
