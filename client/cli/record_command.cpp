@@ -1,8 +1,12 @@
 #include "client/cli/record_command.h"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <ctime>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -106,23 +110,45 @@ void Show(client::Calls& palpated, bool json) {
   if (!state.running) ThrowIfEndedEarly(state);
 }
 
-void Replay(client::Calls& palpated, const std::string& path, double speed) {
+std::string TimeText(std::uint64_t ticks) {
+  return fmt::format("{:.3f} s", static_cast<double>(ticks) * 1e-3);
+}
+
+void List(client::Calls& palpated, bool json) {
+  const client::RecordingList list = palpated.ListRecordings();
+  Json files = Json::array();
+  std::string text;
+  for (const client::RecordedFile& file : list.recordings) {
+    files.push_back(
+        {{"path", file.path}, {"size_bytes", file.size_bytes}, {"modified_s", file.modified_s}});
+    text += fmt::format("{:%Y-%m-%d %H:%M}  {:8.1f} MB  {}\n",
+                        fmt::localtime(static_cast<std::time_t>(file.modified_s)),
+                        static_cast<double>(file.size_bytes) * 1e-6, OneLine(file.path));
+  }
+  WriteOutput(json           ? ToText({{"folder", list.folder}, {"recordings", files}})
+              : text.empty() ? "no recordings\n"
+                             : text);
+}
+
+void Replay(client::Calls& palpated, const std::string& path,
+            const client::ReplayOptions& options) {
   const Interrupt interrupt;
   client::ReplayState last;
   {
     StatusLine line;
     last = palpated.Replay(
-        PathThere(palpated, path), speed, [&line](const client::ReplayState& state) {
+        PathThere(palpated, path), options, [&line](const client::ReplayState& state) {
           if (!state.marker.empty()) {
             line.Clear();
-            WriteOutput(fmt::format("{:.3f} s: {}\n", static_cast<double>(state.ticks) * 1e-3,
-                                    OneLine(state.marker)));
+            WriteOutput(TimeText(state.ticks) + ": " + OneLine(state.marker) + "\n");
           }
-          line.Show(fmt::format("replaying: {} ticks, {} lost", state.ticks, state.lost_ticks));
+          line.Show(fmt::format("replaying: {} of {}, {} ticks lost", TimeText(state.ticks),
+                                TimeText(state.total_ticks), state.lost_ticks));
           return !Interrupt::IsRaised();
         });
   }
-  WriteOutput(fmt::format("replayed {} ticks, {} lost\n", last.ticks, last.lost_ticks));
+  WriteOutput(fmt::format("replayed {} ticks, {} lost\n", last.ticks - options.first_tick,
+                          last.lost_ticks));
 }
 
 arguments::Command* AddFileCommand(arguments::Command& record, const char* name,
@@ -178,6 +204,13 @@ void AddRecord(arguments::Command& app, Invocation& invocation) {
   status->callback([&invocation] {
     invocation.command = [&invocation](auto& palpated) { Show(palpated, invocation.json); };
   });
+  arguments::Command* list = record->add_subcommand(
+      "list", "Shows the recordings in the folders that palpated saves to, newest first");
+  SetFooter(*list, "Example: palpate record list --json | jq -r '.recordings[0].path'");
+  AddJson(*list, invocation);
+  list->callback([&invocation] {
+    invocation.command = [&invocation](auto& palpated) { List(palpated, invocation.json); };
+  });
 }
 
 void AddMark(arguments::Command& app, Invocation& invocation) {
@@ -197,6 +230,7 @@ void AddReplay(arguments::Command& app, Invocation& invocation) {
   struct Values {
     std::string path;
     double speed = 1.0;
+    double from_s = 0.0;
   };
   arguments::Command* command = app.add_subcommand(
       "replay",
@@ -209,9 +243,15 @@ void AddReplay(arguments::Command& app, Invocation& invocation) {
   command->add_option("--speed", values->speed, "Multiple of real time, up to 100")
       ->check(arguments::Positive(100.0))
       ->capture_default_str();
+  command
+      ->add_option("--from", values->from_s,
+                   "Begin here, s of the recording; what changed before is applied at once")
+      ->check(arguments::NonNegativeNumber())
+      ->capture_default_str();
   command->callback([&invocation, values] {
     invocation.command = [values](client::Calls& palpated) {
-      Replay(palpated, values->path, values->speed);
+      const auto first_tick = static_cast<std::uint64_t>(std::llround(values->from_s * 1e3));
+      Replay(palpated, values->path, {.speed = values->speed, .first_tick = first_tick});
     };
   });
 }

@@ -148,17 +148,25 @@ std::int64_t Calls::Mark(const std::string& text) {
   return link_->Call<Recording>(&Recording::Stub::Mark, request).time_ns();
 }
 
-ReplayState Calls::Replay(const std::string& path, double speed, const ReplayFunction& progress) {
+ReplayState Calls::Replay(const std::string& path, const ReplayOptions& options,
+                          const ReplayFunction& progress) {
   v1::ReplayRequest request;
   request.set_path(path);
-  request.set_speed(speed);
+  request.set_speed(options.speed);
+  request.set_first_tick(options.first_tick);
   ReplayState state;
   link_->Stream<Recording, v1::ReplayResponse>(
       [&](Recording::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncReplay(context, request, queue);
       },
       [&](const v1::ReplayResponse& event) {
-        state = {event.ticks(), event.lost_ticks(), event.marker()};
+        state.ticks = event.ticks();
+        state.lost_ticks = event.lost_ticks();
+        state.marker = event.marker();
+        state.total_ticks = event.total_ticks();
+        for (const v1::RecordedMarker& marker : event.markers()) {
+          state.markers.push_back({marker.tick(), marker.text()});
+        }
       },
       [&] {
         const bool goes_on = !progress || progress(state);
@@ -167,6 +175,16 @@ ReplayState Calls::Replay(const std::string& path, double speed, const ReplayFun
       },
       "the replay was cancelled");
   return state;
+}
+
+RecordingList Calls::ListRecordings() {
+  const v1::ListRecordingsResponse response =
+      link_->Call<Recording>(&Recording::Stub::ListRecordings, v1::ListRecordingsRequest());
+  RecordingList list{response.folder(), {}};
+  for (const v1::RecordedFile& file : response.recordings()) {
+    list.recordings.push_back({file.path(), file.size_bytes(), file.modified_s()});
+  }
+  return list;
 }
 
 }  // namespace palpate::client

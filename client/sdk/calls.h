@@ -168,10 +168,12 @@ class Calls {
   RecordingState GetRecording();
   // Adds a marker to the recording. Returns the marker's time, on the clock of Pose::time_ns.
   std::int64_t Mark(const std::string& text);
-  // Plays a recording to all clients that follow the poses, with forces off. `speed`: multiple of
-  // real time, at most 100. Returns the last state.
-  ReplayState Replay(const std::string& path, double speed = 1.0,
+  // Plays a recording to all clients that follow the poses, with forces off. Returns the last
+  // state.
+  ReplayState Replay(const std::string& path, const ReplayOptions& options = {},
                      const ReplayFunction& progress = {});
+  // The recordings in the folders that the daemon saves to.
+  RecordingList ListRecordings();
 
  protected:
   Link& link() { return *link_; }

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace palpate::client {
 
@@ -21,10 +22,34 @@ struct RecordingState {
   std::string left_out;
 };
 
+struct RecordedMarker {
+  std::uint64_t tick = 0;  // ticks of the recording before it
+  std::string text;
+};
+
+struct ReplayOptions {
+  double speed = 1.0;  // multiple of real time, above 0, at most 100
+  // The first tick to show, counted from the recording's first one.
+  std::uint64_t first_tick = 0;
+};
+
 struct ReplayState {
-  std::uint64_t ticks = 0;  // played so far
+  std::uint64_t ticks = 0;  // played so far, and those before the first one that was shown
   std::uint64_t lost_ticks = 0;
-  std::string marker;  // the marker passed since the last call; empty: none
+  std::string marker;                   // the marker passed since the last call; empty: none
+  std::uint64_t total_ticks = 0;        // of the whole recording
+  std::vector<RecordedMarker> markers;  // of the whole recording
+};
+
+struct RecordedFile {
+  std::string path;  // absolute, on the daemon's machine
+  std::uint64_t size_bytes = 0;
+  std::int64_t modified_s = 0;  // since 1970, UTC
+};
+
+struct RecordingList {
+  std::string folder;  // where new recordings belong; empty: the daemon saves nowhere
+  std::vector<RecordedFile> recordings;  // newest first
 };
 
 // Like ProgressFunction: called on the caller's thread; false cancels. May be empty.

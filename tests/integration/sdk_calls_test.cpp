@@ -175,15 +175,28 @@ TEST_F(SdkCalls, ASeriesPlaysAndARecordingOfItIsReplayed) {
   EXPECT_FALSE(stopped.running);
   EXPECT_EQ(stopped.error, "");
   std::vector<std::string> markers;
-  const ReplayState last = p.Replay(File("a.palrec"), 10.0, [&](const ReplayState& now) {
+  const ReplayState last = p.Replay(File("a.palrec"), {.speed = 10.0}, [&](const ReplayState& now) {
     if (!now.marker.empty()) markers.push_back(now.marker);
     return true;
   });
   EXPECT_EQ(last.ticks, stopped.ticks);
   EXPECT_EQ(last.lost_ticks, stopped.lost_ticks);
   EXPECT_EQ(markers, std::vector<std::string>{"at the end"});
-  EXPECT_EQ(Refusal([&] { p.Replay(File("a.palrec"), 0.001, [](auto&) { return false; }); }),
-            ErrorKind::kCancelled);
+  EXPECT_EQ(last.total_ticks, stopped.ticks);
+  ASSERT_EQ(last.markers.size(), 1u);
+  EXPECT_EQ(last.markers[0].text, "at the end");
+  const ReplayState rest = p.Replay(File("a.palrec"), {.speed = 10.0, .first_tick = 250});
+  EXPECT_EQ(rest.ticks, stopped.ticks);
+  EXPECT_EQ(Refusal([&] { p.Replay(File("a.palrec"), {.first_tick = stopped.ticks}); }),
+            ErrorKind::kInvalidArgument);
+  const RecordingList list = p.ListRecordings();
+  ASSERT_EQ(list.recordings.size(), 1u);
+  EXPECT_EQ(list.recordings[0].path, File("a.palrec"));
+  EXPECT_EQ(list.recordings[0].size_bytes, stopped.size_bytes);
+  EXPECT_EQ(list.folder + "/a.palrec", File("a.palrec"));
+  EXPECT_EQ(
+      Refusal([&] { p.Replay(File("a.palrec"), {.speed = 0.001}, [](auto&) { return false; }); }),
+      ErrorKind::kCancelled);
 }
 
 TEST_F(SdkCalls, TheDeviceIsListedStoppedAndEnabled) {

@@ -121,6 +121,50 @@ class RecordingTest(unittest.TestCase):
         self.assertNotEqual(self.conn.recording.stop().left_out, "")
         self.assertIn("--volume", self.replayed(code=NOT_FOUND)[1])
 
+    def test_a_replay_begins_in_the_middle_with_all_that_came_before(self):
+        self.assertEqual(self.conn.recording.list(), ())
+        self.conn.recording.start(self.file)
+        for n in range(4):
+            self.conn.edit.sphere((4.0 * n, 0.0, 0.0), 6.0, "set", 0.1 * n)
+            self.wait_for_ticks(150)
+            self.conn.recording.mark(f"edit {n}")
+            self.wait_for_ticks(150)
+        state = self.conn.recording.stop()
+        self.conn.edit.revert()
+        # What playing from the start has come to.
+        recorded = palpate.open_recording(self.file)
+        loaded = self.conn.volume.download().values
+        listed, = self.conn.recording.list()
+        self.assertEqual((listed.path, listed.size_bytes), (str(self.file), state.size_bytes))
+
+        seen = []
+
+        def look(now):
+            if not seen:
+                with self.conn.poses() as poses:
+                    pose = next(iter(poses))
+                seen.append((now, pose, self.conn.volume.download().values))
+            return False
+        for first in (0, 200, 500, 1000, state.ticks - 1):
+            with self.subTest(first=first):
+                seen.clear()
+                with self.assertRaises(palpate.Cancelled):
+                    self.conn.recording.replay(self.file, 1e-6, first_tick=first, progress=look)
+                (now, pose, values), = seen
+                self.assertEqual(now.total_ticks, state.ticks)
+                self.assertEqual([text for _, text in now.markers],
+                                 [f"edit {n}" for n in range(4)])
+                for field in ("hip_mm", "scp_h_mm", "force_n"):
+                    np.testing.assert_array_equal(getattr(pose, field).reshape(3),
+                                                  getattr(recorded.ticks, field)[first])
+                np.testing.assert_array_equal(
+                    values, recorded.voxels(recorded.ticks.tick[first], loaded))
+        np.testing.assert_array_equal(self.conn.volume.download().values, loaded)
+        with self.assertRaises(palpate.InvalidArgument):
+            self.conn.recording.replay(self.file, first_tick=state.ticks)
+        self.assertIn("a.palrec", self.palpate("record", "list").stdout)
+        self.palpate("replay", self.file, "--from", "1", "--speed", "20")
+
     def test_the_client_records_and_replays_until_it_is_interrupted(self):
         self.palpate("record", "run", self.file, "--seconds", "0.5")
         client = self.begun("record", "run", self.daemon.folder / "b.palrec")

@@ -23,7 +23,7 @@ from palpate._load_options import Raw
 from palpate._placement import Placement
 from palpate._poses import Poses, PoseStream
 from palpate._profiles import Profile, profiles
-from palpate._recording import Recording, RecordingState, ReplayState
+from palpate._recording import ListedRecording, Recording, RecordingState, ReplayState
 from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker,
                                       RecordedScene)
 from palpate._recorded_ticks import RecordedTicks
@@ -35,14 +35,13 @@ from palpate._voxels import Volume
 
 __all__ = [
     "Activity", "Applied", "Cancelled", "Conflict", "ConnectedCaller", "Connection",
-    "DecompositionMethod", "Device",
-    "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull", "EditResult", "Edits", "Error",
-    "FailedPrecondition", "ForceCommand", "ForceReason", "ForceState", "Forces", "FreeSide",
-    "Internal", "InvalidArgument", "LastChange", "ListedDevice", "LiveVolume", "NotFound", "PermissionDenied",
-    "Placement", "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit",
-    "RecordedGap", "RecordedMarker", "RecordedScene", "RecordedTicks", "Recording",
-    "RecordingFile", "RecordingState", "ReplayState", "Role", "Series", "SeriesState", "Settings",
-    "SuggestedIsovalue", "TooLarge", "Unavailable", "VerificationLevel", "Volume", "VolumeAccess",
-    "VolumeInfo",
+    "DecompositionMethod", "Device", "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull",
+    "EditResult", "Edits", "Error", "FailedPrecondition", "ForceCommand", "ForceReason",
+    "ForceState", "Forces", "FreeSide", "Internal", "InvalidArgument", "LastChange", "ListedDevice",
+    "ListedRecording", "LiveVolume", "NotFound", "PermissionDenied", "Placement", "PoseStream",
+    "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit", "RecordedGap", "RecordedMarker",
+    "RecordedScene", "RecordedTicks", "Recording", "RecordingFile", "RecordingState", "ReplayState",
+    "Role", "Series", "SeriesState", "Settings", "SuggestedIsovalue", "TooLarge", "Unavailable",
+    "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo",
     "connect", "open_recording", "profiles",
 ]

@@ -3,12 +3,13 @@
 import collections.abc
 import contextlib
 import dataclasses
+import datetime
 import os
 
 from palpate._errors import InvalidArgument
 from palpate._link import Link
 from palpate._progress import tell
-from palpate._values import number, switch, text_of
+from palpate._values import number, switch, text_of, whole
 from palpate.v1 import recording_pb2, recording_pb2_grpc
 
 _MOST_MARKER_BYTES = 4096
@@ -40,14 +41,33 @@ class RecordingState:
 class ReplayState:
     """The progress of a replay.
 
-    ticks: ticks of the recording played so far
-    lost_ticks: how many of these ticks the recording does not have
+    ticks: ticks of the recording played so far, and those before first_tick
+    lost_ticks: how many ticks before this one the recording does not have
     marker: text of the marker just passed; empty: none
+    total_ticks: ticks of the whole recording
+    markers: all markers of the recording, as (tick, text); a tick counts from the recording's
+    first one
     """
 
     ticks: int
     lost_ticks: int
     marker: str
+    total_ticks: int = 0
+    markers: tuple[tuple[int, str], ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class ListedRecording:
+    """A recording on the daemon's machine.
+
+    path: absolute, on the daemon's machine
+    size_bytes: size of the file, bytes
+    modified: when the file was last written, UTC
+    """
+
+    path: str
+    size_bytes: int
+    modified: datetime.datetime
 
 
 def _state_of(recording: recording_pb2.RecordingState) -> RecordingState:
@@ -106,7 +126,20 @@ class Recording:
             raise InvalidArgument(f"a marker has 1 to {_MOST_MARKER_BYTES} bytes of text")
         return int(self._link.call(self._stub.Mark, recording_pb2.MarkRequest(text=text)).time_ns)
 
-    def replay(self, path: str | os.PathLike[str], speed: float = 1.0, *,
+    def list(self) -> tuple[ListedRecording, ...]:
+        """Returns the recordings in the folders that the daemon saves to, newest first.
+
+        At most 1000. Errors: PermissionDenied, Unavailable.
+        Example: conn.recording.replay(conn.recording.list()[0].path)
+        """
+        response = self._link.call(self._stub.ListRecordings,
+                                   recording_pb2.ListRecordingsRequest())
+        return tuple(
+            ListedRecording(file.path, file.size_bytes,
+                            datetime.datetime.fromtimestamp(file.modified_s, datetime.timezone.utc))
+            for file in response.recordings)
+
+    def replay(self, path: str | os.PathLike[str], speed: float = 1.0, *, first_tick: int = 0,
                progress: collections.abc.Callable[[ReplayState], object] | None = None
                ) -> ReplayState:
         """Plays a recording to all clients that follow the poses, with forces off.
@@ -115,11 +148,13 @@ class Recording:
         the end, settings and voxels are again as before the replay.
         path: on the daemon's machine, absolute or relative as in VolumeAccess.load.
         speed: multiple of real time, above 0 up to 100.
+        first_tick: the first tick to show, counted from the recording's first one. What changed
+        before it is applied at once.
         progress: called with a ReplayState some times a second and for each marker. If it raises
         an exception, the replay ends with that exception. If it returns False, the replay ends
         with Cancelled.
-        Errors: InvalidArgument (not a recording), NotFound, PermissionDenied (a folder that the
-        daemon does not load from), Conflict (another volume is loaded; a recording or a replay
+        Errors: InvalidArgument (not a recording, or first_tick is beyond its end), NotFound,
+        PermissionDenied (a folder that the daemon does not load from), Conflict (another volume is loaded; a recording or a replay
         runs), Cancelled, Unavailable.
         Example: conn.recording.replay("/data/trial-7.palrec", speed=2)
         """
@@ -127,10 +162,14 @@ class Recording:
         # In the contract, 0 means the usual speed. A caller who gives 0 does not mean that.
         if not 0 < speed <= 100:
             raise InvalidArgument(f"speed is above 0 and at most 100, not {speed:g}")
-        request = recording_pb2.ReplayRequest(path=self._link.path(path), speed=speed)
+        request = recording_pb2.ReplayRequest(path=self._link.path(path), speed=speed,
+                                              first_tick=whole("first_tick", first_tick))
+        markers: tuple[tuple[int, str], ...] = ()
         state = ReplayState(0, 0, "")
         with contextlib.closing(self._link.events(self._stub.Replay, request)) as events:
             for event in events:
-                state = ReplayState(event.ticks, event.lost_ticks, event.marker)
+                markers = markers or tuple((marker.tick, marker.text) for marker in event.markers)
+                state = ReplayState(event.ticks, event.lost_ticks, event.marker,
+                                    event.total_ticks, markers)
                 tell(progress, state)
         return dataclasses.replace(state, marker="")
