@@ -252,6 +252,41 @@ TEST_F(BricksOnTheCard, AnotherVolumeBeginsAnew) {
   for (std::size_t n = 0; n < nothing.pixels(); ++n) ASSERT_FALSE(nothing.Shows(n));
 }
 
+// By rows, few bricks at a time, with an edit on the way: the shown picture stays until the next
+// one is whole, and that is the exact one.
+TEST_F(BricksOnTheCard, ACastInPartsGivesTheSamePicture) {
+  const auto made = [](bool dented) {
+    return MakeVoxels({70, 65, 73}, [dented](int i, int j, int k) {
+      if (dented && i == 60 && j == 32 && k == 36) return -20.0f;
+      return static_cast<float>(28.0 - (Vec3(i, j, k) - Vec3(34.0, 32.0, 36.0)).norm());
+    });
+  };
+  const VoxelArray ball = made(false);
+  const VoxelArray edited = made(true);
+  const CastRequest request = VeiledRequestFor(ball);
+  CastRequest coarse = request;
+  coarse.size = {30, 22};
+  for (const int rows : {1, 7, kCastSize.height, 1000}) {
+    CastRig rig(ball);
+    const Picture before = rig.CastOnce(coarse);
+    int parts = 0;
+    bool whole = false;
+    while (!whole && parts < 100'000) {
+      EXPECT_EQ(rig.CastOnce(coarse).size, before.size);
+      whole = rig.caster.CastRows(rig.cache, request, rows) == SurfaceCaster::Progress::kWhole;
+      rig.cache.TakeUp(rig.volume, 3);
+      if (++parts == 2) {
+        rig.volume.Take(testing::Edit(rig.volume, edited, {Vec3i(7, 4, 4)}));
+      }
+    }
+    ASSERT_TRUE(whole) << rows;
+    EXPECT_GE(parts, kCastSize.height / rows);
+    EXPECT_FALSE(rig.caster.Cast(rig.cache, request)) << "it is the shown one";
+    EXPECT_EQ(rig.caster.CastRows(rig.cache, request, 1), SurfaceCaster::Progress::kWhole);
+    EXPECT_EQ(rig.CastOnce(request), CastRig(edited).Cast(request)) << rows;
+  }
+}
+
 TEST_F(BricksOnTheCard, AVolumeIsNotShownBeforeItHasAPlace) {
   const VoxelArray voxels = CastWaves();
   client::VolumeUpdate update = testing::WholeVolume(voxels, {});

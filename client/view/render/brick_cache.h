@@ -53,6 +53,8 @@ class BrickCache {
   bool TakeUp(ViewVolume& volume, std::size_t most_bricks);
   // True if the pictures want more than the memory holds: some of it is shown coarsely.
   bool is_full() const { return is_full_; }
+  // True if TakeUp has nothing to upload for the pictures so far.
+  bool is_settled() const { return !is_plan_due_ && missing_.empty(); }
   std::size_t bytes() const;
   std::uint64_t uploaded_bricks() const { return uploaded_; }
 

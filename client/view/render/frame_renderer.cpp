@@ -1,5 +1,8 @@
 #include "client/view/render/frame_renderer.h"
 
+#include <epoxy/gl.h>
+
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -55,6 +58,8 @@ struct FrameRenderer::Parts {
   Mat4 clip_from_D = Mat4::Identity();
   Vec3 eye_D = Vec3::Zero();
   bool surface_shown = false;
+  std::uint64_t composed_casts = 0;  // of the caster, when the backdrop was composed
+  double rows_per_ms = 0.2;          // of Prepare
 
   void UpdateBackdrop(const FrameRequest& request);
 };
@@ -77,8 +82,11 @@ void FrameRenderer::Parts::UpdateBackdrop(const FrameRequest& request) {
   const bool cast =
       shown && caster.Cast(volume, {request.size, eye_D, clip_from_D, request.surface});
   if (!shown) volume.Forget(BrickCache::kSurface);
-  if (!cast && shown == surface_shown && backdrop.target().size() == request.size) return;
+  const bool is_composed = shown == surface_shown && composed_casts == caster.casts() &&
+                           backdrop.target().size() == request.size;
+  if (!cast && is_composed) return;
   surface_shown = shown;
+  composed_casts = caster.casts();
   backdrop.Compose(shown ? &caster : nullptr, request.size);
 }
 
@@ -103,6 +111,32 @@ void FrameRenderer::Draw(const FrameRequest& request) {
     view.veil_depth = parts.caster.veil_depth();
   }
   parts.overlay.Draw(*request.overlay, view);
+}
+
+bool FrameRenderer::Prepare(const FrameRequest& request, std::chrono::milliseconds time) {
+  Parts& parts = *parts_;
+  if (!request.surface.shown || !parts.volume.has_volume() || !parts.volume.X_DI()) return true;
+  using Clock = std::chrono::steady_clock;
+  // Long enough that its fixed costs are small.
+  constexpr double kPart_ms = 30.0;
+  ResetState();
+  const CastRequest cast = {request.size, request.camera.Eye(),
+                            request.camera.ClipFromD(request.size, BoundsOf(parts.volume)),
+                            request.surface};
+  const auto end = Clock::now() + time;
+  for (auto begin = Clock::now(); begin < end; begin = Clock::now()) {
+    const int rows = std::clamp(static_cast<int>(kPart_ms * parts.rows_per_ms), 1,
+                                std::max(1, request.size.height));
+    const auto progress = parts.caster.CastRows(parts.volume, cast, rows);
+    if (progress != SurfaceCaster::Progress::kMore) {
+      return progress == SurfaceCaster::Progress::kWhole;
+    }
+    glFinish();
+    const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
+    // Rows differ: a few that are cheap say little of the next ones.
+    parts.rows_per_ms = std::min(2.0 * parts.rows_per_ms, rows / std::max(ms, 0.01));
+  }
+  return false;
 }
 
 unsigned FrameRenderer::DrawnTexture() const { return parts_->frame.color(); }

@@ -9,6 +9,7 @@
 // driver refuses a shader. The renderer can be used after any error.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -69,6 +70,10 @@ class FrameRenderer {
 
   // Draws into a picture of its own. DrawnTexture returns it until the next Draw.
   void Draw(const FrameRequest& request);
+  // Casts the surface of a request in parts, for about `time`, beside the picture that Draw shows.
+  // Returns true once the surface is whole: then Draw of the same request does not cast. For views
+  // whose cast would stop the window.
+  bool Prepare(const FrameRequest& request, std::chrono::milliseconds time);
   unsigned DrawnTexture() const;  // OpenGL name; RGBA8, the bottom row is first
   Image ReadBack() const;
   // The number of casts of all pixels so far, for tests and for the cost of a frame.

@@ -2,9 +2,11 @@
 
 #include <epoxy/gl.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "client/shading/shading.h"
 #include "client/view/render/card_buffer.h"
@@ -120,30 +122,31 @@ void SetVolume(const ShaderProgram& program, const BrickCache& volume) {
   program.Set("steepest", range > 0.0 ? 0.5 * range / edge_mm : 1.0);
 }
 
-}  // namespace
-
-struct SurfaceCaster::Parts {
-  Parts() : mask_program(kMaskShader) { glGenFramebuffers(1, &framebuffer); }
-  ~Parts() {
+// A picture, as it is cast.
+struct Casting {
+  Casting() { glGenFramebuffers(1, &framebuffer); }
+  ~Casting() {
     glDeleteTextures(kTargets, targets);
     glDeleteFramebuffers(1, &framebuffer);
   }
-  Parts(const Parts&) = delete;
-  Parts& operator=(const Parts&) = delete;
+  Casting(const Casting&) = delete;
+  Casting& operator=(const Casting&) = delete;
 
   void Resize(const ImageSize& size);
   void BindTarget(const ImageSize& size) const;
   void Clear() const;
-  void MaskFinished(const ImageSize& size) const;
-  void Draw(const BrickCache& volume, const CastRequest& request);
+  // The picture is one of this request, with this content of the volume.
+  bool IsOf(const BrickCache& of, const CastRequest& what) const {
+    return request == what && volume == &of && content_version == of.content_version();
+  }
+  // More bricks would not change it, or none have come.
+  bool IsWhole(const BrickCache& of) const {
+    return next_row == request->size.height && (missing == 0 || version == of.version());
+  }
 
-  VolumePrograms programs{SurfaceShader(false)};
-  VolumePrograms veil_programs{SurfaceShader(true)};
-  ShaderProgram mask_program;
   GLuint framebuffer = 0;
   GLuint targets[kTargets] = {};
   CardBuffer unfinished{GL_R32UI, sizeof(std::uint32_t)};  // by pixel
-  ColorTexture color_map;
 
   // The request that the textures show.
   std::optional<CastRequest> request;
@@ -151,10 +154,10 @@ struct SurfaceCaster::Parts {
   std::uint64_t version = 0;
   std::uint64_t content_version = 0;
   std::size_t missing = 0;  // bricks that the textures want
-  std::uint64_t casts = 0;
+  int next_row = 0;         // from below; the height: all rows are cast
 };
 
-void SurfaceCaster::Parts::Resize(const ImageSize& size) {
+void Casting::Resize(const ImageSize& size) {
   if (request && request->size == size) return;
   RequirePictureSize(size);
   request.reset();
@@ -179,13 +182,13 @@ void SurfaceCaster::Parts::Resize(const ImageSize& size) {
   }
 }
 
-void SurfaceCaster::Parts::BindTarget(const ImageSize& size) const {
+void Casting::BindTarget(const ImageSize& size) const {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   glViewport(0, 0, size.width, size.height);
   ResetState();
 }
 
-void SurfaceCaster::Parts::Clear() const {
+void Casting::Clear() const {
   const GLfloat none[] = {0.0f, 0.0f, 0.0f, 0.0f};
   const GLfloat farthest[] = {1.0f, 1.0f, 1.0f, 1.0f};
   glClearBufferfv(GL_COLOR, kColor, none);
@@ -195,25 +198,43 @@ void SurfaceCaster::Parts::Clear() const {
   glClearBufferfv(GL_DEPTH, 0, farthest);
 }
 
-void SurfaceCaster::Parts::MaskFinished(const ImageSize& size) const {
+}  // namespace
+
+struct SurfaceCaster::Parts {
+  void MaskFinished(const Casting& picture, const ImageSize& size) const;
+  void Draw(const Casting& picture, const BrickCache& volume, const CastRequest& request);
+  void CastTo(Casting& picture, BrickCache& volume, const CastRequest& request, int end_row,
+              BrickCache::Marks marks);
+
+  VolumePrograms programs{SurfaceShader(false)};
+  VolumePrograms veil_programs{SurfaceShader(true)};
+  ShaderProgram mask_program{kMaskShader};
+  ColorTexture color_map;
+  std::unique_ptr<Casting> shown = std::make_unique<Casting>();
+  std::unique_ptr<Casting> next = std::make_unique<Casting>();  // by CastRows
+  std::uint64_t casts = 0;
+};
+
+void SurfaceCaster::Parts::MaskFinished(const Casting& picture, const ImageSize& size) const {
   glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
   glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_ALWAYS);
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, unfinished.buffer());
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, picture.unfinished.buffer());
   mask_program.Use();
   mask_program.Set("image_width", size.width);
   mask_program.Draw();
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
-void SurfaceCaster::Parts::Draw(const BrickCache& cache, const CastRequest& what) {
+void SurfaceCaster::Parts::Draw(const Casting& picture, const BrickCache& cache,
+                                const CastRequest& what) {
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_FALSE);
   glActiveTexture(GL_TEXTURE0 + kFirstFreeUnit);
   color_map.Show(what.surface.color_map);
-  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, unfinished.buffer());
+  glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, picture.unfinished.buffer());
   const ShaderProgram& program = (what.surface.veil.shown ? veil_programs : programs).Use(cache);
   program.Set("color_map", kFirstFreeUnit);
   program.Set("image_width", what.size.width);
@@ -225,41 +246,95 @@ void SurfaceCaster::Parts::Draw(const BrickCache& cache, const CastRequest& what
   glDepthMask(GL_TRUE);
 }
 
+// Casts the rows from the next one to before `end_row`.
+void SurfaceCaster::Parts::CastTo(Casting& picture, BrickCache& volume, const CastRequest& request,
+                                  int end_row, BrickCache::Marks marks) {
+  if (volume.has_volume() && volume.X_DI()) {
+    volume.BeginPicture();
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(0, picture.next_row, request.size.width, end_row - picture.next_row);
+    Draw(picture, volume, request);
+    glDisable(GL_SCISSOR_TEST);
+    // The rows before may have missed bricks that have come since.
+    picture.missing =
+        std::max(picture.missing, volume.EndPicture(BrickCache::kSurface, marks,
+                                                    volume.X_DI()->Inverse().Apply(request.eye_D)));
+  }
+  picture.next_row = end_row;
+}
+
 SurfaceCaster::SurfaceCaster() : parts_(std::make_unique<Parts>()) {}
 SurfaceCaster::~SurfaceCaster() = default;
 
 bool SurfaceCaster::Cast(BrickCache& volume, const CastRequest& request) {
   Parts& p = *parts_;
+  Casting& shown = *p.shown;
   if (request.size.width < 1 || request.size.height < 1) return false;
-  const bool same_view = p.request == request && p.volume == &volume;
-  const bool refine = same_view && p.content_version == volume.content_version();
-  if (refine && (p.version == volume.version() || p.missing == 0)) return false;
+  const bool same_view = shown.request == request && shown.volume == &volume;
+  const bool refine = shown.IsOf(volume, request);
+  if (refine && shown.IsWhole(volume)) return false;
 
-  p.Resize(request.size);
-  p.BindTarget(request.size);
-  refine ? p.MaskFinished(request.size) : p.Clear();
-  p.missing = 0;
-  if (volume.has_volume() && volume.X_DI()) {
-    volume.BeginPicture();
-    p.Draw(volume, request);
-    const auto marks = refine      ? BrickCache::Marks::kMore
-                       : same_view ? BrickCache::Marks::kAgain
-                                   : BrickCache::Marks::kNewView;
-    p.missing = volume.EndPicture(BrickCache::kSurface, marks,
-                                  volume.X_DI()->Inverse().Apply(request.eye_D));
-  }
-  p.request = request;
-  p.volume = &volume;
-  p.version = volume.version();
-  p.content_version = volume.content_version();
+  shown.Resize(request.size);
+  shown.BindTarget(request.size);
+  refine ? p.MaskFinished(shown, request.size) : shown.Clear();
+  shown.missing = 0;
+  shown.next_row = 0;
+  p.CastTo(shown, volume, request, request.size.height,
+           refine      ? BrickCache::Marks::kMore
+           : same_view ? BrickCache::Marks::kAgain
+                       : BrickCache::Marks::kNewView);
+  shown.request = request;
+  shown.volume = &volume;
+  shown.version = volume.version();
+  shown.content_version = volume.content_version();
   if (!refine) ++p.casts;
   return true;
 }
 
-unsigned SurfaceCaster::color() const { return parts_->targets[kColor]; }
-unsigned SurfaceCaster::depth() const { return parts_->targets[kDepth]; }
-unsigned SurfaceCaster::veil_color() const { return parts_->targets[kVeilColor]; }
-unsigned SurfaceCaster::veil_depth() const { return parts_->targets[kVeilDepth]; }
+SurfaceCaster::Progress SurfaceCaster::CastRows(BrickCache& volume, const CastRequest& request,
+                                                int rows) {
+  Parts& p = *parts_;
+  if (request.size.width < 1 || request.size.height < 1) return Progress::kWhole;
+  if (p.shown->IsOf(volume, request) && p.shown->IsWhole(volume)) return Progress::kWhole;
+  Casting& next = *p.next;
+  const bool begins = !next.IsOf(volume, request);
+  if (!begins && next.next_row == request.size.height) {
+    // First all bricks that it wants, then the pixels that wait for them.
+    if (!volume.is_settled()) return Progress::kWaits;
+    if (next.version == volume.version()) return ShowNext();
+  }
+  if (begins) next.Resize(request.size);
+  next.BindTarget(request.size);
+  if (begins) {
+    next.Clear();
+    next.request = request;
+    next.volume = &volume;
+    next.content_version = volume.content_version();
+  } else if (next.next_row == request.size.height) {
+    p.MaskFinished(next, request.size);
+  }
+  if (begins || next.next_row == request.size.height) {
+    next.missing = 0;
+    next.next_row = 0;
+    next.version = volume.version();
+  }
+  // What the shown picture wants is wanted still.
+  p.CastTo(next, volume, request, std::min(next.next_row + std::max(rows, 1), request.size.height),
+           BrickCache::Marks::kMore);
+  if (next.next_row < request.size.height) return Progress::kMore;
+  return next.missing > 0 ? Progress::kWaits : ShowNext();
+}
+
+SurfaceCaster::Progress SurfaceCaster::ShowNext() {
+  std::swap(parts_->shown, parts_->next);
+  ++parts_->casts;
+  return Progress::kWhole;
+}
+
+unsigned SurfaceCaster::color() const { return parts_->shown->targets[kColor]; }
+unsigned SurfaceCaster::depth() const { return parts_->shown->targets[kDepth]; }
+unsigned SurfaceCaster::veil_color() const { return parts_->shown->targets[kVeilColor]; }
+unsigned SurfaceCaster::veil_depth() const { return parts_->shown->targets[kVeilDepth]; }
 std::uint64_t SurfaceCaster::casts() const { return parts_->casts; }
 
 }  // namespace palpate::view

@@ -9,6 +9,9 @@
 // The result is kept in textures of the image's size. It is cast again only if the request or the
 // volume has changed. If only missing bricks have come, the pixels that want them are cast again.
 //
+// A cast of all pixels may take seconds in software. CastRows casts a picture in parts, beside the
+// one that is shown.
+//
 // Threads: that of the current OpenGL 4.3 context. Errors: kTooLarge for a size that the context
 // does not support (nothing has changed then); kInternal if the driver refuses a shader.
 #pragma once
@@ -44,7 +47,17 @@ class SurfaceCaster {
   // bound. A volume without a place is not shown. Marks the bricks that the picture wants.
   bool Cast(BrickCache& volume, const CastRequest& request);
 
-  // Names of textures of the last request's size; the first row is the bottom.
+  // Casts the next `rows` rows, at least one, of the next picture. Another request, or changed
+  // voxels, begin it anew. The shown picture, and what it wants of the volume, stay until the next
+  // one is whole.
+  enum class Progress {
+    kMore,   // rows are left
+    kWaits,  // for the volume's TakeUp: the picture wants bricks
+    kWhole,  // it is shown, as if Cast had been called
+  };
+  Progress CastRows(BrickCache& volume, const CastRequest& request, int rows);
+
+  // Names of textures of the shown request's size; the first row is the bottom.
   unsigned color() const;       // RGBA8, alpha 0: no surface
   unsigned depth() const;       // R32F as clip_from_D gives it; 1: none
   unsigned veil_color() const;  // RGBA8, premultiplied by alpha
@@ -53,6 +66,8 @@ class SurfaceCaster {
   std::uint64_t casts() const;
 
  private:
+  Progress ShowNext();
+
   struct Parts;
   std::unique_ptr<Parts> parts_;
 };

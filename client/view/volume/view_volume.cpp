@@ -98,6 +98,7 @@ void ViewVolume::Begin(const std::optional<VolumeLattice>& lattice) {
   blocks_.clear();
   is_awaited_.clear();
   overview_.clear();
+  mean_ranges_.clear();
   bricks_left_ = 0;
   histogram_ = lattice_ ? Histogram(lattice_->value_min, lattice_->value_max) : Histogram();
   if (!lattice_) return;
@@ -140,13 +141,19 @@ void ViewVolume::ShowOverview(const Vec3i& size, std::vector<float> means) {
   if (lattice_->type != LeafType::kFloat) {
     for (float& mean : overview_) mean = std::round(mean);
   }
-  TouchAwaited();
+  mean_ranges_.resize(lattice_->Bricks());
+  for (std::uint64_t number = 0; number < mean_ranges_.size(); ++number) {
+    mean_ranges_[number] = RangeOfMeans(BrickWithNumber(number, lattice_->BrickCounts()));
+  }
+  // It comes before the bricks: almost all cells change.
+  for (std::uint64_t number = 0; number < blocks_.size(); ++number) touched_[number].set();
 }
 
 // Bricks that never came are background. They replace their stand-ins.
 void ViewVolume::Complete() {
   if (!overview_.empty()) TouchAwaited();
   overview_ = {};
+  mean_ranges_ = {};
   is_awaited_ = {};
 }
 
@@ -274,7 +281,8 @@ ValueRange ViewVolume::RangeOfCellBrick(const Vec3i& cell_brick) const {
     const Vec3i extent = ExtentWithin(brick, lattice_->size);
     if (extent != Vec3i::Constant(kBrickEdge)) add({background, background});
     const Vec3i first = Shift(n) * (kBrickEdge - 1);
-    add(IsAwaited(brick) ? RangeOfMeans(brick) : RangeOfPart(*bricks_->At(brick), first, extent));
+    add(IsAwaited(brick) ? mean_ranges_[BrickNumber(brick, counts)]
+                         : RangeOfPart(*bricks_->At(brick), first, extent));
   }
   return *range;
 }

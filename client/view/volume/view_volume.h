@@ -71,6 +71,8 @@ class ViewVolume {
   // Bricks still to come, as far as is known; 0: complete. Until then the overview's means or the
   // background stand in for them.
   std::uint64_t bricks_left() const { return bricks_left_; }
+  // True if the overview's means stand in for bricks that are still to come.
+  bool has_overview() const { return !overview_.empty(); }
   // The daemon's revision that this copy equals, voxel by voxel; none while bricks are still to
   // come.
   const std::optional<VolumeRevision>& revision() const { return revision_; }
@@ -127,7 +129,8 @@ class ViewVolume {
   // By number of the brick, for volumes that may have an overview, until complete.
   std::vector<bool> is_awaited_;
   Vec3i overview_size_ = Vec3i::Zero();
-  std::vector<float> overview_;  // empty: nothing stands in
+  std::vector<float> overview_;          // empty: nothing stands in
+  std::vector<ValueRange> mean_ranges_;  // of the means in each brick, by number
   std::vector<CellBlock> blocks_;
   std::unordered_map<std::uint64_t, CellBricks> touched_;  // whose ranges may have changed
   Histogram histogram_;
