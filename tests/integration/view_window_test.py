@@ -256,26 +256,6 @@ class ViewPanels(OneWindow):
         self.window.do("key", "c")
         self.assertTrue(wait_until(lambda: not np.array_equal(self.slice(), pictures[1])))
 
-    def test_a_recording_is_begun_and_ended(self):
-        path = self.daemon.folder / "trial.palrec"
-        # Letters do not wait for clicks as other keys do, and each takes a frame.
-        self.window.press("/file on", within=RIGHT)
-        self.window.picture()
-        for letter in str(path):
-            self.window.do("type", letter)
-            self.window.picture()
-        # The first is the heading.
-        self.window.press("Record", among=1, within=RIGHT)
-        self.assertTrue(wait_until(lambda: self.conn.recording.state().running))
-        self.assertEqual(self.conn.recording.state().path, str(path))
-        self.assertTrue(wait_until(lambda: self.conn.recording.state().ticks > 100))
-
-        self.window.press("Stop recording", within=RIGHT)
-        self.assertTrue(wait_until(lambda: not self.conn.recording.state().running))
-        state = self.conn.recording.state()
-        self.assertEqual((state.error, state.lost_ticks), ("", 0))
-        self.assertEqual(path.stat().st_size, state.size_bytes)
-
     def test_stiffness_is_felt_by_others_while_it_is_dragged(self):
         _, y = self.window.find("Stiffness", within=RIGHT)
         self.window.do("mousemove", 1080, y, "mousedown", 1)

@@ -96,6 +96,7 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
   if (press.key == "c") state.cross_follows_proxy = !state.cross_follows_proxy;
   if (press.key == "l") state.slices_shown = !state.slices_shown;
   if (press.key == "f1") state.help_shown = !state.help_shown;
+  if (press.key == "k") PutMarker(viewer);
   if (press.key == "s") state.view_picture_wanted = true;
   if (press.key == "f12") state.window_picture_wanted = true;
 }

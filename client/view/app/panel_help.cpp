@@ -37,6 +37,8 @@ constexpr Line kLines[] = {
     {"right drag on a slice", "window: across its width, up its level"},
     {"double click on a slice", "as large as the view, and back"},
     {"L", "slices on or off"},
+    {"Session", nullptr},
+    {"K", "put a marker into the recording"},
     {"Controls", nullptr},
     {"drag on the histogram", "isovalue, for everyone"},
     {"ctrl+click on a number", "type it"},

@@ -108,14 +108,13 @@ void DrawLeftPanels(Viewer& viewer, const Area& area, float scale) {
 }
 
 void DrawRightPanels(Viewer& viewer, const Area& area, float scale) {
-  (void)scale;
   BeginPanel("right", area);
   OpenForRole(viewer);
   ImGui::PushItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
   FeelPanel(viewer);
   DevicePanel(viewer);
   PeoplePanel(viewer);
-  RecordingPanel(viewer);
+  SessionPanel(viewer, scale);
   ImGui::PopItemWidth();
   ImGui::End();
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 #include "client/view/app/input.h"
@@ -83,6 +84,26 @@ void DrawMessages(const Viewer& viewer, const Area& area, float scale) {
   }
 }
 
+// So that nobody takes a part for the whole.
+void DrawArrival(const Viewer& viewer, const Area& area, float scale) {
+  const ViewVolume& volume = viewer.feed().volume();
+  if (!volume.lattice() || volume.bricks_left() == 0) return;
+  const auto left = static_cast<double>(viewer.feed().volume_status().bricks_left);
+  const double share = 1.0 - left / static_cast<double>(volume.lattice()->Bricks());
+  const std::string come =
+      left > 0.0 ? fmt::format("{:.0f} % of the volume has come", std::floor(100.0 * share))
+                 : std::string("the volume is coming");
+  const std::string line =
+      come + (volume.has_overview() ? ": the rest is coarse" : ": the rest is missing here");
+  const ImVec2 text = ImGui::CalcTextSize(line.c_str());
+  const ImVec2 at{area.min.x + 0.5f * (area.size.x - text.x), area.min.y + 40.0f * scale};
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  list.AddRectFilled({at.x - 10.0f * scale, at.y - 5.0f * scale},
+                     {at.x + text.x + 10.0f * scale, at.y + text.y + 5.0f * scale},
+                     IM_COL32(15, 17, 20, 220), 4.0f * scale);
+  list.AddText(at, ImGui::GetColorU32(kWarning), line.c_str());
+}
+
 }  // namespace
 
 void DrawView(Viewer& viewer, const Area& area, float scale) {
@@ -106,6 +127,8 @@ void DrawView(Viewer& viewer, const Area& area, float scale) {
   // Beside a slice that fills the view's place there is no room.
   if (!viewer.state().filling_slice) DrawLegend(viewer, area, scale);
   DrawMessages(viewer, area, scale);
+  DrawArrival(viewer, area, scale);
+  DrawReplayBanner(viewer, area, scale);
   ImGui::End();
 }
 

@@ -28,6 +28,8 @@ void DrawEdges(Viewer& viewer, const Layout& layout, float scale);
 void DrawPlots(Viewer& viewer, const Layout& layout, float scale);
 // A refusal of the last command, near the last click in a panel. The view shows it, too.
 void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale);
+// Over the view while a recording is shown in place of the live state.
+void DrawReplayBanner(const Viewer& viewer, const Area& area, float scale);
 void DrawSeriesBar(Viewer& viewer, const Area& area);
 // A slice that fills the view is in `view`; the view is in that slice's place then.
 void DrawSlices(Viewer& viewer, const SliceStrip& strip, const Area& view, float scale);
@@ -69,7 +71,10 @@ void FilterPanel(Viewer& viewer);
 inline constexpr const char* kFeelHeading = "Feel, for everyone";
 inline constexpr const char* kDeviceHeading = "Device";
 void DevicePanel(Viewer& viewer);
-void RecordingPanel(Viewer& viewer);
+// Recordings: made here, listed and replayed.
+void SessionPanel(Viewer& viewer, float scale);
+// Puts a marker with the panel's text into the recording that runs.
+void PutMarker(Viewer& viewer);
 void FeelPanel(Viewer& viewer);
 // Who is connected, and who changed what.
 void PeoplePanel(Viewer& viewer);

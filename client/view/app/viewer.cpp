@@ -17,9 +17,16 @@ namespace palpate::view {
 namespace {
 
 // Bricks per step. The clock is checked between the steps.
-constexpr std::size_t kBricksAtOnce = 4096;
+constexpr std::size_t kBricksAtOnce = 512;
 // The user feels casts above this time while the camera moves.
 constexpr double kSlowCast_ms = 40.0;
+// A cast while things move takes about this time, with fewer pixels if need be.
+constexpr double kCoarseCast_ms = 70.0;
+constexpr double kMostPixelsPerCoarsePixel = 36.0;
+// Of an unknown volume, until the first cast.
+constexpr double kUnknownCast_ms = 1000.0;
+// Of each frame, for the parts of a cast with all pixels.
+constexpr std::chrono::milliseconds kPartTime(70);
 // After this time without motion, draw all pixels.
 constexpr std::chrono::milliseconds kStill(250);
 constexpr std::chrono::seconds kMessageTime(5);
@@ -43,10 +50,6 @@ ImageSize Drawable(const ImageSize& size) {
   const double share = static_cast<double>(most) / longest;
   return {std::max(1, static_cast<int>(share * size.width)),
           std::max(1, static_cast<int>(share * size.height))};
-}
-
-ImageSize Half(const ImageSize& size) {
-  return {std::max(1, size.width / 2), std::max(1, size.height / 2)};
 }
 
 double Share(const ImageSize& part, const ImageSize& whole) {
@@ -78,6 +81,10 @@ void Viewer::Update(std::chrono::milliseconds brick_time) {
   ForgetActionsIfRestarted();
   files_.Follow();
   BeginVolumeIfNew();
+  // The overview fills what was empty: until the first cast, nobody knows what one costs.
+  const bool has_overview = feed_.volume().has_overview();
+  if (has_overview && !had_overview_) last_cast_ms_ = kUnknownCast_ms;
+  had_overview_ = has_overview;
   TakeUp(brick_time);
   FollowSettings();
   FollowProxy();
@@ -168,6 +175,7 @@ void Viewer::BeginVolumeIfNew() {
   state_.cross_I = middle_I;
   begun_ = lattice;
   actions_.Forget();
+  last_cast_ms_ = kUnknownCast_ms;
   Aim();
 }
 
@@ -276,7 +284,8 @@ void Viewer::Draw(const ImageSize& size) {
                   .camera = state_.camera,
                   .surface = state_.surface,
                   .version = feed_.volume().version()};
-  if (seen_ != seen) {
+  const bool changed = seen_ != seen;
+  if (changed) {
     // The first picture of a view does not count as motion.
     if (seen_) changed_at_ = Clock::now();
     seen_ = seen;
@@ -286,9 +295,27 @@ void Viewer::Draw(const ImageSize& size) {
     DrawFine(size);
     return;
   }
+  const ImageSize all = Drawable(size);
+  if (awaits_whole_ || last_cast_ms_ <= kSlowCast_ms) {
+    DrawAt(all, size);
+    return;
+  }
   const bool moving = Clock::now() - changed_at_ < kStill;
-  const bool coarse = !awaits_whole_ && moving && last_cast_ms_ > kSlowCast_ms;
-  DrawAt(Drawable(coarse ? Half(size) : size), size);
+  const FrameRequest fine = {.size = all, .camera = state_.camera, .surface = state_.surface};
+  if (!moving && renderer_.Prepare(fine, kPartTime)) {
+    DrawAt(all, size);
+  } else {
+    // Without a change the coarse picture stays: another size would be another cast.
+    DrawAt(changed || drawn_for_ != size ? CoarseSize(all) : drawn_size_, size);
+  }
+}
+
+// The size at which a cast is quick enough.
+ImageSize Viewer::CoarseSize(const ImageSize& size) const {
+  const double pixels = std::clamp(last_cast_ms_ / kCoarseCast_ms, 4.0, kMostPixelsPerCoarsePixel);
+  const double edge = std::sqrt(pixels);
+  return {std::max(1, static_cast<int>(size.width / edge)),
+          std::max(1, static_cast<int>(size.height / edge))};
 }
 
 void Viewer::DrawFine(const ImageSize& size) {
@@ -315,6 +342,7 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   renderer_.Draw(
       {.size = size, .camera = state_.camera, .surface = state_.surface, .overlay = &overlay});
   drawn_size_ = size;
+  drawn_for_ = view;
   drawn_camera_ = state_.camera;
   if (renderer_.casts() == casts) return;
   glFinish();
@@ -356,14 +384,17 @@ unsigned Viewer::Slice(const SliceRequest& request) {
   const std::uint64_t version = renderer_.volume_version();
   DrawnSlice& drawn = slices_[static_cast<std::size_t>(request.picture)];
   const SliceRequest& before = drawn.request;
-  const bool same_but_place = drawn.texture != 0 && drawn.version == version &&
-                              before.axes == request.axes && before.size == request.size &&
-                              before.surface == request.surface && before.zoom == request.zoom;
+  const bool same_but_place = drawn.texture != 0 && before.axes == request.axes &&
+                              before.size == request.size && before.surface == request.surface &&
+                              before.zoom == request.zoom;
+  const bool same_voxels = drawn.version == version;
   const bool same_place =
       before.position_voxels == request.position_voxels && before.cross_I == request.cross_I;
-  if (same_but_place && same_place) return drawn.texture;
+  if (same_but_place && same_place && same_voxels) return drawn.texture;
   const bool its_turn = frame_ % slices_.size() == static_cast<std::size_t>(request.picture);
-  if (same_but_place && state_.cross_follows_proxy && !its_turn) return drawn.texture;
+  const bool may_wait = !awaits_whole_ && !state_.window_picture_wanted &&
+                        (state_.cross_follows_proxy || !same_voxels);
+  if (same_but_place && may_wait && !its_turn) return drawn.texture;
   drawn = {.request = request, .version = version, .texture = renderer_.DrawSlice(request)};
   return drawn.texture;
 }

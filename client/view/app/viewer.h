@@ -52,6 +52,17 @@ struct PointedSurfaceState {
   std::optional<Vec3> p_D{};
 };
 
+// The panel of recordings.
+struct SessionState {
+  std::string name = "trial";  // of the next recording
+  std::string marker{};        // text of the next marker
+  std::string chosen{};        // path of the recording in the list
+  bool asked = false;          // for the list, at this connection
+  bool was_recording = false;
+  int markers = 0;                        // of the present recording, put from here
+  std::optional<std::uint64_t> sought{};  // where the timeline is dragged to
+};
+
 // Everything that the user sets.
 struct ViewState {
   Camera camera;
@@ -84,7 +95,7 @@ struct ViewState {
   std::optional<client::Role> headings_opened_for{};
   bool help_shown = false;
   ConnectForm connect{};
-  std::string recording_path{};  // on the daemon's machine
+  SessionState session{};
   // Requested; done at the end of the frame.
   bool view_picture_wanted = false;
   bool window_picture_wanted = false;
@@ -115,7 +126,8 @@ class Viewer {
   void Aim();
 
   // Draws into renderer().DrawnTexture(). If casts are slow, draws fewer pixels while things move,
-  // unless a picture of the view is wanted.
+  // and afterwards casts all pixels in parts over several frames, unless a picture of the view is
+  // wanted.
   void Draw(const ImageSize& size);
   // Always draws all pixels and all bricks.
   void DrawFine(const ImageSize& size);
@@ -129,8 +141,8 @@ class Viewer {
 
   // Returns the whole surface of the last picture.
   SeenSurface seen_surface() const;
-  // Returns the OpenGL name of the slice's texture. While the slices only follow the proxy, each
-  // frame draws only one slice anew: three would cost more than the view.
+  // Returns the OpenGL name of the slice's texture. While the slices only follow the proxy, or
+  // voxels change, each frame draws only one slice anew: three would cost more than the view.
   unsigned Slice(const SliceRequest& request);
 
   // Settings of palpated that the user is changing here: the user's value until palpated has it.
@@ -196,6 +208,7 @@ class Viewer {
   // `view`: the size on the screen, for things whose size does not depend on the picture's pixels.
   void DrawAt(const ImageSize& size, const ImageSize& view);
   void AddTools(const ImageSize& view, Overlay& overlay) const;
+  ImageSize CoarseSize(const ImageSize& size) const;
   std::optional<Bounds> VolumeBounds() const;
   std::optional<CameraStart> FirstLook() const;
   void AimInProfile();
@@ -233,8 +246,10 @@ class Viewer {
   std::optional<Seen> seen_;
   Clock::time_point changed_at_{};
   ImageSize drawn_size_;
+  ImageSize drawn_for_;  // the size of the view then
   Camera drawn_camera_;
   bool awaits_whole_ = false;
+  bool had_overview_ = false;
   double last_cast_ms_ = 0.0;  // of a cast with all pixels
 
   std::string message_;

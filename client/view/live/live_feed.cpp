@@ -209,6 +209,8 @@ struct LiveFeed::Line {
   Denoiser denoiser{filter_commands};
   Commands load_commands{client};
   VolumeLoader loader{load_commands};
+  Commands replay_commands{client};
+  Replayer replayer{replay_commands, commands};
   Commands urgent_commands{client};
   EmergencyStop emergency_stop{urgent_commands};
 };
@@ -378,6 +380,8 @@ void LiveFeed::ControlSeries(const client::SeriesControl& control) {
 Denoiser& LiveFeed::denoiser() { return parts_->line->denoiser; }
 VolumeLoader& LiveFeed::loader() { return parts_->line->loader; }
 const VolumeLoader& LiveFeed::loader() const { return parts_->line->loader; }
+Replayer& LiveFeed::replayer() { return parts_->line->replayer; }
+const Replayer& LiveFeed::replayer() const { return parts_->line->replayer; }
 EmergencyStop& LiveFeed::emergency_stop() { return parts_->line->emergency_stop; }
 const EmergencyStop& LiveFeed::emergency_stop() const { return parts_->line->emergency_stop; }
 

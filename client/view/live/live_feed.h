@@ -18,6 +18,7 @@
 #include "client/view/live/plot_history.h"
 #include "client/view/live/shared_things.h"
 #include "client/view/live/volume_loader.h"
+#include "client/view/live/replayer.h"
 #include "client/view/volume/view_volume.h"
 
 namespace palpate::view {
@@ -91,6 +92,8 @@ class LiveFeed {
   Denoiser& denoiser();
   VolumeLoader& loader();
   const VolumeLoader& loader() const;
+  Replayer& replayer();
+  const Replayer& replayer() const;
   EmergencyStop& emergency_stop();
   const EmergencyStop& emergency_stop() const;
 

@@ -1,0 +1,326 @@
+#include <imgui.h>
+#include <imgui_stdlib.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <ctime>
+#include <string>
+
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+#include "client/view/live/session_words.h"
+
+namespace palpate::view {
+namespace {
+
+constexpr std::size_t kLongestText = 200;  // bytes
+constexpr int kRowsOfList = 6;
+const ImVec4 kReplay{0.98f, 0.72f, 0.16f, 1.0f};
+
+// One line, always with its room: what comes below it never moves. The tooltip has all of it.
+void FixedLine(const std::string& text, const ImVec4& color) {
+  const ImVec2 p = ImGui::GetCursorScreenPos();
+  const ImVec2 room{std::max(1.0f, ImGui::GetContentRegionAvail().x),
+                    ImGui::GetTextLineHeightWithSpacing()};
+  ImGui::PushClipRect(p, {p.x + room.x, p.y + room.y}, true);
+  ImGui::GetWindowDrawList()->AddText(p, ImGui::GetColorU32(color), text.c_str());
+  ImGui::PopClipRect();
+  ImGui::Dummy(room);
+  if (!text.empty() && ImGui::IsItemHovered()) ImGui::SetTooltip("%s", text.c_str());
+}
+
+bool IsRecording(const Viewer& viewer) {
+  const auto recording = viewer.feed().recording();
+  return recording && recording->running;
+}
+
+// Asks for the list at the beginning and after each recording. Then the next name is free, too.
+void FollowRecording(Viewer& viewer) {
+  SessionState& session = viewer.state().session;
+  LiveFeed& feed = viewer.feed();
+  if (feed.connection().state != client::ConnectionState::kConnected) {
+    session.asked = false;
+    return;
+  }
+  const bool records = IsRecording(viewer);
+  const bool ended = session.was_recording && !records;
+  if (records && !session.was_recording) session.markers = 0;
+  session.was_recording = records;
+  if (!feed.May(client::Role::kOperator) || (session.asked && !ended)) return;
+  session.asked = true;
+  feed.replayer().Refresh();
+  if (!ended) return;
+  client::RecordingList list = feed.replayer().list().value_or(client::RecordingList{});
+  list.recordings.push_back({.path = feed.recording()->path});
+  session.name = FreeName(session.name, list);
+  session.chosen = feed.recording()->path;
+}
+
+// The line below the name: why it cannot be taken, or how the last recording ended.
+void NameLine(Viewer& viewer, const client::RecordingState& recording,
+              const client::RecordingList& list, const std::string& problem) {
+  SessionState& session = viewer.state().session;
+  if (recording.running || problem.empty()) {
+    const bool is_bad = !recording.error.empty();
+    FixedLine(OneLine(is_bad ? recording.error : recording.left_out, kLongestText),
+              is_bad ? kBad : kWarning);
+    return;
+  }
+  const std::string next = FreeName(session.name, list);
+  if (session.name.empty() || next == session.name || list.folder.empty()) {
+    FixedLine(problem, kWarning);
+    return;
+  }
+  const ImVec2 p = ImGui::GetCursorPos();
+  FixedLine(OneLine(problem, kLongestText), kWarning);
+  const ImVec2 after = ImGui::GetCursorPos();
+  const std::string use = "Use " + OneLine(next, 30) + "###use";
+  const float width = ImGui::CalcTextSize(use.c_str(), nullptr, true).x;
+  ImGui::SetCursorPos({std::max(p.x, ImGui::GetContentRegionMax().x - width - 10.0f), p.y});
+  if (ImGui::SmallButton(use.c_str())) session.name = next;
+  Tip("the next free name");
+  ImGui::SetCursorPos(after);
+}
+
+void RecordPart(Viewer& viewer, float scale) {
+  LiveFeed& feed = viewer.feed();
+  SessionState& session = viewer.state().session;
+  const auto recording = feed.recording().value_or(client::RecordingState{});
+  const auto known = feed.replayer().list();
+  const client::RecordingList list = known.value_or(client::RecordingList{});
+  const std::string problem =
+      known ? NameProblem(session.name, list) : "asking palpated\xE2\x80\xA6";
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  if (recording.running) {
+    std::string name = RecordingName(recording.path);
+    ImGui::InputText("##running", &name, ImGuiInputTextFlags_ReadOnly);
+  } else {
+    ImGui::InputTextWithHint("##name", "name of the recording", &session.name);
+  }
+  const std::string where = list.folder.empty() ? "palpated's folder" : list.folder;
+  Tip(("a file in " + OneLine(where, kLongestText) + ", on palpated's machine").c_str());
+  ImGui::BeginDisabled(!recording.running && (!problem.empty() || feed.replayer().position()));
+  if (ImGui::Button(recording.running ? "Stop recording###record" : "Record###record",
+                    {ButtonWidth("Stop recording"), 0.0f})) {
+    if (recording.running) {
+      feed.DoAndAsk("stop recording", [](client::Client& client) { client.StopRecording(); });
+    } else {
+      const std::string path = RecordingPath(list.folder, session.name);
+      feed.DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
+    }
+  }
+  ImGui::EndDisabled();
+  Tip("every tick and every change of voxels and settings, until stopped");
+  ImGui::SameLine(0.0f, 8.0f * scale);
+  if (!recording.running) {
+    ImGui::TextColored(kDim, "not recording");
+  } else if (recording.lost_ticks > 0) {
+    ImGui::TextColored(kBad, "%s, %llu ticks lost", TimeText(recording.ticks).c_str(),
+                       static_cast<unsigned long long>(recording.lost_ticks));
+  } else {
+    ImGui::TextColored(kBad, "%s, %s", TimeText(recording.ticks).c_str(),
+                       SizeText(recording.size_bytes).c_str());
+  }
+  NameLine(viewer, recording, list, problem);
+  ImGui::BeginDisabled(!recording.running);
+  const float mark = ButtonWidth("Mark");
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x - mark - 8.0f * scale);
+  const bool entered = ImGui::InputTextWithHint("##marker", "what happened", &session.marker,
+                                                ImGuiInputTextFlags_EnterReturnsTrue);
+  Tip("text of the next marker; Enter or K puts it");
+  ImGui::SameLine(0.0f, 8.0f * scale);
+  if (ImGui::Button("Mark") || entered) PutMarker(viewer);
+  Tip("a marker with the present time (K)");
+  ImGui::EndDisabled();
+}
+
+std::string DayText(std::int64_t modified_s) {
+  const auto time = static_cast<std::time_t>(modified_s);
+  std::tm local{};
+  localtime_r(&time, &local);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%d %b %H:%M", &local);
+  return text.data();
+}
+
+void ListPart(Viewer& viewer, float scale) {
+  LiveFeed& feed = viewer.feed();
+  SessionState& session = viewer.state().session;
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextUnformatted("Recordings");
+  ImGui::SameLine(ImGui::GetContentRegionMax().x - ButtonWidth("Refresh"));
+  if (ImGui::Button("Refresh")) feed.replayer().Refresh();
+  Tip("ask palpated for its recordings again");
+  ImGui::BeginChild("recordings",
+                    {0.0f, kRowsOfList * ImGui::GetTextLineHeightWithSpacing() + 6.0f * scale},
+                    true);
+  const auto list = feed.replayer().list();
+  if (list && list->recordings.empty()) ImGui::TextColored(kDim, "none yet");
+  ImGuiListClipper clipper;
+  clipper.Begin(list ? static_cast<int>(list->recordings.size()) : 0);
+  while (clipper.Step()) {
+    for (int n = clipper.DisplayStart; n < clipper.DisplayEnd; ++n) {
+      const client::RecordedFile& file = list->recordings[static_cast<std::size_t>(n)];
+      const std::string label = OneLine(RecordingName(file.path), 60) + "###" + file.path;
+      if (ImGui::Selectable(label.c_str(), session.chosen == file.path,
+                            ImGuiSelectableFlags_AllowDoubleClick)) {
+        session.chosen = file.path;
+        if (ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left) && !IsRecording(viewer)) {
+          feed.replayer().Play(file.path);
+        }
+      }
+      if (ImGui::IsItemHovered()) {
+        ImGui::SetTooltip("%s\n%s, %s; double click: replay",
+                          OneLine(file.path, kLongestText).c_str(),
+                          DayText(file.modified_s).c_str(), SizeText(file.size_bytes).c_str());
+      }
+      const std::string day = DayText(file.modified_s);
+      ImGui::SameLine(ImGui::GetContentRegionMax().x - ImGui::CalcTextSize(day.c_str()).x);
+      ImGui::TextColored(kDim, "%s", day.c_str());
+    }
+  }
+  ImGui::EndChild();
+}
+
+// Lines over the slider where the markers are, with their texts as tooltips.
+void DrawMarkers(const ReplayPosition& position) {
+  const ImVec2 min = ImGui::GetItemRectMin();
+  const ImVec2 max = ImGui::GetItemRectMax();
+  // As Dear ImGui places the grab.
+  const float edge = 2.0f + 0.5f * ImGui::GetStyle().GrabMinSize;
+  const float width = max.x - min.x - 2.0f * edge;
+  const auto last = static_cast<double>(std::max<std::uint64_t>(position.total_ticks, 2) - 1);
+  const float pointer = ImGui::GetIO().MousePos.x;
+  const client::RecordedMarker* pointed = nullptr;
+  float nearest = 5.0f;
+  for (const client::RecordedMarker& marker : position.markers) {
+    const float x =
+        min.x + edge + width * static_cast<float>(static_cast<double>(marker.tick) / last);
+    ImGui::GetWindowDrawList()->AddLine({x, min.y}, {x, max.y}, ImGui::GetColorU32(kReplay), 2.0f);
+    if (std::abs(x - pointer) < nearest) {
+      nearest = std::abs(x - pointer);
+      pointed = &marker;
+    }
+  }
+  if (!ImGui::IsItemHovered()) return;
+  if (pointed) {
+    ImGui::SetTooltip("%s  %s", TimeText(pointed->tick).c_str(),
+                      OneLine(pointed->text, kLongestText).c_str());
+  } else if (!ImGui::IsItemActive()) {
+    ImGui::SetTooltip("click or drag: go there");
+  }
+}
+
+void Timeline(Viewer& viewer, const ReplayPosition& position) {
+  SessionState& session = viewer.state().session;
+  std::uint64_t tick = session.sought.value_or(position.tick);
+  const std::uint64_t first = 0;
+  const std::uint64_t last = std::max<std::uint64_t>(position.total_ticks, 2) - 1;
+  const std::string format = TimeText(tick);
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  ImGui::SliderScalar("##timeline", ImGuiDataType_U64, &tick, &first, &last, format.c_str(),
+                      ImGuiSliderFlags_AlwaysClamp | ImGuiSliderFlags_NoInput);
+  if (ImGui::IsItemActive()) session.sought = tick;
+  if (ImGui::IsItemDeactivated()) {
+    if (session.sought && ImGui::IsItemDeactivatedAfterEdit()) {
+      viewer.feed().replayer().Seek(*session.sought);
+    }
+    session.sought.reset();
+  }
+  DrawMarkers(position);
+}
+
+void SpeedChoice(Viewer& viewer, const ReplayPosition& position) {
+  constexpr std::array<double, 7> kSpeeds = {0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 10.0};
+  constexpr std::array<const char*, 7> kNames = {"\xC3\x97 0.1", "\xC3\x97 0.25", "\xC3\x97 0.5",
+                                                 "\xC3\x97 1",   "\xC3\x97 2",    "\xC3\x97 4",
+                                                 "\xC3\x97 10"};
+  const auto* const found = std::find(kSpeeds.begin(), kSpeeds.end(), position.speed);
+  int choice = found == kSpeeds.end() ? 3 : static_cast<int>(found - kSpeeds.begin());
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  if (Choose("##speed", choice, kNames.data(), static_cast<int>(kNames.size()))) {
+    viewer.feed().replayer().SetSpeed(kSpeeds[static_cast<std::size_t>(choice)]);
+  }
+  Tip("multiple of real time");
+}
+
+void ReplayPart(Viewer& viewer, float scale) {
+  Replayer& replayer = viewer.feed().replayer();
+  const std::string& chosen = viewer.state().session.chosen;
+  const auto playing = replayer.position();
+  const ReplayPosition position = playing.value_or(ReplayPosition{});
+  const char* const label = !playing             ? "Replay###replay"
+                            : position.is_paused ? "Play###replay"
+                                                 : "Pause###replay";
+  ImGui::BeginDisabled(!playing && (chosen.empty() || IsRecording(viewer)));
+  if (ImGui::Button(label, {ButtonWidth("Replay"), 0.0f})) {
+    playing ? replayer.SetPaused(!position.is_paused) : replayer.Play(chosen);
+  }
+  Tip("shows the recording to all viewers, with forces off; the recorded volume must be loaded");
+  ImGui::EndDisabled();
+  ImGui::BeginDisabled(!playing);
+  ImGui::SameLine(0.0f, 8.0f * scale);
+  if (ImGui::Button("Live again")) replayer.End();
+  Tip("ends the replay: voxels, place and forces are as before");
+  ImGui::SameLine(0.0f, 8.0f * scale);
+  SpeedChoice(viewer, position);
+  Timeline(viewer, position);
+  ImGui::EndDisabled();
+  if (playing) {
+    FixedLine(TimeText(position.tick) + " of " + TimeText(position.total_ticks) + ", " +
+                  OneLine(RecordingName(position.path), kLongestText),
+              kReplay);
+  } else {
+    const std::string problem = OneLine(replayer.problem(), kLongestText);
+    FixedLine(problem.empty() ? "live" : problem, problem.empty() ? kDim : kBad);
+  }
+}
+
+}  // namespace
+
+void PutMarker(Viewer& viewer) {
+  SessionState& session = viewer.state().session;
+  if (!IsRecording(viewer)) {
+    viewer.Say("no marker: nothing is recorded");
+    return;
+  }
+  ++session.markers;
+  const std::string text =
+      session.marker.empty() ? "marker " + std::to_string(session.markers) : session.marker;
+  session.marker.clear();
+  viewer.feed().DoAndAsk("mark", [text](client::Client& client) { client.Mark(text); });
+  viewer.Say("marked: " + OneLine(text, kLongestText));
+}
+
+void SessionPanel(Viewer& viewer, float scale) {
+  FollowRecording(viewer);
+  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
+  if (!ImGui::CollapsingHeader("Session")) return;
+  BeginAllowed(viewer, client::Role::kOperator);
+  RecordPart(viewer, scale);
+  ListPart(viewer, scale);
+  ReplayPart(viewer, scale);
+  EndAllowed();
+}
+
+void DrawReplayBanner(const Viewer& viewer, const Area& area, float scale) {
+  const auto position = viewer.feed().replayer().position();
+  if (!position) return;
+  const std::string line = std::string("REPLAY ") + (position->is_paused ? "paused " : "") +
+                           TimeText(position->tick) + " of " + TimeText(position->total_ticks);
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const ImU32 color = ImGui::GetColorU32(kReplay);
+  const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};
+  const float edge = 3.0f * scale;
+  list.AddRect({area.min.x + 0.5f * edge, area.min.y + 0.5f * edge},
+               {max.x - 0.5f * edge, max.y - 0.5f * edge}, color, 0.0f, 0, edge);
+  const ImVec2 text = ImGui::CalcTextSize(line.c_str());
+  const ImVec2 at{area.min.x + 0.5f * (area.size.x - text.x), area.min.y + 12.0f * scale};
+  list.AddRectFilled({at.x - 10.0f * scale, at.y - 5.0f * scale},
+                     {at.x + text.x + 10.0f * scale, at.y + text.y + 5.0f * scale}, color,
+                     4.0f * scale);
+  list.AddText(at, IM_COL32(20, 16, 8, 255), line.c_str());
+}
+
+}  // namespace palpate::view

@@ -1,0 +1,28 @@
+// What the session panel says, and what it makes of a name that a person types.
+//
+// Threads: pure.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "client/sdk/recording.h"
+
+namespace palpate::view {
+
+// "0:12", from an hour on "1:02:03". A tick is a millisecond.
+std::string TimeText(std::uint64_t ticks);
+// "1.2 MB", "340 kB".
+std::string SizeText(std::uint64_t bytes);
+
+// The file of a name in the daemon's folder: with the usual suffix, unless the name has it.
+std::string RecordingPath(const std::string& folder, const std::string& name);
+// The name that RecordingPath makes this path of, as far as it can be told.
+std::string RecordingName(const std::string& path);
+// Why a person cannot record to this name; empty: they can.
+std::string NameProblem(const std::string& name, const client::RecordingList& list);
+// The name itself if it is free, otherwise "name-2" or the first free one after it.
+std::string FreeName(const std::string& name, const client::RecordingList& list);
+
+}  // namespace palpate::view
