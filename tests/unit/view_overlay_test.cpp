@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -84,32 +85,127 @@ TEST(ViewOverlay, WithoutAPoseThereAreNoPoints) {
   EXPECT_TRUE(BuildOverlay({}, {}, {}, kSize).lines.empty());
 }
 
-TEST(ViewOverlay, SpheresAreAroundTheirPoints) {
+std::vector<LineVertex> Lines(const Overlay& overlay, bool ghosts) {
+  std::vector<LineVertex> found;
+  for (const LineVertex& vertex : overlay.lines) {
+    if ((vertex.rgba[3] == 0) == ghosts) found.push_back(vertex);
+  }
+  return found;
+}
+
+// So that colours are not all that tells them apart: a ball, a cube, an octahedron.
+TEST(ViewOverlay, EachPointHasAShapeOfItsOwnAroundIt) {
   const OverlayOptions options = Only(&OverlayOptions::points);
   const client::Pose pose = InContact();
   const Overlay overlay = BuildOverlay({.pose = pose}, options, {}, kSize);
-  const std::pair<PixelColor, Vec3> points[] = {
-      {kHipColor, pose.hip_mm}, {kScpHColor, pose.scp_h_mm}, {kScpVColor, *pose.scp_v_mm}};
+  struct Shape {
+    PixelColor rgba;
+    Vec3 center_D;
+    std::size_t faces;
+  };
+  const Shape shapes[] = {
+      {kHipColor, pose.hip_mm, 0}, {kScpHColor, pose.scp_h_mm, 6}, {kScpVColor, *pose.scp_v_mm, 8}};
   std::size_t vertices = 0;
-  for (const auto& [rgba, center_D] : points) {
+  for (const auto& [rgba, center_D, faces] : shapes) {
     const auto body = WithColor(overlay, rgba);
     vertices += body.size();
     ASSERT_FALSE(body.empty());
     const double radius_mm = (body[0].position_D.cast<double>() - center_D).norm();
     EXPECT_GT(radius_mm, 0.0);
+    std::vector<Eigen::Vector3f> normals;
     for (const SolidVertex& vertex : body) {
       const Vec3 out = vertex.position_D.cast<double>() - center_D;
       EXPECT_NEAR(out.norm(), radius_mm, 1e-4);
-      EXPECT_LT((out.normalized() - vertex.normal.cast<double>()).norm(), 1e-5);
-      EXPECT_GT(vertex.alpha_behind, 0);
+      EXPECT_GT(out.dot(vertex.normal.cast<double>()), 0.0);
+      const auto same = [&](const Eigen::Vector3f& n) {
+        return (n - vertex.normal).norm() < 1e-3f;
+      };
+      if (std::none_of(normals.begin(), normals.end(), same)) normals.push_back(vertex.normal);
+    }
+    if (faces > 0) {
+      EXPECT_EQ(normals.size(), faces);
+    } else {
+      EXPECT_GT(normals.size(), 100u);
     }
   }
   EXPECT_EQ(vertices, overlay.solids.size());
-  ASSERT_EQ(overlay.lines.size(), 4u);
-  EXPECT_EQ(overlay.lines[0].position_D, pose.hip_mm.cast<float>());
-  EXPECT_EQ(overlay.lines[1].position_D, pose.scp_h_mm.cast<float>());
-  EXPECT_EQ(overlay.lines[2].position_D, pose.scp_h_mm.cast<float>());
-  EXPECT_EQ(overlay.lines[3].position_D, pose.scp_v_mm->cast<float>());
+  const auto links = Lines(overlay, false);
+  ASSERT_EQ(links.size(), 4u);
+  EXPECT_EQ(links[0].position_D, pose.hip_mm.cast<float>());
+  EXPECT_EQ(links[1].position_D, pose.scp_h_mm.cast<float>());
+  EXPECT_EQ(links[2].position_D, pose.scp_h_mm.cast<float>());
+  EXPECT_EQ(links[3].position_D, pose.scp_v_mm->cast<float>());
+}
+
+// A body behind the surface must not look like one before it: an outline, with little in it.
+TEST(ViewOverlay, BehindTheSurfaceBodiesAreOutlines) {
+  for (const auto drawn : {&OverlayOptions::points, &OverlayOptions::stylus}) {
+    const Camera camera;
+    const client::Pose pose = InContact();
+    const Overlay overlay = BuildOverlay({.pose = pose}, Only(drawn), camera, kSize);
+    for (const SolidVertex& vertex : overlay.solids) {
+      EXPECT_GT(vertex.alpha_behind, 0);
+      EXPECT_LT(vertex.alpha_behind, 64);
+    }
+    for (const LineVertex& vertex : Lines(overlay, false)) EXPECT_EQ(vertex.alpha_behind, 0);
+    const auto ghosts = Lines(overlay, true);
+    ASSERT_FALSE(ghosts.empty());
+    for (const LineVertex& vertex : ghosts) {
+      EXPECT_GT(vertex.alpha_behind, 192);
+      EXPECT_TRUE(vertex.position_D.allFinite());
+    }
+  }
+}
+
+// On the screen, the dashes are at the edges of the body.
+TEST(ViewOverlay, TheDashesOfTheShaftAreAtItsEdges) {
+  Camera camera;
+  camera.Set(Vec3::Zero(), 0.0, 0.0, 400.0);  // along -z
+  client::Pose pose;
+  pose.stylus_orientation = Eigen::Quaterniond(Eigen::AngleAxisd(-1.5707963, Vec3::UnitX()));
+  const Overlay overlay =
+      BuildOverlay({.pose = pose}, Only(&OverlayOptions::stylus), camera, kSize);
+  const auto ghosts = Lines(overlay, true);
+  const Extent solid = Along(overlay.solids, Vec3::Zero(), Vec3::UnitX());
+  double least = 0.0, greatest = 0.0;
+  for (const LineVertex& vertex : ghosts) {
+    least = std::min(least, static_cast<double>(vertex.position_D.x()));
+    greatest = std::max(greatest, static_cast<double>(vertex.position_D.x()));
+    EXPECT_NEAR(vertex.position_D.z(), 0.0f, 1e-3f);
+  }
+  EXPECT_NEAR(least, solid.least, 0.05);
+  EXPECT_NEAR(greatest, solid.greatest, 0.05);
+  // Seen along the shaft it has no such edges.
+  pose.stylus_orientation = client::UnalignedQuaternion::Identity();
+  EXPECT_TRUE(
+      Lines(BuildOverlay({.pose = pose}, Only(&OverlayOptions::stylus), camera, kSize), true)
+          .empty());
+}
+
+// The band shows how far the surface keeps the hand from its target, and how strongly.
+TEST(ViewOverlay, ALedHandHasARingAtItsTargetAndABandToHip) {
+  OverlayScene scene{.pose = client::Pose{}, .max_force_n = 3.0};
+  scene.hand_target_D = Vec3(0.0, 30.0, 0.0);
+  const OverlayOptions options = Only(&OverlayOptions::box);
+  PixelColor relaxed{}, strained{};
+  for (const double force_n : {0.0, 3.0}) {
+    scene.pose->force_n = {0.0, -force_n, 0.0};
+    const Overlay overlay = BuildOverlay(scene, options, {}, kSize);
+    ASSERT_FALSE(overlay.solids.empty());
+    (force_n > 0.0 ? strained : relaxed) = overlay.solids[0].rgba;
+    const Extent along = Along(overlay.solids, Vec3::Zero(), Vec3::UnitY());
+    EXPECT_NEAR(along.least, 0.0, 1e-5);
+    EXPECT_NEAR(along.greatest, 30.0, 1e-5);
+    Eigen::Vector3f middle = Eigen::Vector3f::Zero();
+    for (const LineVertex& vertex : overlay.lines) {
+      middle += vertex.position_D / static_cast<float>(overlay.lines.size());
+      EXPECT_GT(vertex.alpha_behind, 128);
+    }
+    EXPECT_LT((middle - scene.hand_target_D->cast<float>()).norm(), 1e-3f);
+  }
+  EXPECT_LT(strained[1] + 100, relaxed[1]);
+  scene.pose->hip_mm = *scene.hand_target_D;
+  EXPECT_TRUE(BuildOverlay(scene, options, {}, kSize).solids.empty());
 }
 
 TEST(ViewOverlay, InFreeMotionOnePointIsDrawnOnce) {
@@ -119,7 +215,7 @@ TEST(ViewOverlay, InFreeMotionOnePointIsDrawnOnce) {
   const Overlay overlay = BuildOverlay({.pose = pose}, options, {}, kSize);
   EXPECT_EQ(WithColor(overlay, kHipColor).size(), overlay.solids.size());
   EXPECT_FALSE(overlay.solids.empty());
-  EXPECT_TRUE(overlay.lines.empty());
+  EXPECT_TRUE(Lines(overlay, false).empty());
 }
 
 // The image's shorter side has the field of view, so both shapes are tried.

@@ -17,25 +17,68 @@ ImTextureID TextureId(unsigned name) {
   return reinterpret_cast<ImTextureID>(static_cast<std::uintptr_t>(name));
 }
 
-void LegendLine(const std::array<std::uint8_t, 4>& color, const char* text, const char* tip) {
+enum class Shape { kBall, kCube, kOctahedron, kArrow };
+
+// The shapes of scene/overlay.h.
+void DrawShape(Shape shape, const std::array<std::uint8_t, 4>& rgba, const ImVec2& middle,
+               float radius) {
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const ImU32 color = IM_COL32(rgba[0], rgba[1], rgba[2], 255);
+  const auto at = [&](float right, float down) -> ImVec2 {
+    return {middle.x + right * radius, middle.y + down * radius};
+  };
+  switch (shape) {
+    case Shape::kBall:
+      list.AddCircleFilled(middle, radius, color);
+      break;
+    case Shape::kCube:
+      list.AddRectFilled(at(-0.9f, -0.9f), at(0.9f, 0.9f), color);
+      break;
+    case Shape::kOctahedron:
+      list.AddQuadFilled(at(0.0f, -1.25f), at(1.25f, 0.0f), at(0.0f, 1.25f), at(-1.25f, 0.0f),
+                         color);
+      break;
+    case Shape::kArrow:
+      list.AddLine(at(-1.3f, 0.0f), at(0.4f, 0.0f), color, 0.5f * radius);
+      list.AddTriangleFilled(at(1.4f, 0.0f), at(0.1f, 0.8f), at(0.1f, -0.8f), color);
+      break;
+  }
+}
+
+struct LegendLine {
+  Shape shape;
+  const std::array<std::uint8_t, 4>& rgba;
+  const char* text;
+  const char* tip;
+};
+
+const std::array<LegendLine, 4> kLegend = {{
+    {Shape::kBall, kHipColor, "stylus tip (HIP)",
+     "HIP, haptic interface point: where the device says that the tip is.\n"
+     "In contact it is behind the surface. Hollow: behind what is seen."},
+    {Shape::kCube, kScpHColor, "proxy, on what is felt (SCP_H)",
+     "SCP_H: the point on the felt surface that HIP is pulled to.\n"
+     "It never enters the material. Hollow: behind what is seen."},
+    {Shape::kOctahedron, kScpVColor, "proxy, on what is seen (SCP_V)",
+     "SCP_V: the point next to SCP_H on the exact surface, which is drawn.\n"
+     "Hollow: behind what is seen."},
+    {Shape::kArrow, kForceColor, "force on the hand", "from the proxy; as long as it is strong"},
+}};
+
+void DrawLegendLine(const LegendLine& line) {
   const float height = ImGui::GetTextLineHeight();
   const ImVec2 p = ImGui::GetCursorScreenPos();
-  ImGui::GetWindowDrawList()->AddCircleFilled({p.x + 0.5f * height, p.y + 0.55f * height},
-                                              0.33f * height,
-                                              IM_COL32(color[0], color[1], color[2], 255));
+  DrawShape(line.shape, line.rgba, {p.x + 0.5f * height, p.y + 0.55f * height}, 0.33f * height);
   ImGui::Dummy({height, height});
   ImGui::SameLine();
-  ImGui::Text("%s", text);
-  Tip(tip);
+  ImGui::Text("%s", line.text);
+  Tip(line.tip);
 }
 
 void DrawLegend(const Viewer& viewer, const Area& area, float scale) {
   ImGui::SetCursorScreenPos({area.min.x + 10.0f * scale, area.min.y + 10.0f * scale});
   ImGui::BeginGroup();
-  LegendLine(kHipColor, "HIP", "the stylus tip");
-  LegendLine(kScpHColor, "SCP_H", "the proxy on the surface that is felt");
-  LegendLine(kScpVColor, "SCP_V", "the point next to it of the surface that is seen");
-  LegendLine(kForceColor, "force", "on the hand");
+  for (const LegendLine& line : kLegend) DrawLegendLine(line);
   ImGui::EndGroup();
   const auto& pose = viewer.feed().pose();
   // Show nothing while disconnected: old values would look like present ones.

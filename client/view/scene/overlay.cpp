@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
+#include "client/view/scene/ghosts.h"
 #include "client/view/scene/letters.h"
 #include "client/view/scene/patient_axes.h"
 #include "client/view/scene/solids.h"
@@ -10,21 +12,26 @@
 namespace palpate::view {
 namespace {
 
-constexpr std::uint8_t kPointBehind = 140;
 constexpr std::uint8_t kForceBehind = 100;
 constexpr std::uint8_t kHapticSurfaceBehind = 70;
 constexpr std::array<std::uint8_t, 4> kSpringColor = {245, 245, 245, 230};  // HIP to SCP_H
 constexpr std::array<std::uint8_t, 4> kGapColor = {160, 195, 255, 255};     // SCP_H to SCP_V
 constexpr std::array<std::uint8_t, 4> kBoxColor = {128, 140, 158, 150};
-constexpr Paint kPenBody = {{66, 74, 88, 255}, 0};
-constexpr Paint kPenGrip = {{128, 138, 152, 255}, 0};
-constexpr Paint kPenTip = {{205, 208, 212, 255}, 0};
+constexpr Paint kPenBody = {{66, 74, 88, 255}, kGhostBody};
+constexpr Paint kPenGrip = {{128, 138, 152, 255}, kGhostBody};
+constexpr Paint kPenTip = {{205, 208, 212, 255}, kGhostBody};
+// The line from HIP to the target of a led hand: without force, and at the greatest force.
+constexpr std::array<std::uint8_t, 4> kTargetColor = {255, 255, 255, 255};
+constexpr std::array<std::uint8_t, 4> kStrainColor = {255, 60, 30, 255};
+constexpr std::uint8_t kTargetBehind = 210;
+constexpr double kTargetRadius_px = 11.0;
 
 // Shorter arrows would not be visible.
 constexpr double kLeastArrow_px = 1.0;
 // Voxels of this size on the screen leave room between the lines of H.
 constexpr double kSparse_px = 36.0;
 constexpr double kLetter_px = 16.0;
+constexpr double kDash_px = 5.0;
 
 // The size of one pixel at a point, in mm.
 class PixelSize {
@@ -51,21 +58,87 @@ void AddLine(const Vec3& from_D, const Vec3& to_D, const std::array<std::uint8_t
   overlay.lines.push_back({to_D.cast<float>(), rgba, alpha_behind});
 }
 
-void AddPoint(const Vec3& p_D, const std::array<std::uint8_t, 4>& rgba, const PixelSize& pixel,
-              Overlay& overlay) {
-  AddSphere(p_D, kPointRadius_px * pixel.At(p_D), {rgba, kPointBehind}, overlay.solids);
+// Solid in front of the surface, dashed behind it.
+void AddLink(const Vec3& from_D, const Vec3& to_D, const std::array<std::uint8_t, 4>& rgba,
+             const PixelSize& pixel, Overlay& overlay) {
+  AddLine(from_D, to_D, rgba, 0, overlay);
+  AddGhostDashes(from_D, to_D, kDash_px * pixel.At(from_D), rgba, overlay);
 }
 
-void AddPoints(const client::Pose& pose, const PixelSize& pixel, Overlay& overlay) {
-  AddPoint(pose.hip_mm, kHipColor, pixel, overlay);
+// A polygon that faces the eye. Its first corner is at the angle from the view's right.
+std::vector<Vec3> FacingPolygon(const Vec3& center_D, double radius_mm, int corners,
+                                double first_deg, const Mat3& R_DV) {
+  std::vector<Vec3> polygon;
+  for (int n = 0; n < corners; ++n) {
+    const double angle =
+        first_deg * std::numbers::pi / 180.0 + 2.0 * std::numbers::pi * n / corners;
+    polygon.push_back(center_D +
+                      radius_mm * (std::cos(angle) * R_DV.col(0) + std::sin(angle) * R_DV.col(1)));
+  }
+  return polygon;
+}
+
+// Shapes that look different at the size of a few pixels: they keep their side to the eye.
+void AddHip(const Vec3& p_D, double radius_mm, const Mat3& R_DV, Overlay& overlay) {
+  AddSphere(p_D, radius_mm, {kHipColor, kGhostBody}, overlay.solids);
+  AddGhostOutline(FacingPolygon(p_D, radius_mm, 20, 0.0, R_DV), kHipColor, overlay);
+}
+
+void AddScpH(const Vec3& p_D, double radius_mm, const Mat3& R_DV, Overlay& overlay) {
+  // Turned a little, so that a cube looks like one.
+  static const Mat3 kTurn =
+      (Eigen::AngleAxisd(0.35, Vec3::UnitX()) * Eigen::AngleAxisd(0.45, Vec3::UnitY()))
+          .toRotationMatrix();
+  AddCube(p_D, 0.75 * radius_mm, R_DV * kTurn, {kScpHColor, kGhostBody}, overlay.solids);
+  AddGhostOutline(FacingPolygon(p_D, 1.25 * radius_mm, 4, 45.0, R_DV), kScpHColor, overlay);
+}
+
+void AddScpV(const Vec3& p_D, double radius_mm, const Mat3& R_DV, Overlay& overlay) {
+  AddOctahedron(p_D, 1.25 * radius_mm, R_DV, {kScpVColor, kGhostBody}, overlay.solids);
+  AddGhostOutline(FacingPolygon(p_D, 1.25 * radius_mm, 4, 0.0, R_DV), kScpVColor, overlay);
+}
+
+void AddPoints(const client::Pose& pose, const Camera& camera, const PixelSize& pixel,
+               Overlay& overlay) {
+  const Mat3 R_DV = camera.X_VD().linear.transpose();
+  const auto radius_mm = [&](const Vec3& p_D) { return kPointRadius_px * pixel.At(p_D); };
+  AddHip(pose.hip_mm, radius_mm(pose.hip_mm), R_DV, overlay);
   if (pose.scp_h_mm != pose.hip_mm) {
-    AddPoint(pose.scp_h_mm, kScpHColor, pixel, overlay);
-    AddLine(pose.hip_mm, pose.scp_h_mm, kSpringColor, kPointBehind, overlay);
+    AddScpH(pose.scp_h_mm, radius_mm(pose.scp_h_mm), R_DV, overlay);
+    AddLink(pose.hip_mm, pose.scp_h_mm, kSpringColor, pixel, overlay);
   }
   if (pose.scp_v_mm) {
-    AddPoint(*pose.scp_v_mm, kScpVColor, pixel, overlay);
-    AddLine(pose.scp_h_mm, *pose.scp_v_mm, kGapColor, kPointBehind, overlay);
+    AddScpV(*pose.scp_v_mm, radius_mm(*pose.scp_v_mm), R_DV, overlay);
+    AddLink(pose.scp_h_mm, *pose.scp_v_mm, kGapColor, pixel, overlay);
   }
+}
+
+// A ring where the hand wants to be, and a band to HIP: long and red if the surface resists.
+void AddHandTarget(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
+                   Overlay& overlay) {
+  const Vec3& target_D = *scene.hand_target_D;
+  const Mat3 R_DV = camera.X_VD().linear.transpose();
+  const double px_mm = pixel.At(target_D);
+  const auto ring = FacingPolygon(target_D, kTargetRadius_px * px_mm, 24, 0.0, R_DV);
+  for (std::size_t n = 0; n < ring.size(); ++n) {
+    AddLine(ring[n], ring[(n + 1) % ring.size()], kTargetColor, kTargetBehind, overlay);
+  }
+  const Vec3 from_hip_D = target_D - scene.pose->hip_mm;
+  const double length_mm = from_hip_D.norm();
+  if (length_mm < px_mm) return;
+  const double share =
+      scene.max_force_n > 0.0 ? std::min(1.0, scene.pose->force_n.norm() / scene.max_force_n) : 0.0;
+  Paint paint = {kTargetColor, kTargetBehind};
+  for (std::size_t n = 0; n < 3; ++n) {
+    paint.rgba[n] = static_cast<std::uint8_t>(
+        kTargetColor[n] + std::sqrt(share) * (kStrainColor[n] - kTargetColor[n]));
+  }
+  const double radius_mm = 1.6 * px_mm;
+  const Ring rings[] = {{0.0, 0.0, paint},
+                        {0.0, radius_mm, paint},
+                        {length_mm, radius_mm, paint},
+                        {length_mm, 0.0, paint}};
+  AddTurned(scene.pose->hip_mm, from_hip_D / length_mm, rings, overlay.solids);
 }
 
 void AddForce(const client::Pose& pose, double max_force_n, const PixelSize& pixel,
@@ -88,7 +161,8 @@ void AddForce(const client::Pose& pose, double max_force_n, const PixelSize& pix
 
 // Sizes in mm, because the stylus is an object of the workspace. Its tip is at HIP, and it points
 // along its own -z.
-void AddStylus(const client::Pose& pose, Overlay& overlay) {
+void AddStylus(const client::Pose& pose, const Camera& camera, const PixelSize& pixel,
+               Overlay& overlay) {
   static constexpr Ring kRings[] = {
       {0.0, 0.0, kPenTip},   {1.0, 0.35, kPenTip},  {14.0, 2.3, kPenGrip}, {15.0, 2.7, kPenGrip},
       {26.0, 2.9, kPenGrip}, {26.6, 2.6, kPenBody}, {27.2, 2.9, kPenBody}, {66.0, 2.9, kPenBody},
@@ -96,6 +170,8 @@ void AddStylus(const client::Pose& pose, Overlay& overlay) {
   const Vec3 away_from_tip =
       Eigen::Quaterniond(pose.stylus_orientation).normalized() * Vec3::UnitZ();
   AddTurned(pose.hip_mm, away_from_tip, kRings, overlay.solids);
+  AddGhostEdges(pose.hip_mm, away_from_tip, kRings, camera.Eye(), kDash_px * pixel.At(pose.hip_mm),
+                overlay);
 }
 
 // Where V and H coincide, half of a line's width would lie behind a slanted surface. So lines move
@@ -178,9 +254,10 @@ Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, c
     AddHapticSurface(scene, camera, pixel, overlay);
   }
   if (!scene.pose) return overlay;
-  if (options.points) AddPoints(*scene.pose, pixel, overlay);
+  if (options.points) AddPoints(*scene.pose, camera, pixel, overlay);
   if (options.force) AddForce(*scene.pose, scene.max_force_n, pixel, overlay);
-  if (options.stylus) AddStylus(*scene.pose, overlay);
+  if (options.stylus) AddStylus(*scene.pose, camera, pixel, overlay);
+  if (scene.hand_target_D) AddHandTarget(scene, camera, pixel, overlay);
   return overlay;
 }
 

@@ -1,5 +1,9 @@
 // Everything drawn besides the volume, as triangles and lines: the three points, the force, the
-// stylus, the wireframe of H, the lattice's box with the letters of the patient's axes.
+// stylus, the target of a led hand, the wireframe of H, the lattice's box with the letters of the
+// patient's axes.
+//
+// In front of the surface, points and stylus are solid bodies: HIP a ball, SCP_H a cube, SCP_V an
+// octahedron. Behind the surface they are hollow: outlines and dashes.
 //
 // Frame: D (mm). Threads: plain values and pure functions.
 #pragma once
@@ -24,8 +28,8 @@ struct SolidVertex {
 };
 struct LineVertex {
   Eigen::Vector3f position_D;
-  std::array<std::uint8_t, 4> rgba;
-  std::uint8_t alpha_behind = 0;  // where the surface hides it; 0: invisible there
+  std::array<std::uint8_t, 4> rgba;  // alpha 0: visible only where the surface hides it
+  std::uint8_t alpha_behind = 0;     // where the surface hides it; 0: invisible there
 };
 
 struct Overlay {
@@ -54,6 +58,8 @@ struct OverlayScene {
   // The linear part of the volume's map to W. None: no letters.
   std::optional<Mat3> W_from_I{};
   double max_force_n = 3.3;
+  // Where the person who leads the hand wants HIP to be. None: nobody leads it here.
+  std::optional<Vec3> hand_target_D{};
 };
 
 // `size`: of the view on the screen, also if the picture has fewer pixels. In free motion HIP and

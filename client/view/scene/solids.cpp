@@ -36,7 +36,36 @@ SolidVertex Vertex(const Vec3& p_D, const Vec3& normal, const Paint& paint) {
   return {p_D.cast<float>(), normal.cast<float>(), paint.rgba, paint.alpha_behind};
 }
 
+// One normal for all corners of a triangle, so that its edges are sharp.
+void AddFlat(const Vec3& a_D, const Vec3& b_D, const Vec3& c_D, const Paint& paint,
+             std::vector<SolidVertex>& solids) {
+  const Vec3 normal = (b_D - a_D).cross(c_D - a_D).normalized();
+  for (const Vec3* p_D : {&a_D, &b_D, &c_D}) solids.push_back(Vertex(*p_D, normal, paint));
+}
+
 }  // namespace
+
+void AddCube(const Vec3& center_D, double half_edge_mm, const Mat3& R_DB, const Paint& paint,
+             std::vector<SolidVertex>& solids) {
+  for (int face = 0; face < 6; ++face) {
+    const Vec3 out = (face % 2 == 0 ? 1.0 : -1.0) * R_DB.col(face / 2);
+    const Vec3 x = R_DB.col((face / 2 + 1) % 3);
+    const Vec3 y = out.cross(x);
+    const auto corner = [&](double along_x, double along_y) -> Vec3 {
+      return center_D + half_edge_mm * (out + along_x * x + along_y * y);
+    };
+    AddFlat(corner(-1, -1), corner(1, -1), corner(1, 1), paint, solids);
+    AddFlat(corner(-1, -1), corner(1, 1), corner(-1, 1), paint, solids);
+  }
+}
+
+void AddOctahedron(const Vec3& center_D, double radius_mm, const Mat3& R_DB, const Paint& paint,
+                   std::vector<SolidVertex>& solids) {
+  for (const auto& [a, b, c] : Octahedron()) {
+    AddFlat(center_D + radius_mm * (R_DB * a), center_D + radius_mm * (R_DB * b),
+            center_D + radius_mm * (R_DB * c), paint, solids);
+  }
+}
 
 void AddSphere(const Vec3& center_D, double radius_mm, const Paint& paint,
                std::vector<SolidVertex>& solids) {

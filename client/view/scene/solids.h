@@ -1,4 +1,4 @@
-// Round bodies made of triangles: spheres, and bodies turned about an axis.
+// Bodies made of triangles: spheres, bodies with flat faces, and bodies turned about an axis.
 //
 // Frame: D (mm). Threads: pure.
 #pragma once
@@ -17,6 +17,13 @@ struct Paint {
 // For a sphere that is small on the screen: its corners are visible on a large one.
 void AddSphere(const Vec3& center_D, double radius_mm, const Paint& paint,
                std::vector<SolidVertex>& solids);
+
+// `R_DB` turns the axes of the body into D. The cube's edges and the octahedron's corners are along
+// the axes.
+void AddCube(const Vec3& center_D, double half_edge_mm, const Mat3& R_DB, const Paint& paint,
+             std::vector<SolidVertex>& solids);
+void AddOctahedron(const Vec3& center_D, double radius_mm, const Mat3& R_DB, const Paint& paint,
+                   std::vector<SolidVertex>& solids);
 
 // A ring of a turned body. Its paint covers the part up to the next ring.
 struct Ring {
