@@ -1,0 +1,121 @@
+#include "client/view/app/hand_aim.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+namespace palpate::view {
+namespace {
+
+constexpr ImageSize kView = {400, 300};
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Camera Looking() {
+  Camera camera;
+  camera.Set({3.0, -4.0, 5.0}, 35.0, 20.0, 250.0);
+  return camera;
+}
+
+// A wall at a distance from the eye in the left half of the picture, nothing in the right half.
+SeenSurface HalfAWall(double distance_mm, const ImageSize& size = kView) {
+  SeenSurface seen{.size = size, .camera = Looking(), .distances_mm = {}};
+  for (int n = 0; n < size.width * size.height; ++n) {
+    seen.distances_mm.push_back(
+        static_cast<float>(n % size.width < size.width / 2 ? distance_mm : kInfinity));
+  }
+  return seen;
+}
+
+double Depth_mm(const Vec3& p_D, const Camera& camera) { return -camera.X_VD().Apply(p_D).z(); }
+
+// Distance from the line of sight through a point of the view.
+double Beside_mm(const Vec3& p_D, const Camera& camera, const Eigen::Vector2d& at_px) {
+  const Ray ray = camera.RayThrough(at_px.x(), at_px.y(), kView);
+  return (p_D - ray.origin).cross(ray.direction).norm();
+}
+
+TEST(ViewHandAim, AlongTheSurfaceTheTargetIsBehindWhatIsUnderThePointer) {
+  const Eigen::Vector2d at_px = {100.5, 90.5};
+  for (const double press_mm : {-5.0, 0.0, 3.0}) {
+    for (const double harder_mm : {0.0, 4.0}) {
+      HandAim aim;
+      aim.Begin(Vec3::Zero());
+      aim.Follow(at_px, kView, HalfAWall(200.0), {.press_mm = press_mm}, harder_mm);
+      EXPECT_NEAR((aim.target_D() - Looking().Eye()).norm(), 200.0 + press_mm + harder_mm, 1e-4);
+      EXPECT_LT(Beside_mm(aim.target_D(), Looking(), at_px), 1e-9);
+    }
+  }
+}
+
+// Pictures have fewer pixels than the view while things move.
+TEST(ViewHandAim, ACoarsePictureLeadsToThePointerToo) {
+  HandAim aim;
+  aim.Begin(Vec3::Zero());
+  const Eigen::Vector2d at_px = {101.0, 91.0};
+  aim.Follow(at_px, kView, HalfAWall(200.0, {200, 150}), {.press_mm = 0.0}, 0.0);
+  EXPECT_NEAR((aim.target_D() - Looking().Eye()).norm(), 200.0, 1e-4);
+  EXPECT_LT(Beside_mm(aim.target_D(), Looking(), at_px), 1.0);
+}
+
+TEST(ViewHandAim, BesideTheSurfaceTheHandStaysInThePlaneOfItsLastPlace) {
+  const SeenSurface seen = HalfAWall(200.0);
+  HandAim aim;
+  aim.Begin(Vec3::Zero());
+  aim.Follow({199.5, 150.0}, kView, seen, {.press_mm = 3.0}, 0.0);
+  const double depth_mm = Depth_mm(aim.target_D(), seen.camera);
+  for (const Eigen::Vector2d& at_px : {Eigen::Vector2d{210.0, 150.0}, {390.0, 10.0}}) {
+    aim.Follow(at_px, kView, seen, {.press_mm = 3.0}, 0.0);
+    EXPECT_NEAR(Depth_mm(aim.target_D(), seen.camera), depth_mm, 1e-9);
+    EXPECT_LT(Beside_mm(aim.target_D(), seen.camera, at_px), 1e-9);
+  }
+}
+
+TEST(ViewHandAim, InThePlaneTheHandKeepsItsDepthUntilItIsPushed) {
+  const SeenSurface seen = HalfAWall(200.0);
+  const HandOptions plane{.way = HandWay::kPlane};
+  HandAim aim;
+  aim.Begin(seen.camera.target());
+  for (const Eigen::Vector2d& at_px : {Eigen::Vector2d{100.0, 90.0}, {390.0, 290.0}}) {
+    aim.Follow(at_px, kView, seen, plane, 0.0);
+    EXPECT_NEAR(Depth_mm(aim.target_D(), seen.camera), 250.0, 1e-9);
+    EXPECT_LT(Beside_mm(aim.target_D(), seen.camera, at_px), 1e-9);
+  }
+  aim.Push(7.0, seen.camera);
+  aim.Follow({200.0, 150.0}, kView, seen, plane, 0.0);
+  EXPECT_NEAR(Depth_mm(aim.target_D(), seen.camera), 257.0, 1e-9);
+  // Harder for a moment: then it is back.
+  aim.Follow({200.0, 150.0}, kView, seen, plane, 4.0);
+  EXPECT_NEAR(Depth_mm(aim.target_D(), seen.camera), 261.0, 1e-9);
+  aim.Follow({200.0, 150.0}, kView, seen, plane, 0.0);
+  EXPECT_NEAR(Depth_mm(aim.target_D(), seen.camera), 257.0, 1e-9);
+}
+
+TEST(ViewHandAim, ThePressIsBounded) {
+  HandOptions options;
+  options.Press(1000.0);
+  EXPECT_EQ(options.press_mm, HandOptions::kMostPress_mm);
+  options.Press(-1000.0);
+  EXPECT_EQ(options.press_mm, HandOptions::kLeastPress_mm);
+}
+
+// A camera that has come past the hand, a view without pixels: the target is always a place.
+TEST(ViewHandAim, EveryPointerGivesAFinitePlaceBeforeTheEye) {
+  std::mt19937 random(42);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  for (int n = 0; n < 2000; ++n) {
+    SeenSurface seen = HalfAWall(n % 3 == 0 ? kInfinity : 200.0, {8, 6});
+    seen.camera.Set(60.0 * Vec3(any(random), any(random), any(random)), 180.0 * any(random),
+                    89.0 * any(random), 1.0 + 100.0 * std::abs(any(random)));
+    HandAim aim;
+    aim.Begin(60.0 * Vec3(any(random), any(random), any(random)));
+    const HandOptions options{.way = n % 2 == 0 ? HandWay::kPlane : HandWay::kSurface};
+    const Eigen::Vector2d at_px = {200.0 + 300.0 * any(random), 150.0 + 300.0 * any(random)};
+    aim.Follow(at_px, kView, seen, options, 0.0);
+    ASSERT_TRUE(aim.target_D().allFinite());
+    ASSERT_GT(Depth_mm(aim.target_D(), seen.camera), 0.0);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::view
