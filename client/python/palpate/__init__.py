@@ -19,6 +19,7 @@ from palpate._enums import (DecompositionMethod, DeviceConnection, DeviceStatus,
 from palpate._errors import (Cancelled, Conflict, DiskFull, Error, FailedPrecondition, Internal,
                              InvalidArgument, NotFound, PermissionDenied, TooLarge, Unavailable)
 from palpate._follow import LiveVolume
+from palpate._hand import Hand
 from palpate._load_options import Raw
 from palpate._placement import Placement
 from palpate._poses import Poses, PoseStream
@@ -37,11 +38,12 @@ __all__ = [
     "Activity", "Applied", "Cancelled", "Conflict", "ConnectedCaller", "Connection",
     "DecompositionMethod", "Device", "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull",
     "EditResult", "Edits", "Error", "FailedPrecondition", "ForceCommand", "ForceReason",
-    "ForceState", "Forces", "FreeSide", "Internal", "InvalidArgument", "LastChange", "ListedDevice",
-    "ListedRecording", "LiveVolume", "NotFound", "PermissionDenied", "Placement", "PoseStream",
-    "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit", "RecordedGap", "RecordedMarker",
-    "RecordedScene", "RecordedTicks", "Recording", "RecordingFile", "RecordingState", "ReplayState",
-    "Role", "Series", "SeriesState", "Settings", "SuggestedIsovalue", "TooLarge", "Unavailable",
-    "VerificationLevel", "Volume", "VolumeAccess", "VolumeInfo",
+    "ForceState", "Forces", "FreeSide", "Hand", "Internal", "InvalidArgument", "LastChange",
+    "ListedDevice", "ListedRecording", "LiveVolume", "NotFound", "PermissionDenied", "Placement",
+    "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit", "RecordedGap",
+    "RecordedMarker", "RecordedScene", "RecordedTicks", "Recording", "RecordingFile",
+    "RecordingState", "ReplayState", "Role", "Series", "SeriesState", "Settings",
+    "SuggestedIsovalue", "TooLarge", "Unavailable", "VerificationLevel", "Volume", "VolumeAccess",
+    "VolumeInfo",
     "connect", "open_recording", "profiles",
 ]

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._enums import DeviceConnection, ForceReason, ForceState, Role, VerificationLevel
-from palpate._geometry import array_of_vector
+from palpate._geometry import Triple, array_of_vector
+from palpate._hand import Hand
 from palpate._link import Link
 from palpate._values import text_of
 from palpate.v1 import device_pb2, device_pb2_grpc
@@ -48,6 +49,8 @@ class DeviceInfo:
     forces: the state of the forces
     forces_set_by: who enabled, disabled or stopped forces last, and from where, such as
         "token or-2 at ipv4:192.0.2.7:51544"; empty: no client since the daemon's start
+    hand_led_by: who leads the simulated hand, as in forces_set_by; empty: it explores by itself,
+        or the device is another one
     rate_hz: of the servo loop, Hz
     realtime_scheduling: the system runs the servo before ordinary programs
     memory_locked: the system does not swap the daemon's memory out
@@ -76,6 +79,7 @@ class DeviceInfo:
     problem: str
     forces: Forces
     forces_set_by: str
+    hand_led_by: str
     rate_hz: float
     realtime_scheduling: bool
     memory_locked: bool
@@ -143,8 +147,9 @@ class Device:
             verification_level=VerificationLevel(device.verification_level),
             connection=DeviceConnection(health.connection), docked=health.docked,
             calibrated=health.calibrated, problem=health.problem, forces=_forces_of(answer.forces),
-            forces_set_by=answer.forces_set_by, rate_hz=servo.rate_hz,
-            realtime_scheduling=servo.realtime_scheduling, memory_locked=servo.memory_locked, warnings=tuple(servo.warnings), ticks=servo.ticks,
+            forces_set_by=answer.forces_set_by, hand_led_by=answer.hand_led_by,
+            rate_hz=servo.rate_hz, realtime_scheduling=servo.realtime_scheduling,
+            memory_locked=servo.memory_locked, warnings=tuple(servo.warnings), ticks=servo.ticks,
             missed_ticks=servo.missed_ticks, version=servo.version,
             identity=health.identity, caller=answer.caller.identity,
             role=Role(answer.caller.role))
@@ -192,6 +197,16 @@ class Device:
         """
         self._link.call(self._stub.CalibrateDevice, device_pb2.CalibrateDeviceRequest())
         return self.info()
+
+    def lead(self, target_mm: Triple | None = None) -> Hand:
+        """Takes the hand of the simulated device, to feel without a device.
+
+        target_mm: (3,) where the hand goes first, in the device frame, mm; None: it stays where it
+        is.
+        Errors: InvalidArgument; see help(palpate.Hand).
+        Example: with conn.device.lead() as hand: felt = hand.follow(path_mm, rate_hz=100)
+        """
+        return Hand(self._link, self._stub.LeadHand, target_mm)
 
     def _force_call(self, method: typing.Any, request: typing.Any) -> Forces:
         return _forces_of(self._link.call(method, request).forces)

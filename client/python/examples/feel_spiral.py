@@ -1,0 +1,94 @@
+#!/usr/bin/python3
+"""Feels a volume along a spiral with the simulated hand, and plots the forces.
+
+Needs a running palpated with the simulated device, and python3-matplotlib:
+
+    python3 client/python/examples/feel_spiral.py --out spiral.png
+
+The spiral is seen along the volume's z axis. The hand comes from the side of the last slice, and is
+led a little below the surface.
+"""
+
+import argparse
+import pathlib
+import sys
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+
+import palpate
+
+matplotlib.use("Agg")
+from matplotlib import pyplot  # noqa: E402: the backend comes first
+
+Array = npt.NDArray[np.float64]
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--address", help="socket or HOST:PORT of palpated [its usual socket]")
+    parser.add_argument("--profile", help="profile of clients.toml, instead of the address")
+    parser.add_argument("--turns", type=float, default=9.0, help="of the spiral [9]")
+    parser.add_argument("--seconds", type=float, default=40.0, help="for the spiral, s [40]")
+    parser.add_argument("--press", dest="press_mm", type=float, default=4.0,
+                        help="how far below the surface the hand is led, mm of the device [4]")
+    parser.add_argument("--out", default="spiral.png", help="picture to write [spiral.png]")
+    parser.add_argument("--overwrite", action="store_true",
+                        help="replace a picture that is there")
+    return parser.parse_args()
+
+
+def heights(volume: palpate.Volume, isovalue: float) -> Array:
+    """(x, y): the last z at which the material begins; 0 where there is none. In voxels."""
+    is_material = volume.values >= isovalue
+    from_top = is_material[:, :, ::-1].argmax(axis=2)
+    top = volume.shape[2] - 1 - from_top
+    return np.where(is_material.any(axis=2), top, 0).astype(np.float64)
+
+
+def spiral(shape: tuple[int, ...], turns: float, points: int) -> Array:
+    """(points, 2) from the middle to the border, at even speed. In voxels."""
+    share = np.sqrt(np.linspace(0.0, 1.0, points))
+    angle = 2.0 * np.pi * turns * share
+    middle = (np.array(shape[:2]) - 1.0) / 2.0
+    return middle + 0.9 * middle.min() * (share * [np.cos(angle), np.sin(angle)]).T
+
+
+def plot(felt: palpate.Poses, place_of: Array, seen: Array, out: str) -> None:
+    force_n = np.linalg.norm(felt.force_n, axis=1)
+    hip_voxels = (np.c_[felt.hip_mm, np.ones(len(felt))] @ np.linalg.inv(place_of).T)[:, :2]
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4.4), width_ratios=(1, 1.25))
+    left.imshow(seen.T, cmap="gray", origin="lower")
+    points = left.scatter(*hip_voxels[::10].T, c=force_n[::10], s=2, cmap="inferno")
+    left.set_xlabel("x / voxels")
+    left.set_ylabel("y / voxels")
+    figure.colorbar(points, ax=left, label="|force| / N")
+    right.plot((felt.time_ns - felt.time_ns[0]) / 1e9, force_n, linewidth=0.6)
+    right.set_xlabel("time / s")
+    right.set_ylabel("|force| / N")
+    figure.tight_layout()
+    figure.savefig(out, dpi=110)
+
+
+def main() -> None:
+    arguments = parse_arguments()
+    if pathlib.Path(arguments.out).exists() and not arguments.overwrite:
+        sys.exit(f"{arguments.out} is there already: name another one, or add --overwrite")
+    with palpate.connect(arguments.address, profile=arguments.profile) as conn:
+        volume = conn.volume.download()
+        place_of = conn.volume.info().device_from_index
+        seen = heights(volume, conn.settings.isovalue)
+        x, y = spiral(volume.shape, arguments.turns, int(100 * arguments.seconds)).T
+        z = seen[x.round().astype(int), y.round().astype(int)]
+        path_mm = (np.c_[x, y, z, np.ones(len(x))] @ place_of.T)[:, :3]
+        path_mm -= arguments.press_mm * place_of[:3, 2] / np.linalg.norm(place_of[:3, 2])
+        with conn.device.lead() as hand:
+            felt = hand.follow(path_mm, rate_hz=100)
+    plot(felt, place_of, seen, arguments.out)
+    print(f"felt {felt.contact.mean():.0%} of the way, at most "
+          f"{np.linalg.norm(felt.force_n, axis=1).max():.2f} N; wrote {arguments.out}")
+
+
+if __name__ == "__main__":
+    main()

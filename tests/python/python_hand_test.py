@@ -1,0 +1,109 @@
+"""The simulated hand, led from Python: along a path and live."""
+
+import signal
+import unittest
+
+import numpy as np
+
+import palpate
+from support import PATIENCE_S, Daemon, DaemonTest, wait_until
+
+# Of the simulated hand and its device (devices.md).
+SPRING_N_PER_MM = 0.3
+RESOLUTION_MM = 0.055
+
+
+def rest(poses):
+    """The newest samples, when the hand has come to rest."""
+    return poses.hip_mm[-50:].mean(axis=0), poses.force_n[-50:].mean(axis=0)
+
+
+class HandTest(DaemonTest):
+    def setUp(self):
+        place = self.conn.volume.info().device_from_index
+        size = np.array(self.conn.volume.info().shape)
+        self.center_mm = (place @ np.append((size - 1) / 2, 1.0))[:3]
+
+    def path(self, *points_mm, seconds=1.0):
+        """Straight from point to point, and half a second of rest at the last."""
+        share = np.linspace(0.0, len(points_mm) - 1.0, int(100 * seconds * (len(points_mm) - 1)))
+        corners = np.array(points_mm, dtype=float)
+        way = np.stack([np.interp(share, range(len(corners)), column) for column in corners.T], 1)
+        return np.vstack([way, np.repeat(way[-1:], 50, axis=0)])
+
+    def above(self, height_mm):
+        return self.center_mm + [0.0, height_mm, 0.0]
+
+    def test_in_free_space_the_hand_is_where_the_path_is(self):
+        path_mm = self.path(self.above(55), self.above(55) + [30, 0, 0])
+        with self.conn.device.lead() as hand:
+            felt = hand.follow(path_mm)
+        self.assertFalse(felt.contact.any())
+        np.testing.assert_allclose(rest(felt)[0], path_mm[-1], atol=2 * RESOLUTION_MM)
+        # 30 mm in a second: the hand is never farther behind than 50 ms.
+        start = felt.hip_mm[0]
+        np.testing.assert_allclose(start, path_mm[0], atol=3 * RESOLUTION_MM)
+        speed_mm_s = np.linalg.norm(np.diff(felt.hip_mm[::100], axis=0), axis=1) / 0.1
+        self.assertLess(speed_mm_s.max(), 60.0)
+        self.assertEqual(felt.dropped_samples, 0)
+
+    def test_the_surface_holds_the_hand_up_with_a_force(self):
+        with self.conn.device.lead() as hand:
+            felt = hand.follow(self.path(self.above(55), self.center_mm))
+            self.assertIn("socket", self.conn.device.info().hand_led_by)
+        hip_mm, force_n = rest(felt)
+        self.assertTrue(felt.contact[-1])
+        self.assertGreater(force_n[1], 0.5)
+        np.testing.assert_allclose(self.center_mm + force_n / SPRING_N_PER_MM, hip_mm, atol=0.2)
+        # The proxy never enters the sphere.
+        self.assertLessEqual((felt.density - felt.isovalue).max(), 1e-6)
+        self.assertGreater(np.linalg.norm(felt.scp_h_mm[-1] - self.center_mm), 5.0)
+
+    def test_a_live_target_replaces_the_one_before(self):
+        with self.conn.device.lead(self.above(55)) as hand, \
+                self.conn.poses(rate_hz=100) as poses:
+            for target_mm in (self.above(50), self.above(50) + [25, 0, 0]):
+                hand.move_to(target_mm, buttons=1)
+                self.assertTrue(wait_until(lambda at=target_mm: np.linalg.norm(
+                    next(poses).hip_mm[0] - at) < 3 * RESOLUTION_MM, PATIENCE_S))
+            self.assertEqual(next(poses).buttons[0] & 1, 1)
+
+    def test_one_program_at_a_time_leads_the_hand(self):
+        first = self.conn.device.lead()
+        with self.daemon.connect() as other:
+            with self.assertRaisesRegex(palpate.Conflict, "socket"):
+                other.device.lead()
+            first.close()
+            first.close()
+            with self.assertRaises(palpate.InvalidArgument):
+                first.move_to((0, 0, 0))
+            with other.device.lead() as hand:
+                hand.move_to((0, 50, 0))
+        self.assertTrue(wait_until(lambda: self.conn.device.info().hand_led_by == ""))
+
+    def test_what_is_no_path_is_refused_at_the_call(self):
+        with self.conn.device.lead() as hand:
+            for path in ([], [1, 2, 3], [[1, 2]], [[1, 2, np.nan]], "path"):
+                with self.assertRaises(palpate.InvalidArgument):
+                    hand.follow(path)
+            for rate_hz in (0, -1, np.nan, np.inf, "fast"):
+                with self.assertRaises(palpate.InvalidArgument):
+                    hand.follow([[0, 0, 0]], rate_hz)
+            for target_mm in ((1, 2), (1, 2, np.inf)):
+                with self.assertRaises(palpate.InvalidArgument):
+                    hand.move_to(target_mm)
+            with self.assertRaises(palpate.InvalidArgument):
+                hand.move_to((0, 0, 0), buttons=-1)
+            hand.move_to((0, 55, 0))
+
+    def test_a_daemon_that_goes_away_ends_the_lead(self):
+        with Daemon(self.volume) as daemon, daemon.connect() as conn:
+            hand = conn.device.lead()
+            daemon.end(signal.SIGKILL)
+            with self.assertRaises(palpate.Unavailable):
+                wait_until(lambda: hand.move_to((0, 0, 0)), PATIENCE_S)
+            hand.close()
+
+
+if __name__ == "__main__":
+    unittest.main()
