@@ -149,7 +149,8 @@ void CheckDevice(const Config& config, Check& check) {
   if (replays && !check.Readable("device.replay_file", config.device.replay_file)) return;
   if (!has_firmware && check.use() == ConfigUse::kReload) return;
   check.Try(replays ? "device.replay_file" : "device.kind", [&] {
-    const auto device = MakeDevice(config.device, std::max(1, config.realtime.priority - 1));
+    HandInboxes hand;
+    const auto device = MakeDevice(config.device, std::max(1, config.realtime.priority - 1), hand);
     check.Try("device.stop_buttons", [&] { StopButtons(config.device, device->spec()); });
     if (IsHardware(device->spec()) && !IsSafe(config.method)) {
       check.Fault("haptics.method", "must be \"tpbcc\" or \"bcc\" with real hardware");

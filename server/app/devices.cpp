@@ -6,6 +6,7 @@
 #include "server/device/explore_script.h"
 #include "server/device/falcon/falcon_protocol.h"
 #include "server/device/guided_script.h"
+#include "server/device/led_script.h"
 #include "server/device/omni/omni_usb_protocol.h"
 #include "server/device/openhaptics/openhaptics_device.h"
 #include "server/device/press_script.h"
@@ -19,14 +20,16 @@ namespace {
 
 constexpr std::string_view kKinds = "simulated, replay, omni-usb, falcon or openhaptics";
 
-std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config, TouchPlanInbox* plans) {
+std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config, HandInboxes& inboxes) {
   constexpr std::uint64_t kSeed = 1;
   const DeviceSpec spec = SimulatedDeviceSpec();
   std::unique_ptr<StylusScript> hand =
       std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, kSeed);
-  if (plans != nullptr) hand = std::make_unique<GuidedScript>(std::move(hand), *plans);
-  return std::make_unique<SimulatedDevice>(std::make_unique<PressScript>(
-      std::move(hand), static_cast<std::uint32_t>(config.pressed_buttons)));
+  hand = std::make_unique<GuidedScript>(std::move(hand), inboxes.plans);
+  hand = std::make_unique<PressScript>(std::move(hand),
+                                       static_cast<std::uint32_t>(config.pressed_buttons));
+  return std::make_unique<SimulatedDevice>(std::make_unique<LedScript>(
+      std::move(hand), inboxes.led, spec.workspace_min_mm, spec.workspace_max_mm));
 }
 
 std::unique_ptr<HapticDevice> MakeReplay(const DeviceConfig& config) {
@@ -125,8 +128,8 @@ void AppendUsb(const DeviceSpec& spec, const std::vector<UsbMatch::Ids>& ids,
 }  // namespace
 
 std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority,
-                                         TouchPlanInbox* plans) {
-  if (config.kind == "simulated") return MakeSimulated(config, plans);
+                                         HandInboxes& hand) {
+  if (config.kind == "simulated") return MakeSimulated(config, hand);
   if (config.kind == "replay") return MakeReplay(config);
   if (config.kind == "omni-usb") {
     return std::make_unique<UsbDevice>(MakeOmniUsb(config), realtime_priority);

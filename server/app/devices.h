@@ -8,15 +8,21 @@
 
 #include "server/app/device_config.h"
 #include "server/device/haptic_device.h"
+#include "server/device/led_hand.h"
 #include "server/device/listed_device.h"
 #include "server/device/touch_plan.h"
 
 namespace palpate {
 
-// Throws Error for an unknown kind, or for options that do not fit the kind. `plans`: for the hand of
-// the simulated device, which borrows them. Without plans, that hand explores by touch alone.
+// What leads the hand of the simulated device, which borrows both.
+struct HandInboxes {
+  TouchPlanInbox plans;  // without a plan, the hand explores by touch alone
+  LedHand led;
+};
+
+// Throws Error for an unknown kind, or for options that do not fit the kind.
 std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority,
-                                         TouchPlanInbox* plans = nullptr);
+                                         HandInboxes& hand);
 
 // Returns the configured device and all other devices of this machine. Opens none of them.
 std::vector<ListedDevice> ListDevices(const DeviceConfig& config);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <string>
 
-#include "server/app/devices.h"
 #include "server/log/log.h"
 #include "server/safety/names.h"
 
@@ -31,7 +30,7 @@ void ReportGrant(const RealtimeGrant& grant) {
 
 // The device's thread gets a lower priority than the servo, if there is a lower one.
 Instrument::Instrument(const Config& config, const std::filesystem::path& state_folder)
-    : device(MakeDevice(config.device, std::max(1, config.realtime.priority - 1), &touch_plans)),
+    : device(MakeDevice(config.device, std::max(1, config.realtime.priority - 1), hand)),
       outbox(std::make_unique<TickOutbox>()),
       pump(*outbox),
       forces(outbox->last),

@@ -10,7 +10,7 @@
 
 #include "server/app/config.h"
 #include "server/app/device_monitor.h"
-#include "server/device/touch_plan.h"
+#include "server/app/devices.h"
 #include "server/recording/black_box.h"
 #include "server/samples/force_watch.h"
 #include "server/samples/pump.h"
@@ -26,7 +26,7 @@ class Instrument {
   // Call it when a session has published its first scene.
   void Start();
 
-  TouchPlanInbox touch_plans;  // for the simulated hand
+  HandInboxes hand;
   const std::unique_ptr<HapticDevice> device;
   SceneInbox inbox;
   const std::unique_ptr<TickOutbox> outbox;

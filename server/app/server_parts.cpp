@@ -24,6 +24,10 @@ void ForKey(const LoadedConfig& loaded, std::string_view key,
   }
 }
 
+LedHand* HandOf(Instrument& instrument) {
+  return instrument.device->spec().kind == "simulated" ? &instrument.hand.led : nullptr;
+}
+
 }  // namespace
 
 ServerParts::ServerParts(const LoadedConfig& loaded, const DaemonPaths& paths,
@@ -35,8 +39,9 @@ ServerParts::ServerParts(const LoadedConfig& loaded, const DaemonPaths& paths,
       rpc({paths.socket, loaded.config.listen, paths.clients, loaded.config.uploads,
            loaded.config.security},
           {parts.session, parts.editor, parts.series, parts.recording, instrument.pump,
-           *instrument.device, instrument.servo, instrument.inbox, instrument.forces,
-           [&loaded] { return ListDevices(loaded.config.device); }, service_metrics_}),
+           *instrument.device, HandOf(instrument), instrument.servo, instrument.inbox,
+           instrument.forces, [&loaded] { return ListDevices(loaded.config.device); },
+           service_metrics_}),
       state_metrics_(std::make_shared<StateMetrics>(
           MeasuredParts{instrument.servo, *instrument.device, instrument.forces, parts.recording,
                         *parts.session.loader().budget, loaded.config.memory_budget_bytes,

@@ -49,7 +49,7 @@ SessionParts::SessionParts(const LoadedConfig& loaded, const DaemonPaths& paths,
   session.SetInitial(ConfiguredSettings(loaded.config));
   instrument.pump.Subscribe(tools_);
   if (session.device().kind != SimulatedDeviceSpec().kind) return;
-  hand_guide_.emplace(session, instrument.touch_plans);
+  hand_guide_.emplace(session, instrument.hand.plans);
   session.SetBeforeOtherVolume(
       [this](const HapticSurface& surface) { hand_guide_->MakeRoomFor(surface); });
 }

@@ -112,6 +112,7 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
                            *response->mutable_forces() = ToProto(*forces);
                            response->set_forces_set_by(SetBy(*forces));
                          }
+                         if (hand_) response->set_hand_led_by(hand_->led_by());
                          v1::ServoDescription* servo = response->mutable_servo();
                          servo->set_rate_hz(ServoLoop::kRateHz);
                          servo->set_realtime_scheduling(servo_.grant().fifo);
@@ -194,6 +195,19 @@ Reply* DeviceService::CalibrateDevice(CallContext* context,
         device_.Calibrate();
         *response->mutable_health() = palpate::ToProto(device_.health());
       });
+}
+
+LeadHandReactor* DeviceService::LeadHand(CallContext* context) {
+  Admission admission = calls_.access().Admit(context, "/palpate.v1.DeviceService/LeadHand");
+  using Refused = RefusedStream<v1::LeadHandRequest, v1::LeadHandResponse>;
+  if (!admission.ok()) return new Refused(admission.status());
+  if (!hand_) {
+    return new Refused({grpc::StatusCode::FAILED_PRECONDITION,
+                        "only the simulated hand can be led, and the daemon's device is `" +
+                            device_.spec().kind + "`: set [device] kind = \"simulated\""});
+  }
+  const std::uint32_t buttons = (1U << device_.spec().button_count) - 1;
+  return LeadHandWith({*hand_, servo_, forces_, buttons, hand_lines_}, std::move(admission));
 }
 
 void DeviceService::CheckName(const std::string& name) const {

@@ -1,4 +1,5 @@
-// DeviceService: describes the device and the servo loop, and lets an operator control the forces.
+// DeviceService: describes the device and the servo loop, and lets an operator control the forces
+// and lead the simulated hand.
 //
 // No command to the forces takes a lock of the session or waits longer than a second. The emergency
 // stop also needs no thread for calls: gRPC's own threads, which never wait, carry it out. So it
@@ -13,6 +14,7 @@
 #include "palpate/v1/device.grpc.pb.h"
 #include "server/device/listed_device.h"
 #include "server/rpc/calls.h"
+#include "server/rpc/lead_hand.h"
 #include "server/samples/force_watch.h"
 #include "server/security/refusal_log.h"
 #include "server/servo/servo_loop.h"
@@ -24,11 +26,12 @@ using DeviceList = std::function<std::vector<ListedDevice>()>;
 
 class DeviceService final : public v1::DeviceService::CallbackService {
  public:
-  // Borrows all arguments except the list.
-  DeviceService(Calls& calls, HapticDevice& device, ServoLoop& servo, const SceneInbox& inbox,
-                const ForceWatch& forces, DeviceList list)
+  // Borrows all arguments except the list. `hand`: null if the device is not the simulated one.
+  DeviceService(Calls& calls, HapticDevice& device, LedHand* hand, ServoLoop& servo,
+                const SceneInbox& inbox, const ForceWatch& forces, DeviceList list)
       : calls_(calls),
         device_(device),
+        hand_(hand),
         servo_(servo),
         inbox_(inbox),
         forces_(forces),
@@ -46,6 +49,7 @@ class DeviceService final : public v1::DeviceService::CallbackService {
                     v1::StopForcesResponse* response) override;
   Reply* CalibrateDevice(CallContext* context, const v1::CalibrateDeviceRequest* request,
                          v1::CalibrateDeviceResponse* response) override;
+  LeadHandReactor* LeadHand(CallContext* context) override;
 
  private:
   void CheckName(const std::string& name) const;
@@ -59,12 +63,14 @@ class DeviceService final : public v1::DeviceService::CallbackService {
 
   Calls& calls_;
   HapticDevice& device_;
+  LedHand* const hand_;
   ServoLoop& servo_;
   const SceneInbox& inbox_;
   const ForceWatch& forces_;
   DeviceList list_;
 
   RefusalLog lines_;
+  RefusalLog hand_lines_;
   mutable std::mutex mutex_;  // guards the members below
   std::string enabled_by_, disabled_by_, stopped_by_;
 };

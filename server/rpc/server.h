@@ -60,6 +60,7 @@ struct ServedParts {
   RecordingControl& recording;
   Pump& pump;
   HapticDevice& device;
+  LedHand* hand;  // null: the device is not the simulated one
   ServoLoop& servo;
   const SceneInbox& inbox;
   const ForceWatch& forces;

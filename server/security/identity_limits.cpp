@@ -41,6 +41,10 @@ std::optional<std::string> IdentityLimits::Enter(const std::string& identity, Ca
   if (kind == CallKind::kTransfer && running >= options_.transfers) {
     return TooMany(options_.transfers, "loads, saves, uploads and replays", "transfers");
   }
+  if (kind == CallKind::kHand && running >= kMostHands) {
+    return std::to_string(kMostHands) +
+           " calls that lead the hand are the most for one client: end some";
+  }
   ++running;
   use.request_bytes += request_bytes;
   return std::nullopt;

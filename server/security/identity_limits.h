@@ -39,6 +39,8 @@ class IdentityLimits {
 
   // The requests of calls that one identity may have waiting; each at most 3 MiB.
   static constexpr std::size_t kMostRequestBytes = std::size_t{128} << 20;
+  // The calls of one identity that lead the hand, or wait to hear that another one does.
+  static constexpr int kMostHands = 8;
 
   // Takes one of `kind`, with a request of this length. If there are too many, returns the problem
   // and what to do. Give it back with Leave.
@@ -55,7 +57,7 @@ class IdentityLimits {
  private:
   struct Use {
     RateLimit calls;
-    std::array<int, 5> running{};  // by kind
+    std::array<int, 6> running{};  // by kind
     std::size_t request_bytes = 0;
     int samples_per_s = 0;
   };

@@ -17,6 +17,7 @@ enum class CallKind {
   kPoseStream,    // limited at a time, as are the next two
   kVolumeStream,  //
   kTransfer,      // loads, saves, uploads, filters, replays: take seconds to minutes
+  kHand,          // leads the simulated hand; limited at a time
   kStop,          // the emergency stop: not limited
 };
 

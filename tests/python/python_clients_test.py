@@ -70,6 +70,8 @@ class Clients(unittest.TestCase):
 
     def test_the_command_line_has_its_commands(self):
         for call, (_, _, command, _) in CALLS.items():
+            if command.startswith("no:"):
+                continue
             ran = subprocess.run([PALPATE, *command.split()[1:], "--help"], capture_output=True,
                                  text=True, timeout=PATIENCE_S, check=False)
             self.assertEqual(ran.returncode, 0, f"{call}: {command}: {ran.stderr}")

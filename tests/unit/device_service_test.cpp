@@ -175,7 +175,8 @@ class DeviceServiceRig {
 
   Access access_;
   Calls calls_{access_, data_.session().first_load()};
-  DeviceService service_{calls_, device, servo_, data_.inbox(), forces_, [this] {
+  LedHand hand_;
+  DeviceService service_{calls_, device, &hand_, servo_, data_.inbox(), forces_, [this] {
                            if (no_list) throw Error(*no_list);
                            return list;
                          }};

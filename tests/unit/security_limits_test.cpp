@@ -53,6 +53,8 @@ TEST(IdentityLimits, CountsEachIdentityAndKindByItself) {
   for (int n = 0; n < 3; ++n) EXPECT_TRUE(enters("a", CallKind::kCall));
   EXPECT_FALSE(enters("a", CallKind::kCall));
   for (int n = 0; n < 100; ++n) EXPECT_TRUE(enters("a", CallKind::kStop));
+  for (int n = 0; n < IdentityLimits::kMostHands; ++n) EXPECT_TRUE(enters("a", CallKind::kHand));
+  EXPECT_FALSE(enters("a", CallKind::kHand));
   EXPECT_NE(limits.Enter("a", CallKind::kPoseStream, 0, kSecond)->find("limits.pose_streams"),
             std::string::npos);
 }

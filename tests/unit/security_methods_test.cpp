@@ -4,6 +4,7 @@
 #include <set>
 #include <string>
 
+#include "palpate/v1/activity.pb.h"
 #include "palpate/v1/device.pb.h"
 #include "palpate/v1/pose.pb.h"
 #include "palpate/v1/recording.pb.h"
@@ -22,7 +23,7 @@ TEST(Methods, TheTableHasAllOfThemOnce) {
        {v1::GetDeviceRequest::descriptor(), v1::StreamPosesRequest::descriptor(),
         v1::MarkRequest::descriptor(), v1::GetRegistrationRequest::descriptor(),
         v1::GetSettingsRequest::descriptor(), v1::GetSeriesRequest::descriptor(),
-        v1::GetVolumeRequest::descriptor()}) {
+        v1::GetVolumeRequest::descriptor(), v1::GetActivityRequest::descriptor()}) {
     const auto* file = message->file();
     for (int s = 0; s < file->service_count(); ++s) {
       for (int m = 0; m < file->service(s)->method_count(); ++m) {
@@ -45,9 +46,10 @@ TEST(Methods, EachRoleMayDoWhatItAnswersFor) {
                                          "UndoEdit",       "RedoEdit",           "RevertVolume",
                                          "FilterVolume",   "ControlSeries",      "Mark"};
   // Those that move a hand, and those that reach files, memory or what all viewers see.
-  const std::set<std::string> operators = {
-      "EnableForces", "DisableForces", "CalibrateDevice", "LoadVolume",    "UploadVolume",
-      "SaveVolume",   "LoadSeries",    "StartRecording",  "StopRecording", "Replay"};
+  const std::set<std::string> operators = {"EnableForces",  "DisableForces",  "CalibrateDevice",
+                                           "LeadHand",      "LoadVolume",     "UploadVolume",
+                                           "SaveVolume",    "LoadSeries",     "StartRecording",
+                                           "StopRecording", "ListRecordings", "Replay"};
   std::set<std::string> of_editors, of_operators;
   for (const MethodRule& rule : MethodRules()) {
     const std::string name(rule.method.substr(rule.method.rfind('/') + 1));
@@ -63,7 +65,7 @@ TEST(Methods, OnlyQuestionsAndTheStopAreForViewers) {
   for (const MethodRule& rule : MethodRules()) {
     const std::string_view name = rule.method.substr(rule.method.rfind('/') + 1);
     const bool asks =
-        name.starts_with("Get") || name.starts_with("List") || name.starts_with("Stream");
+        name.starts_with("Get") || name == "ListDevices" || name.starts_with("Stream");
     EXPECT_EQ(rule.least == Role::kViewer, asks || name == "StopForces") << name;
     EXPECT_EQ(rule.kind == CallKind::kStop, name == "StopForces") << name;
   }

@@ -1,0 +1,34 @@
+// The call that leads the simulated hand: DeviceService.LeadHand.
+//
+// The hand is taken with the call's first target, and given back when the call ends: by its client,
+// after a second without a target, or by a policy that no longer allows it.
+//
+// Threads: any; no thread waits. Ownership: a call owns itself until gRPC has finished with it.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include "palpate/v1/device.grpc.pb.h"
+#include "server/device/led_hand.h"
+#include "server/rpc/access.h"
+#include "server/samples/force_watch.h"
+#include "server/security/refusal_log.h"
+#include "server/servo/servo_loop.h"
+
+namespace palpate {
+
+using LeadHandReactor = grpc::ServerBidiReactor<v1::LeadHandRequest, v1::LeadHandResponse>;
+
+// All are borrowed, and outlive the server.
+struct LeadHandParts {
+  LedHand& hand;
+  const ServoLoop& servo;
+  const ForceWatch& forces;
+  std::uint32_t buttons;  // those that the device has
+  RefusalLog& lines;      // of the log
+};
+
+// `admission`: of an admitted call.
+LeadHandReactor* LeadHandWith(const LeadHandParts& parts, Admission admission);
+
+}  // namespace palpate
