@@ -85,6 +85,7 @@ role = "operator"
                               text=True)
         path = self.security / f"{name}.token"
         path.write_text(made.stdout)
+        path.chmod(0o600)
         return path
 
     def revoke_token(self, name):
