@@ -123,6 +123,7 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
   }
 
   void NoteTaken() {
+    admission_.Changed("hand");
     // Whoever takes the hand again and again must not fill the log.
     const auto left_out = parts_.lines.Take(admission_.caller().name, MonotonicNowNs());
     if (!left_out) return;
