@@ -12,7 +12,7 @@ from view_support import Screen, Window
 # Tall slices: there is empty ground at their left and right.
 SIZE = np.array((10, 8, 30))
 SPACING_MM = np.array((2.0, 2.5, 3.0))
-ORIGIN_MM = np.array((-31.0, 12.0, 205.0))
+ORIGIN_MM = np.array((-31.0, 12.03, 205.0))  # so that no middle is halfway between two tenths
 GROUND = (15, 17, 21)  # of a slice beside the lattice
 CUBE_FACE = (135, 139, 148)  # of the cube, seen straight ahead
 
