@@ -84,8 +84,12 @@ void UserActions::AddCuts() {
   const Cuts before = std::exchange(known_cuts_, after);
   const auto show = [this](const Cuts& cuts) {
     surface_.crop = cuts.crop;
-    surface_.planes = cuts.planes;
-    known_cuts_ = cuts;
+    for (std::size_t n = 0; n < cuts.planes.size(); ++n) {
+      // A plane that is off keeps its place, for when the user switches it on again.
+      surface_.planes[n].on = cuts.planes[n].on;
+      if (cuts.planes[n].on) surface_.planes[n] = cuts.planes[n];
+    }
+    known_cuts_ = this->cuts();
   };
   history_.Add({.name = before.planes == after.planes ? "crop box" : "clip plane",
                 .go = [show, before, after](bool forward) { show(forward ? after : before); }});
