@@ -35,7 +35,10 @@ Status StatusOf(Viewer& viewer) {
   }
   if (daemon.runs()) return {kWarning, "palpated is starting. It logs to " + daemon.log().string()};
   if (!daemon.problem().empty()) return {kBad, daemon.problem()};
-  return {kDim, connection.why};
+  if (viewer.feed().is_here() && connection.why.starts_with("no palpated at ")) {
+    return {kPlain, "No palpated runs on this machine yet. Open something, or start it."};
+  }
+  return {kBad, connection.why};
 }
 
 void ShowStatus(Viewer& viewer) {
@@ -151,7 +154,9 @@ void Columns(Viewer& viewer, float width, float scale) {
     ColumnOfServers(viewer);
     return;
   }
-  if (!ImGui::BeginTable("columns", 2, ImGuiTableFlags_BordersInnerV)) return;
+  if (!ImGui::BeginTable("columns", 2,
+                         ImGuiTableFlags_BordersInnerV | ImGuiTableFlags_SizingStretchSame))
+    return;
   ImGui::TableNextColumn();
   ColumnOfFiles(viewer);
   ImGui::TableNextColumn();
@@ -169,7 +174,7 @@ void DrawStartPage(Viewer& viewer, const Area& area, float scale) {
   ImGui::Begin("##start", nullptr,
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_AlwaysAutoResize |
-                   ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoFocusOnAppearing);
+                   ImGuiWindowFlags_NoFocusOnAppearing);
   if (ImGui::IsWindowAppearing()) ReadProfiles(viewer);
   ShowStatus(viewer);
   ShowFileCard(viewer);

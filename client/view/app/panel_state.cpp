@@ -10,7 +10,10 @@ namespace {
 
 KnownState KnownOf(Viewer& viewer, const std::optional<client::DaemonInfo>& daemon) {
   const LiveFeed& feed = viewer.feed();
-  KnownState known = {.disconnected = feed.is_disconnected(),
+  // On the start page nothing was lost yet.
+  const bool is_new =
+      viewer.files().PageShown() && feed.connection().state != client::ConnectionState::kConnected;
+  KnownState known = {.disconnected = feed.is_disconnected() || is_new,
                       .connection = feed.connection().state,
                       .silent_s = feed.silent_s()};
   if (daemon) {

@@ -35,7 +35,10 @@ void ConnectionState(Viewer& viewer) {
   const client::Connection connection = viewer.feed().connection();
   const std::string& name = viewer.feed().name();
   ImGui::AlignTextToFramePadding();
-  if (viewer.feed().is_disconnected()) {
+  // The start page says more.
+  const bool is_new =
+      connection.state == client::ConnectionState::kLost && viewer.files().PageShown();
+  if (viewer.feed().is_disconnected() || is_new) {
     BeginState(viewer, kDim);
     ImGui::TextColored(kDim, "not connected");
     return;
