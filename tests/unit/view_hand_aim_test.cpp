@@ -99,6 +99,35 @@ TEST(ViewHandAim, ThePressIsBounded) {
   EXPECT_EQ(options.press_mm, HandOptions::kLeastPress_mm);
 }
 
+// Not through the volume: out, around, and in along the line of sight.
+TEST(ViewHandAim, TheWayToAnotherSideIsAroundTheVolume) {
+  std::mt19937 random(43);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  const auto direction = [&] { return Vec3(any(random), any(random), any(random)).normalized(); };
+  const Surroundings volume{.center_D = {5.0, -3.0, 2.0}, .radius_mm = 50.0};
+  for (int n = 0; n < 500; ++n) {
+    const Vec3 from_D = volume.center_D + 30.0 * direction();
+    const Vec3 eye_D = volume.center_D + 200.0 * direction();
+    // On the side of a ball that is seen, so that nothing is before it; sometimes opposite.
+    const Vec3 to_eye = (eye_D - volume.center_D).normalized();
+    const Vec3 out = n % 7 == 0 ? Vec3(to_eye) : Vec3((to_eye + 0.6 * direction()).normalized());
+    const Vec3 target_D = volume.center_D + 30.0 * out;
+    std::vector<Vec3> way_D = WayAround(from_D, target_D, eye_D, volume);
+    ASSERT_EQ(way_D.back(), target_D);
+    Vec3 at_D = from_D;
+    double gone_mm = 0.0;
+    while (!way_D.empty()) {
+      const Vec3 next_D = GoAlong(way_D, at_D, 2.0);
+      ASSERT_LE((next_D - at_D).norm(), 2.0 + 1e-9);
+      ASSERT_GT((next_D - volume.center_D).norm(), 30.0 - 1e-6);
+      at_D = next_D;
+      gone_mm += 2.0;
+      ASSERT_LT(gone_mm, 600.0);
+    }
+    EXPECT_LT((at_D - target_D).norm(), 1e-9);
+  }
+}
+
 // A camera that has come past the hand, a view without pixels: the target is always a place.
 TEST(ViewHandAim, EveryPointerGivesAFinitePlaceBeforeTheEye) {
   std::mt19937 random(42);

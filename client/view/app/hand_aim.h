@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <vector>
 
 #include "client/view/app/pointer_stroke.h"
 
@@ -45,5 +46,21 @@ class HandAim {
   Vec3 target_D_ = Vec3::Zero();
   Vec3 plane_D_ = Vec3::Zero();  // a point of the plane; without harder_mm
 };
+
+// A ball around the volume.
+struct Surroundings {
+  Vec3 center_D = Vec3::Zero();
+  double radius_mm = 0.0;
+};
+
+// The way of a hand to a target that is far away, perhaps on another side: a straight way would
+// lead through the volume, and the proxy would stay behind. So the hand goes out of the volume,
+// around it, and to the target along the line of sight, where nothing is in between. Corners in
+// order; the last one is the target.
+std::vector<Vec3> WayAround(const Vec3& from_D, const Vec3& target_D, const Vec3& eye_D,
+                            const Surroundings& volume);
+
+// Removes what is gone from a way, and returns where the hand is then.
+Vec3 GoAlong(std::vector<Vec3>& way_D, const Vec3& from_D, double length_mm);
 
 }  // namespace palpate::view
