@@ -40,8 +40,6 @@ bool TakeHand(Viewer& viewer, const ViewPointer& pointer);
 bool TakeBrush(Viewer& viewer, const ViewPointer& pointer);
 bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer);
 
-// The length in D, in mm, of one mm of the volume (W).
-double DeviceMmPerMm(const ViewVolume& volume);
 // Makes the brush's radius this many steps greater.
 void GrowBrush(Viewer& viewer, double steps);
 

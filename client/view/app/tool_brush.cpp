@@ -3,6 +3,7 @@
 
 #include "client/view/app/tool.h"
 #include "client/view/app/viewer.h"
+#include "client/view/scene/readout.h"
 
 namespace palpate::view {
 namespace {
@@ -52,13 +53,6 @@ std::optional<Vec3> PlaceOfBrush(Viewer& viewer, const ViewPointer& pointer) {
 }
 
 }  // namespace
-
-double DeviceMmPerMm(const ViewVolume& volume) {
-  if (!volume.lattice() || !volume.X_DI()) return 1.0;
-  const double det_D = volume.X_DI()->linear.determinant();
-  const double det_W = volume.lattice()->X_WI.linear.determinant();
-  return std::cbrt(std::abs(det_D / det_W));
-}
 
 void GrowBrush(Viewer& viewer, double steps) {
   ViewState& state = viewer.state();

@@ -10,6 +10,7 @@
 
 #include "client/view/scene/brush_ball.h"
 #include "client/view/scene/haptic_patch.h"
+#include "client/view/scene/readout.h"
 #include "client/view/scene/value_window.h"
 #include "common/error/error.h"
 
