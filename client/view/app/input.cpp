@@ -165,8 +165,10 @@ void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen
   const double right_px = static_cast<double>(io.MouseDelta.x);
   const double down_px = static_cast<double>(io.MouseDelta.y);
   if (right_px == 0.0 && down_px == 0.0) return;
-  const bool left = ImGui::IsMouseDown(ImGuiMouseButton_Left);
-  if (left && !io.KeyShift) {
+  // The hand has the left button, so the right one turns.
+  const bool leads = viewer.state().tool == Tool::kHand;
+  const bool turns = ImGui::IsMouseDown(leads ? ImGuiMouseButton_Right : ImGuiMouseButton_Left);
+  if (turns && !io.KeyShift) {
     camera.Orbit(-kOrbit_deg_per_px * right_px, kOrbit_deg_per_px * down_px);
   } else {
     camera.Pan(right_px * static_cast<double>(io.DisplayFramebufferScale.x),

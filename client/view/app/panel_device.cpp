@@ -13,6 +13,9 @@ void DevicePanel(Viewer& viewer) {
   const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
   if (daemon) {
     ImGui::TextWrapped("%s", daemon->device.model.c_str());
+    if (!daemon->hand_led_by.empty()) {
+      ImGui::TextWrapped("in the hand of %s", OneLine(daemon->hand_led_by, 200).c_str());
+    }
     if (!daemon->health.problem.empty()) {
       ImGui::PushStyleColor(ImGuiCol_Text, kBad);
       ImGui::TextWrapped("%s", daemon->health.problem.c_str());

@@ -26,6 +26,7 @@ constexpr Line kLines[] = {
     {"H", "wireframe of the surface that is felt, near the proxy"},
     {"Tools", nullptr},
     {"G, B, M", "hand, brush, measure; the same key again: turn"},
+    {"hand: left button, wheel", "press harder, deeper; right drag turns, with shift it moves"},
     {"[ and ], ctrl + wheel", "radius of the brush"},
     {"M", "distances: two clicks on the surface or in a slice"},
     {"right click, Delete", "remove the distance there, the last distance"},

@@ -109,7 +109,8 @@ float DrawBox(ImDrawList& list, const ImVec2& at, float width, const Message& me
   return size.y;
 }
 
-void DrawMessages(const Viewer& viewer, const Area& area, float scale) {
+// Above what is at the view's lower edge, which has the height `below`.
+void DrawMessages(const Viewer& viewer, const Area& area, float below, float scale) {
   const EmergencyStop::Line stop = viewer.feed().emergency_stop().line();
   const std::array<Message, 4> messages = {
       {{viewer.feed().shared().FreshLine(), kWarning},
@@ -118,7 +119,7 @@ void DrawMessages(const Viewer& viewer, const Area& area, float scale) {
        // The bar above shows a stop that is done, as long as
        // palpated sends poses.
        {stop.is_bad || viewer.feed().silent_s() ? stop.text : "", stop.is_bad ? kBad : kGood}}};
-  float y = area.min.y + area.size.y - 30.0f * scale;
+  float y = area.min.y + area.size.y - below - 30.0f * scale;
   for (const Message& message : messages) {
     if (message.text.empty()) continue;
     y -= DrawBox(*ImGui::GetWindowDrawList(), {area.min.x + 20.0f * scale, y},
@@ -152,6 +153,7 @@ void DrawArrival(const Viewer& viewer, const Area& area, float scale) {
 void DrawView(Viewer& viewer, const Area& area, float scale) {
   // The picture is dark in both themes.
   const ThemeScope dark(Theme::kDark);
+  const float hand = DrawHandStrip(viewer, area, scale);
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0.0f, 0.0f});
   BeginPanel("view", area, ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoNav);
   ImGui::PopStyleVar();
@@ -169,7 +171,7 @@ void DrawView(Viewer& viewer, const Area& area, float scale) {
   DrawViewMarks(viewer, area, scale);
   // Beside a slice that fills the view's place there is no room.
   if (!viewer.state().filling_slice) DrawLegend(viewer, area, scale);
-  DrawMessages(viewer, area, scale);
+  DrawMessages(viewer, area, hand, scale);
   DrawArrival(viewer, area, scale);
   DrawReplayBanner(viewer, area, scale);
   ImGui::End();

@@ -18,6 +18,8 @@ void DrawStateBar(Viewer& viewer, const Area& area, float scale);
 void DrawView(Viewer& viewer, const Area& area, float scale);
 // What a drag in the view does, and the sides on or off: always visible.
 void DrawToolBar(Viewer& viewer, const Layout& layout, float scale);
+// How the pointer leads the hand, at the view's lower edge, while it does. Returns its height.
+float DrawHandStrip(Viewer& viewer, const Area& view, float scale);
 // The tabs Surface, Look, Cut, Edit.
 void DrawLeftPanels(Viewer& viewer, const Area& area, float scale);
 // The headings Feel, Device, People, Session.

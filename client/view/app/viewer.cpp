@@ -336,6 +336,7 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   if (const auto device = feed_.device(); device && device->device.max_force_n > 0.0) {
     scene.max_force_n = device->device.max_force_n;
   }
+  scene.hand_target_D = hand_.target_D();
   Overlay overlay = BuildOverlay(scene, state_.overlay, state_.camera, view);
   AddTools(view, overlay);
   const std::uint64_t casts = renderer_.casts();

@@ -22,6 +22,7 @@
 #include "client/view/app/tool.h"
 #include "client/view/app/user_actions.h"
 #include "client/view/app/tool_cuts.h"
+#include "client/view/app/tool_hand.h"
 #include "client/view/live/brush.h"
 #include "client/view/live/live_feed.h"
 #include "client/view/render/frame_renderer.h"
@@ -69,6 +70,7 @@ struct ViewState {
   SurfaceOptions surface;  // isovalue and free side come from palpated
   OverlayOptions overlay;
   Tool tool = Tool::kTurn;
+  HandOptions hand;
   BrushOptions brush;
   // Where the brush is on the surface under the pointer, in D; none: not chosen, or beside it.
   std::optional<Vec3> brush_at_D{};
@@ -174,6 +176,7 @@ class Viewer {
   PointerStroke& stroke() { return stroke_; }
   Files& files() { return files_; }
   const Files& files() const { return files_; }
+  HandTool& hand() { return hand_; }
   double last_cast_ms() const { return last_cast_ms_; }
 
  private:
@@ -218,6 +221,7 @@ class Viewer {
   FrameRenderer renderer_;
   Brush brush_;
   PointerStroke stroke_;
+  HandTool hand_;
   ViewState state_;
   Preferences preferences_;
   HeldValues held_;

@@ -175,6 +175,17 @@ void RestUntil(Clock::time_point end, const WindowInput& input) {
   glfwPollEvents();
 }
 
+// Waits until the frame is drawn. Takes the pointer's events meanwhile, because the hand that it
+// leads does not wait for frames.
+void Finish() {
+  constexpr GLuint64 kPause_ns = 4'000'000;
+  const GLsync drawn = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+  while (glClientWaitSync(drawn, GL_SYNC_FLUSH_COMMANDS_BIT, kPause_ns) == GL_TIMEOUT_EXPIRED) {
+    glfwPollEvents();
+  }
+  glDeleteSync(drawn);
+}
+
 Clock::time_point EndOf(const Options& options) {
   if (options.seconds <= 0.0) return Clock::time_point::max();
   return Clock::now() + std::chrono::duration_cast<Clock::duration>(
@@ -204,7 +215,9 @@ void RunWindow(const Options& options) {
   Interface interface(ScaleOf(window.get()));
   Viewer viewer(options);
   KeptPreferences kept(viewer);
-  WindowInput input(window.get(), [&viewer] { viewer.feed().emergency_stop().Send(); });
+  WindowInput input(
+      window.get(), [&viewer] { viewer.feed().emergency_stop().Send(); },
+      [&viewer](const Eigen::Vector2d& at) { viewer.hand().PointerMoved(at, viewer.feed()); });
   FrameLog log;
   std::string title;
   const auto end = EndOf(options);
@@ -228,7 +241,7 @@ void RunWindow(const Options& options) {
     SavePictures(viewer, pixels, interface.view_pixels());
     kept.KeepAtRest();
     // Finish the work before the swap, which may wait for the screen.
-    glFinish();
+    Finish();
     const auto worked = Clock::now() - frame;
     glfwSwapBuffers(window.get());
     // If frames are slow, as with software OpenGL, half of the time is left to other programs.

@@ -16,8 +16,9 @@ constexpr float kDoubleClick_s = 0.3f;
 
 }  // namespace
 
-WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop)
-    : window_(window), stop_(std::move(stop)) {
+WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop,
+                         std::function<void(const Eigen::Vector2d&)> moved)
+    : window_(window), stop_(std::move(stop)), moved_(std::move(moved)) {
   glfwSetWindowUserPointer(window, this);
   glfwGetCursorPos(window, &newest_.x, &newest_.y);
   // Installed before Dear ImGui's callbacks, which then call these.
@@ -179,6 +180,7 @@ void WindowInput::OnMove(GLFWwindow* window, double x, double y) {
   WindowInput& input = Of(window);
   input.newest_.x = x;
   input.newest_.y = y;
+  input.moved_({x, y});
   input.waiting_.push_back(input.newest_);
 }
 

@@ -23,9 +23,12 @@ namespace palpate::view {
 
 class WindowInput {
  public:
-  // `stop`: called from within the event of Esc, independent of frames. The first Esc in a text
-  // field restores the text instead; the next one stops, even if the field is still open.
-  WindowInput(GLFWwindow* window, std::function<void()> stop);
+  // Called from within the events, independent of frames.
+  // `stop`: at Esc. The first Esc in a text field restores the text instead; the next one stops,
+  // even if the field is still open.
+  // `moved`: at each motion of the pointer, with its place in pixels of the screen.
+  WindowInput(GLFWwindow* window, std::function<void()> stop,
+              std::function<void(const Eigen::Vector2d&)> moved);
   ~WindowInput();
   WindowInput(const WindowInput&) = delete;
   WindowInput& operator=(const WindowInput&) = delete;
@@ -76,6 +79,7 @@ class WindowInput {
 
   GLFWwindow* window_;
   std::function<void()> stop_;
+  std::function<void(const Eigen::Vector2d&)> moved_;
   unsigned escaped_field_ = 0;  // that the last Esc went to
   std::vector<std::string> dropped_;
   std::vector<Eigen::Vector2d> way_;

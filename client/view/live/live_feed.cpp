@@ -213,6 +213,7 @@ struct LiveFeed::Line {
   Replayer replayer{replay_commands, commands};
   Commands urgent_commands{client};
   EmergencyStop emergency_stop{urgent_commands};
+  std::unique_ptr<client::HandLead> hand;
 };
 
 struct LiveFeed::Parts {
@@ -376,6 +377,13 @@ void LiveFeed::ControlSeries(const client::SeriesControl& control) {
   DoAndAsk("series",
            [&controls](client::Client& client) { client.ControlSeries(controls.Take()); });
 }
+
+void LiveFeed::TakeHand() {
+  GiveHandBack();
+  parts_->line->hand = parts_->line->client.LeadHand();
+}
+void LiveFeed::GiveHandBack() { parts_->line->hand.reset(); }
+client::HandLead* LiveFeed::hand() { return parts_->line->hand.get(); }
 
 Denoiser& LiveFeed::denoiser() { return parts_->line->denoiser; }
 VolumeLoader& LiveFeed::loader() { return parts_->line->loader; }

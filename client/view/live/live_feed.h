@@ -11,6 +11,7 @@
 #include <string>
 
 #include "client/sdk/client.h"
+#include "client/sdk/hand_lead.h"
 #include "client/sdk/server_choice.h"
 #include "client/view/live/commands.h"
 #include "client/view/live/denoiser.h"
@@ -89,6 +90,11 @@ class LiveFeed {
   void DoAndAsk(std::string name, std::function<void(client::Client&)> command);
   // Merges the change with waiting changes, key by key: the newest position of a slider wins.
   void ControlSeries(const client::SeriesControl& control);
+  // Takes the simulated hand at palpated, in the background. hand() is null before TakeHand, after
+  // GiveHandBack, and on another connection.
+  void TakeHand();
+  void GiveHandBack();
+  client::HandLead* hand();
   Denoiser& denoiser();
   VolumeLoader& loader();
   const VolumeLoader& loader() const;

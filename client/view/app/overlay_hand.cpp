@@ -1,0 +1,55 @@
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "client/view/app/panels.h"
+#include "client/view/app/widgets.h"
+
+namespace palpate::view {
+namespace {
+
+// The length in D, in mm, of one mm of the volume (W).
+double DeviceMmPerMm(const ViewVolume& volume) {
+  if (!volume.lattice() || !volume.X_DI()) return 1.0;
+  const double det_D = volume.X_DI()->linear.determinant();
+  const double det_W = volume.lattice()->X_WI.linear.determinant();
+  return std::cbrt(std::abs(det_D / det_W));
+}
+
+std::string Words(const HandOptions& hand, const ViewVolume& volume) {
+  if (hand.way == HandWay::kPlane) return "wheel: farther, closer";
+  const double press_mm = hand.press_mm / DeviceMmPerMm(volume);
+  return press_mm < 0.0 ? fmt::format("wheel: {:.1f} mm above it", -press_mm)
+                        : fmt::format("wheel: pressed in by {:.1f} mm", press_mm);
+}
+
+}  // namespace
+
+float DrawHandStrip(Viewer& viewer, const Area& view, float scale) {
+  if (viewer.state().tool != Tool::kHand) return 0.0f;
+  HandOptions& hand = viewer.state().hand;
+  const float bottom = view.min.y + view.size.y;
+  ImGui::SetNextWindowPos({view.min.x + 10.0f * scale, bottom - 8.0f * scale}, ImGuiCond_Always,
+                          {0.0f, 1.0f});
+  ImGui::SetNextWindowBgAlpha(0.85f);
+  ImGui::Begin("hand", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoNav |
+                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing |
+                   ImGuiWindowFlags_AlwaysAutoResize);
+  ImGui::TextColored(kGood, "You hold the stylus");
+  ImGui::SameLine();
+  if (ImGui::RadioButton("along the surface", hand.way == HandWay::kSurface))
+    hand.way = HandWay::kSurface;
+  Tip("The stylus touches the surface under the pointer.");
+  ImGui::SameLine();
+  if (ImGui::RadioButton("in the view's plane", hand.way == HandWay::kPlane))
+    hand.way = HandWay::kPlane;
+  Tip("The stylus keeps its distance from you, also where it meets the surface.");
+  ImGui::TextColored(kDim, "%s   left button: deeper   right drag: turn   G: give back",
+                     Words(hand, viewer.feed().volume()).c_str());
+  const float height = ImGui::GetWindowSize().y + 12.0f * scale;
+  ImGui::End();
+  return height;
+}
+
+}  // namespace palpate::view

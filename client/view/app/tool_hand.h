@@ -1,0 +1,57 @@
+// The pointer leads the simulated hand, for who has no device. The pointer's events move the target
+// at once: they do not wait for a frame, which may take half a second.
+//
+// Frame: D (mm). Threads: main.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <vector>
+
+#include "client/view/app/hand_aim.h"
+#include "client/view/app/tool.h"
+
+namespace palpate::view {
+
+class LiveFeed;
+
+class HandTool {
+ public:
+  // As TakeHand in tool.h.
+  bool Take(Viewer& viewer, const ViewPointer& pointer);
+  // The pointer is there now, in pixels of the screen. Called from within its event.
+  void PointerMoved(const Eigen::Vector2d& at, LiveFeed& feed);
+  // Where the hand wants to be; none: we do not lead it.
+  std::optional<Vec3> target_D() const;
+
+ private:
+  // How places on the screen become targets, until the next frame.
+  struct Following {
+    Eigen::Vector2d view_min = Eigen::Vector2d::Zero();
+    double px_per_unit = 1.0;
+    ImageSize view;
+    HandOptions options;
+    double harder_mm = 0.0;
+  };
+
+  void Begin(Viewer& viewer);
+  void End(Viewer& viewer);
+  bool Goes(Viewer& viewer);
+  void Look(const Viewer& viewer);
+  bool Lead(Viewer& viewer, const ViewPointer& pointer);
+  void Aim(const Eigen::Vector2d& at_px, LiveFeed& feed);
+  void GoAround(LiveFeed& feed);
+
+  HandAim aim_;
+  SeenSurface seen_;
+  std::uint64_t seen_casts_ = 0;
+  bool leads_ = false;
+  Vec3 sent_D_ = Vec3::Zero();
+  // The corners of the way that the hand still has to go. Empty: it follows the pointer.
+  std::vector<Vec3> way_D_;
+  std::chrono::steady_clock::time_point gone_at_{};
+  std::optional<Eigen::Vector2d> newest_;  // where the pointer was last, on the screen
+  std::optional<Following> following_;     // none: the pointer is not on the view, or turns it
+};
+
+}  // namespace palpate::view
