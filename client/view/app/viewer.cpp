@@ -12,6 +12,7 @@
 #include "client/view/scene/haptic_patch.h"
 #include "client/view/scene/readout.h"
 #include "client/view/scene/value_window.h"
+#include "client/view/scene/surface_bounds.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -177,6 +178,7 @@ void Viewer::BeginVolumeIfNew() {
   begun_ = lattice;
   actions_.Forget();
   last_cast_ms_ = kUnknownCast_ms;
+  aimed_at_whole_ = false;
   Aim();
 }
 
@@ -189,8 +191,13 @@ void Viewer::CheckVeil(const VolumeLattice& lattice) {
   Say(veil_problem_ + ": the veil is not shown");
 }
 
+// Those of the surface, if it is known: the box of a scan may have much air. A camera of the options
+// sees the box, for pictures that can be compared.
 std::optional<Bounds> Viewer::VolumeBounds() const {
   const ViewVolume& volume = feed_.volume();
+  if (feed_.settings() && volume.bricks_left() == 0 && !options_.camera) {
+    if (const auto bounds = SurfaceBounds(volume, feed_.settings()->isovalue)) return bounds;
+  }
   if (!volume.lattice() || !volume.X_DI()) return {};
   const Vec3 last_I = volume.lattice()->size.cast<double>() - Vec3::Ones();
   Eigen::AlignedBox3d box;
@@ -230,6 +237,7 @@ void Viewer::Aim() {
     aimed_ = feed_.pose().has_value();
   }
   if (options_.camera && options_.camera->in_profile && aimed_) AimInProfile();
+  aimed_camera_ = camera;
 }
 
 // A little above the surface, because the surface may curve up on the way.
@@ -246,6 +254,11 @@ void Viewer::AimInProfile() {
 void Viewer::FollowSettings() {
   if (!aimed_) Aim();
   if (!feed_.settings()) return;
+  if (aimed_ && !aimed_at_whole_ && feed_.volume().bricks_left() == 0) {
+    // The surface is known now. A user who has turned the view meanwhile keeps it.
+    aimed_at_whole_ = true;
+    if (state_.camera == aimed_camera_) Aim();
+  }
   state_.surface.isovalue = held_.Shown(kIsovalueControl, feed_.settings()->isovalue);
   state_.surface.free_above = feed_.settings()->free_side == client::FreeSide::kAbove;
 }

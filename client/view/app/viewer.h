@@ -231,6 +231,8 @@ class Viewer {
 
   std::optional<VolumeLattice> begun_;  // the volume for which the view was set up
   bool aimed_ = false;
+  bool aimed_at_whole_ = false;  // when no part of the volume was missing
+  Camera aimed_camera_;          // that the last Aim has set
   std::string veil_problem_;
   bool bricks_left_ = true;
   std::string refused_;  // why the renderer refused the volume; empty: it did not
