@@ -137,7 +137,8 @@ class InAWindow(DaemonTest):
 
     def test_a_load_is_cancelled(self):
         self.from_menu("Type a path\N{HORIZONTAL ELLIPSIS}")
-        self.window.press("Open")
+        self.window.find("a file, or a folder of DICOM or TIFF files")
+        # The field has the keyboard.
         self.window.do("key", "ctrl+a", "type", "builtin:gyroid:384\n")
         self.window.press("Cancel")
         self.window.find("loading was cancelled")

@@ -168,6 +168,7 @@ void PathField(Files& files, float scale) {
   Files::PathForm& form = files.form();
   ImGui::SetNextItemWidth(420.0f * scale);
   const std::string before = form.path;
+  if (ImGui::IsWindowAppearing()) ImGui::SetKeyboardFocusHere();
   const bool entered = ImGui::InputText("##path", &form.path, ImGuiInputTextFlags_EnterReturnsTrue);
   if (form.path != before) form.is_confirmed = false;
   if (form.saves && form.where == SaveWhere::kHere && FileDialog::IsInstalled()) {
