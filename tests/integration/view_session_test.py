@@ -61,7 +61,7 @@ class ViewSession(DaemonTest):
         self.record("first", "here")
         # What is below has not moved.
         self.assertEqual(self.window.find("Recordings"), below)
-        self.conn.edit.sphere((0, 0, 0), 8.0, "set", 0.0)
+        self.conn.edit.sphere((0, 0, 0), 8.0, "set", 0.5)
         ticks = self.state().ticks
         self.becomes(lambda: self.state().ticks > ticks + 1200)
         self.window.press("Stop recording")

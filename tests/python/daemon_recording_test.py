@@ -125,7 +125,7 @@ class RecordingTest(unittest.TestCase):
         self.assertEqual(self.conn.recording.list(), ())
         self.conn.recording.start(self.file)
         for n in range(4):
-            self.conn.edit.sphere((4.0 * n, 0.0, 0.0), 6.0, "set", 0.1 * n)
+            self.conn.edit.sphere((4.0 * n, 0.0, 0.0), 6.0, "set", 0.3 + 0.1 * n)
             self.wait_for_ticks(150)
             self.conn.recording.mark(f"edit {n}")
             self.wait_for_ticks(150)
