@@ -148,7 +148,7 @@ class RecordingTest(unittest.TestCase):
                     pose = next(iter(poses))
                 seen.append((now, pose, self.conn.volume.download().values))
             return False
-        for first in (0, 200, 500, 1000, state.ticks - 1):
+        for first in (0, 200, 500, 1000):
             with self.subTest(first=first):
                 seen.clear()
                 with self.assertRaises(palpate.Cancelled):
