@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr ImageSize kSize{800, 600};
+constexpr ImageSize kViewSize{800, 600};
 
 class CutHandles : public ::testing::Test {
  protected:
@@ -56,7 +56,7 @@ class CutHandles : public ::testing::Test {
   std::optional<Vector2d> PlaceOf(const CutScene& scene, const CutHandle& handle,
                                   const Projection& projection) {
     for (int n = 0; n < 500; ++n) {
-      const Vector2d at_px(Random(0, kSize.width), Random(0, kSize.height));
+      const Vector2d at_px(Random(0, kViewSize.width), Random(0, kViewSize.height));
       if (HandleAt(scene, projection, at_px) == handle) return at_px;
     }
     return std::nullopt;
@@ -84,8 +84,8 @@ TEST_F(CutHandles, StayUnderThePointer) {
   int dragged = 0;
   for (int trial = 0; trial < 2000; ++trial) {
     const CutScene scene = RandomScene();
-    const Projection projection(RandomCamera(), kSize);
-    const Vector2d at_px(Random(0, kSize.width), Random(0, kSize.height));
+    const Projection projection(RandomCamera(), kViewSize);
+    const Vector2d at_px(Random(0, kViewSize.width), Random(0, kViewSize.height));
     const std::optional<CutHandle> handle = HandleAt(scene, projection, at_px);
     if (!handle) continue;
     const CutDrag drag(*handle, scene, projection, at_px);
@@ -118,7 +118,7 @@ TEST_F(CutHandles, AFaceFollowsThePointerAlongItsAxis) {
   int followed = 0;
   for (int trial = 0; trial < 300; ++trial) {
     const CutScene scene = RandomScene();
-    const Projection projection(RandomCamera(), kSize);
+    const Projection projection(RandomCamera(), kViewSize);
     const std::size_t face = static_cast<std::size_t>(Random(0, 5.999));
     const auto axis = static_cast<int>(face / 2);
     // A point on the arrow, and one farther along the same line.
@@ -147,7 +147,7 @@ TEST_F(CutHandles, AFaceFollowsThePointerAlongItsAxis) {
 TEST_F(CutHandles, ADragFarAwayStaysWithinTheVolume) {
   for (int trial = 0; trial < 300; ++trial) {
     const CutScene scene = RandomScene();
-    const Projection projection(RandomCamera(), kSize);
+    const Projection projection(RandomCamera(), kViewSize);
     for (std::size_t number = 0; number < 6; ++number) {
       for (const auto kind :
            {CutHandle::Kind::kFace, CutHandle::Kind::kPlane, CutHandle::Kind::kRim}) {
@@ -165,7 +165,7 @@ TEST_F(CutHandles, ARimTurnsItsPlaneAboutTheDisc) {
   int turned = 0;
   for (int trial = 0; trial < 200 && turned < 15; ++trial) {
     CutScene scene = RandomScene();
-    const Projection projection(RandomCamera(), kSize);
+    const Projection projection(RandomCamera(), kViewSize);
     const CutHandle handle{CutHandle::Kind::kRim, 0};
     const std::optional<Vector2d> at_px = PlaceOf(scene, handle, projection);
     if (!at_px) continue;
@@ -195,10 +195,10 @@ TEST_F(CutHandles, OfAPlaneThatIsOffThereIsNone) {
   for (int trial = 0; trial < 100; ++trial) {
     CutScene scene = RandomScene();
     for (ClipPlane& plane : scene.cuts.planes) plane.on = false;
-    const Projection projection(RandomCamera(), kSize);
+    const Projection projection(RandomCamera(), kViewSize);
     for (int n = 0; n < 200; ++n) {
       const auto handle =
-          HandleAt(scene, projection, Vector2d(Random(0, kSize.width), Random(0, kSize.height)));
+          HandleAt(scene, projection, Vector2d(Random(0, kViewSize.width), Random(0, kViewSize.height)));
       EXPECT_TRUE(!handle || handle->kind == CutHandle::Kind::kFace);
     }
   }
@@ -209,7 +209,7 @@ TEST_F(CutHandles, ADraggedPlaneMovesByAsManyMillimetresAsThePointer) {
   int moves = 0;
   for (int trial = 0; trial < 200; ++trial) {
     const CutScene scene = RandomScene();
-    const Projection projection(RandomCamera(), kSize);
+    const Projection projection(RandomCamera(), kViewSize);
     const ClipPlane& plane = scene.cuts.planes[1];
     const Vec3 covector_D = scene.X_DI.Inverse().linear.transpose() * plane.normal_I;
     const double above = plane.normal_I.dot(scene.pivots_I[1]) - plane.offset_voxels;
@@ -232,7 +232,7 @@ TEST_F(CutHandles, ADraggedPlaneMovesByAsManyMillimetresAsThePointer) {
 // Of a projection: the way back is the way there.
 TEST_F(CutHandles, APixelsRayMeetsThePoint) {
   for (int trial = 0; trial < 200; ++trial) {
-    const Projection projection(RandomCamera(), kSize);
+    const Projection projection(RandomCamera(), kViewSize);
     const Vec3 p_D(Random(-50, 50), Random(-50, 50), Random(-50, 50));
     const auto at_px = projection.PixelOf(p_D);
     ASSERT_TRUE(at_px);

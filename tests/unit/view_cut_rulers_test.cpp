@@ -8,7 +8,7 @@
 namespace palpate::view {
 namespace {
 
-const Vec3i kSize(40, 50, 60);
+const Vec3i kLatticeSize(40, 50, 60);
 
 // The voxels' x, y and z along any axes of W, in either direction.
 std::vector<AffineMap> Maps() {
@@ -30,9 +30,9 @@ std::vector<AffineMap> Maps() {
 TEST(CutRulers, FacesAreWhereTheWorldHasThem) {
   for (const AffineMap& X_WI : Maps()) {
     const CropBox crop{.min = Vec3(0.1, 0.2, 0.3), .max = Vec3(0.6, 0.7, 0.9)};
-    const Vec3 one_W = X_WI.Apply(PointOfFractions(crop.min, kSize));
-    const Vec3 other_W = X_WI.Apply(PointOfFractions(crop.max, kSize));
-    const auto rulers = RulersOf(X_WI, kSize);
+    const Vec3 one_W = X_WI.Apply(PointOfFractions(crop.min, kLatticeSize));
+    const Vec3 other_W = X_WI.Apply(PointOfFractions(crop.max, kLatticeSize));
+    const auto rulers = RulersOf(X_WI, kLatticeSize);
     CropBox again;
     for (int axis = 0; axis < 3; ++axis) {
       const CutRuler& ruler = rulers[static_cast<std::size_t>(axis)];
@@ -49,7 +49,7 @@ TEST(CutRulers, FacesAreWhereTheWorldHasThem) {
 
 TEST(CutRulers, FacesStayApartAndInTheVolume) {
   for (const AffineMap& X_WI : Maps()) {
-    for (const CutRuler& ruler : RulersOf(X_WI, kSize)) {
+    for (const CutRuler& ruler : RulersOf(X_WI, kLatticeSize)) {
       for (const auto& faces_mm : {std::array{-1e6, -1e5}, std::array{1e5, 1e6},
                                    std::array{3.0, 3.0}, std::array{1e6, -1e6}}) {
         CropBox crop;
@@ -67,12 +67,12 @@ TEST(CutRulers, APlaneIsAsFarFromTheMiddleAsItsPointsAre) {
   for (const AffineMap& X_WI : Maps()) {
     const Vec3 normal_I = Vec3(1.0, -2.0, 0.5).normalized();
     const Vec3 normal_W = (X_WI.Inverse().linear.transpose() * normal_I).normalized();
-    const Vec3 middle_W = X_WI.Apply(0.5 * (kSize - Vec3i::Ones()).cast<double>());
+    const Vec3 middle_W = X_WI.Apply(0.5 * (kLatticeSize - Vec3i::Ones()).cast<double>());
     for (const double distance_mm : {-7.5, 0.0, 12.0}) {
       const Vec3 p_I = X_WI.Inverse().Apply(middle_W + distance_mm * normal_W);
       const double offset_voxels = normal_I.dot(p_I);
-      EXPECT_NEAR(DistanceOfPlane(offset_voxels, normal_I, X_WI, kSize), distance_mm, 1e-9);
-      EXPECT_NEAR(OffsetOfPlane(distance_mm, normal_I, X_WI, kSize), offset_voxels, 1e-9);
+      EXPECT_NEAR(DistanceOfPlane(offset_voxels, normal_I, X_WI, kLatticeSize), distance_mm, 1e-9);
+      EXPECT_NEAR(OffsetOfPlane(distance_mm, normal_I, X_WI, kLatticeSize), offset_voxels, 1e-9);
     }
   }
 }

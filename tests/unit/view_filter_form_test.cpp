@@ -8,7 +8,7 @@ namespace {
 
 using client::FilterKind;
 
-const Vec3i kSize(40, 50, 60);
+const Vec3i kFilteredSize(40, 50, 60);
 
 TEST(FilterForm, HasNoMoreIterationsThanTheDaemonTakes) {
   for (int kind = 0; kind < 6; ++kind) {
@@ -17,7 +17,7 @@ TEST(FilterForm, HasNoMoreIterationsThanTheDaemonTakes) {
       form.filter.kind = static_cast<FilterKind>(kind);
       form.filter.width = width;
       form.filter.iterations = 5000;
-      const auto filter = FilterOf(form, {}, kSize, {});
+      const auto filter = FilterOf(form, {}, kFilteredSize, {});
       ASSERT_TRUE(filter);
       EXPECT_GE(filter->width, 1);
       EXPECT_LE(filter->width, 8);
@@ -37,7 +37,7 @@ TEST(FilterForm, HasNoMoreIterationsThanTheDaemonTakes) {
 TEST(FilterForm, OfTheCropBoxReplacesItsVoxelsAlone) {
   FilterForm form{.region = FilterRegion::kCropBox};
   const CropBox crop{.min = Vec3(0.0, 0.5, 0.25), .max = Vec3(1.0, 0.75, 0.5)};
-  const auto filter = FilterOf(form, crop, kSize, {});
+  const auto filter = FilterOf(form, crop, kFilteredSize, {});
   ASSERT_TRUE(filter);
   const auto* box = std::get_if<client::Box>(&filter->region);
   ASSERT_TRUE(box);
@@ -51,8 +51,8 @@ TEST(FilterForm, OfTheCropBoxReplacesItsVoxelsAlone) {
 
 TEST(FilterForm, OfTheBallNeedsItsMiddle) {
   FilterForm form{.region = FilterRegion::kProxyBall, .radius_mm = 7.0};
-  EXPECT_FALSE(FilterOf(form, {}, kSize, {}));
-  const auto filter = FilterOf(form, {}, kSize, Vec3(1, 2, 3));
+  EXPECT_FALSE(FilterOf(form, {}, kFilteredSize, {}));
+  const auto filter = FilterOf(form, {}, kFilteredSize, Vec3(1, 2, 3));
   ASSERT_TRUE(filter);
   const auto* ball = std::get_if<client::Sphere>(&filter->region);
   ASSERT_TRUE(ball);
@@ -61,7 +61,7 @@ TEST(FilterForm, OfTheBallNeedsItsMiddle) {
   EXPECT_EQ(filter->frame, client::EditFrame::kWorld);
   // Of a filter of whole volumes the region is left out.
   form.filter.kind = FilterKind::kResample;
-  const auto whole = FilterOf(form, {}, kSize, {});
+  const auto whole = FilterOf(form, {}, kFilteredSize, {});
   ASSERT_TRUE(whole);
   EXPECT_TRUE(std::holds_alternative<std::monostate>(whole->region));
 }

@@ -1,20 +1,11 @@
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
+#include "client/view/scene/readout.h"
 
 namespace palpate::view {
 namespace {
-
-// The length in D, in mm, of one mm of the volume (W).
-double DeviceMmPerMm(const ViewVolume& volume) {
-  if (!volume.lattice() || !volume.X_DI()) return 1.0;
-  const double det_D = volume.X_DI()->linear.determinant();
-  const double det_W = volume.lattice()->X_WI.linear.determinant();
-  return std::cbrt(std::abs(det_D / det_W));
-}
 
 std::string Words(const HandOptions& hand, const ViewVolume& volume) {
   if (hand.way == HandWay::kPlane) return "wheel: farther, closer";
