@@ -26,7 +26,7 @@ using namespace std::chrono_literals;
 using test::Eventually;
 using test::RestartedDaemon;
 
-bool Has(const std::string& text, const std::string& part) {
+bool Names(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
@@ -155,7 +155,7 @@ TEST_F(HandLeads, OneAtATimeAndTheHandExploresAfterwards) {
     const auto second = others.LeadHand();
     second->MoveTo(Vec3::Zero());
     ASSERT_TRUE(Eventually([&] { return second->state() == HandLeadState::kEnded; }));
-    EXPECT_TRUE(Has(second->problem(), "local socket")) << second->problem();
+    EXPECT_TRUE(Names(second->problem(), "local socket")) << second->problem();
   }
   EXPECT_TRUE(Rests(place_mm, 0.3));
   EXPECT_EQ(first->state(), HandLeadState::kLeading) << first->problem();
@@ -171,7 +171,7 @@ TEST_F(HandLeads, ItSaysWhyItEndedAndEndsAtOnce) {
   const auto strange = palpated_->LeadHand();
   strange->MoveTo(Vec3(0.0, std::nan(""), 0.0));
   ASSERT_TRUE(Eventually([&] { return strange->state() == HandLeadState::kEnded; }));
-  EXPECT_TRUE(Has(strange->problem(), "target_mm")) << strange->problem();
+  EXPECT_TRUE(Names(strange->problem(), "target_mm")) << strange->problem();
 
   const auto killed = palpated_->LeadHand();
   killed->MoveTo(Vec3::Zero());
@@ -224,7 +224,7 @@ TEST_F(HandLeads, ARecordingOfItComesBackBitForBit) {
   const auto refused = there.LeadHand();
   refused->MoveTo(Vec3::Zero());
   ASSERT_TRUE(Eventually([&] { return refused->state() == HandLeadState::kEnded; }));
-  EXPECT_TRUE(Has(refused->problem(), "replay")) << refused->problem();
+  EXPECT_TRUE(Names(refused->problem(), "replay")) << refused->problem();
   EXPECT_EQ(there.GetDevice().hand_led_by, "");
 }
 

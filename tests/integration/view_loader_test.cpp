@@ -27,7 +27,7 @@ class ViewLoader : public ::testing::Test {
     daemon_.Start();
     feed_ = std::make_unique<LiveFeed>(
         client::ServerChoice{.address = {.socket_path = daemon_.socket()}});
-    test::WriteNrrd(file(), {6, 5, 4}, [](int x, int y, int z) { return x + y + 2.0f * z; });
+    testing::WriteNrrd(file(), {6, 5, 4}, [](int x, int y, int z) { return x + y + 2.0f * z; });
     ASSERT_TRUE(Follow(*feed_, [&] { return feed_->volume().revision() && feed_->pose(); }));
   }
 

@@ -23,8 +23,8 @@ class ServedSession {
                  .uploads = {},
                  .security = {.limits = limits}},
                 {data_.session(), editor_, series_, recording_, data_.pump(), data_.simulated(),
-                 data_.servo(), data_.inbox(), forces_, [] { return std::vector<ListedDevice>(); },
-                 metrics_}) {}
+                 nullptr, data_.servo(), data_.inbox(), forces_,
+                 [] { return std::vector<ListedDevice>(); }, metrics_}) {}
 
   RunningSession& data() { return data_; }
   RpcServer& server() { return server_; }
