@@ -144,7 +144,7 @@ void AddRecordingReplay(arguments::Command& replay, RecordingReplayOptions& opti
   }
   needed.push_back(replay.get_option("--volume")->required(false));
   for (const char* name : {"--isovalue", "--trajectory", "--out", "--normalized", "--spacing-mm",
-                           "--method", "--stiffness", "--passes", "--set"}) {
+                           "--method", "--stiffness", "--passes", "--set", "--hand"}) {
     recording->excludes(replay.get_option(name));
   }
   replay.callback([recording, needed] {
@@ -191,6 +191,10 @@ arguments::Command* AddReplay(arguments::Command& app, ReplayOptions& options) {
                    "identical passes; the shortest time of each tick counts")
       ->check(arguments::Range(1, 1000))
       ->capture_default_str();
+  replay->add_flag(
+      "--hand", options.hand,
+      "the trajectory leads a simulated hand, which the force deflects: 0.3 N for each\n"
+      "mm, as the led hand of palpated");
   replay->add_option("--set", options.settings, "settings of the renderer, as key=value");
   replay->footer(
       "Example: palpate-lab replay --volume builtin:bumps --isovalue 0.5 --normalized \\\n"

@@ -26,11 +26,11 @@ class ProgressBar {
 
   void Show(std::string_view stage, double fraction) {
     if (!terminal_) return;
-    constexpr int kWidth = 40;
+    constexpr int kBarWidth = 40;
     const double share = std::clamp(fraction, 0.0, 1.0);
-    const std::string bar(static_cast<std::size_t>(share * kWidth), '#');
+    const std::string bar(static_cast<std::size_t>(share * kBarWidth), '#');
     std::fprintf(stderr, "\r\033[K%-12.*s [%-*s] %3.0f %%", static_cast<int>(stage.size()),
-                 stage.data(), kWidth, bar.c_str(), 100.0 * share);
+                 stage.data(), kBarWidth, bar.c_str(), 100.0 * share);
     shown_ = true;
   }
 

@@ -5,6 +5,7 @@
 #include <ostream>
 
 #include "common/error/error.h"
+#include "server/lab/led_hips.h"
 #include "server/lab/mesh.h"
 #include "server/lab/setting_arguments.h"
 #include "server/lab/trajectory.h"
@@ -37,6 +38,12 @@ HapticSettings ParseSettings(const ReplayOptions& options) {
   return settings;
 }
 
+HapticSurface SurfaceOf(const LoadedSurface& loaded, DecompositionMethod method,
+                        const HapticSettings& settings) {
+  return MakeHapticSurface(*loaded.volume, loaded.volume->metadata().WorldFromIndex(),
+                           loaded.isovalue, method, 1, settings.free_side);
+}
+
 }  // namespace
 
 LoadedSurface LoadSurface(const SurfaceOptions& options) {
@@ -53,13 +60,11 @@ JudgedReplay ReplayAndJudge(const LoadedSurface& loaded, DecompositionMethod met
                             const HapticSettings& settings, const std::vector<Vec3>& hips_mm,
                             int passes) {
   const VolumeSnapshot& volume = *loaded.volume;
-  const AffineMap X_DI = volume.metadata().WorldFromIndex();
-  const HapticSurface surface =
-      MakeHapticSurface(volume, X_DI, loaded.isovalue, method, 1, settings.free_side);
+  const HapticSurface surface = SurfaceOf(loaded, method, settings);
   JudgedReplay judged;
   judged.ticks = Replay(surface, settings, hips_mm, passes);
   const TriangleGrid triangles(ExtractSurface(volume, loaded.isovalue, method, PaddedCells(volume)),
-                               X_DI);
+                               volume.metadata().WorldFromIndex());
   judged.summary = Summarise(judged.ticks, JudgeReplay(surface, settings, triangles, judged.ticks));
   return judged;
 }
@@ -67,10 +72,11 @@ JudgedReplay ReplayAndJudge(const LoadedSurface& loaded, DecompositionMethod met
 void RunReplay(const ReplayOptions& options, std::ostream& out) {
   const HapticSettings settings = ParseSettings(options);
   CheckNewFile(options.output, ReplacesIf(options.overwrite));
-  const std::vector<Vec3> hips_mm = ReadTrajectory(options.trajectory);
-  const JudgedReplay judged =
-      ReplayAndJudge(LoadSurface(options.surface), *MethodNamed(options.method), settings, hips_mm,
-                     options.passes);
+  std::vector<Vec3> hips_mm = ReadTrajectory(options.trajectory);
+  const LoadedSurface loaded = LoadSurface(options.surface);
+  const DecompositionMethod method = *MethodNamed(options.method);
+  if (options.hand) hips_mm = HipsOfLedHand(SurfaceOf(loaded, method, settings), settings, hips_mm);
+  const JudgedReplay judged = ReplayAndJudge(loaded, method, settings, hips_mm, options.passes);
   WriteText(options.output, ToCsv(judged.ticks, judged.summary.verdict.density),
             ReplacesIf(options.overwrite));
   out << ToJson(judged.summary) << "\n";

@@ -32,6 +32,7 @@ struct ReplayOptions {
   std::string method = "tpbcc";  // one of kMethodNames
   std::optional<double> stiffness_n_per_mm{};
   int passes = 1;
+  bool hand = false;                    // the trajectory leads a hand that the force deflects
   std::vector<std::string> settings{};  // key=value
 };
 

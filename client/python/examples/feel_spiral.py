@@ -31,8 +31,8 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--profile", help="profile of clients.toml, instead of the address")
     parser.add_argument("--turns", type=float, default=9.0, help="of the spiral [9]")
     parser.add_argument("--seconds", type=float, default=40.0, help="for the spiral, s [40]")
-    parser.add_argument("--press", dest="press_mm", type=float, default=4.0,
-                        help="how far below the surface the hand is led, mm of the device [4]")
+    parser.add_argument("--press", dest="press_mm", type=float, default=2.0,
+                        help="how far below the surface the hand is led, mm of the device [2]")
     parser.add_argument("--out", default="spiral.png", help="picture to write [spiral.png]")
     parser.add_argument("--overwrite", action="store_true",
                         help="replace a picture that is there")
@@ -40,11 +40,35 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def heights(volume: palpate.Volume, isovalue: float) -> Array:
-    """(x, y): the last z at which the material begins; 0 where there is none. In voxels."""
+    """(x, y): the last z at which there is material; -1 where there is none. In voxels."""
     is_material = volume.values >= isovalue
     from_top = is_material[:, :, ::-1].argmax(axis=2)
     top = volume.shape[2] - 1 - from_top
-    return np.where(is_material.any(axis=2), top, 0).astype(np.float64)
+    return np.where(is_material.any(axis=2), top, -1).astype(np.float64)
+
+
+def touch(along: Array, seen: Array, press: float) -> Array:
+    """(n,): z for the hand along the way, in voxels, which `along` counts as well.
+
+    The hand stays `press` below the surface, and passes above what lies between two parts. It goes
+    up and down at 45 degrees at most, so it meets each part from above and not from its side.
+    """
+    there = seen >= 0.0
+    z = np.where(there, seen - press, np.interp(along, along[there], seen[there]) + press)
+    near = np.abs(along[:, None] - along[None, :])
+    return (z[None, :] - near).max(axis=1)
+
+
+def around(start: Array, to: Array, shape: tuple[int, ...]) -> Array:
+    """(4, 3): from a place beside the volume to one above it, and down to `to`. In voxels.
+
+    Straight on, the volume would be in the hand's way.
+    """
+    middle = (np.array(shape) - 1.0) / 2.0
+    away = (start - middle)[:2]
+    beside = np.r_[middle[:2] + away / np.linalg.norm(away) * max(shape), start[2]]
+    high = np.array([0.0, 0.0, 1.5 * shape[2]])
+    return np.array([start, beside, beside * [1, 1, 0] + high, to * [1, 1, 0] + high])
 
 
 def spiral(shape: tuple[int, ...], turns: float, points: int) -> Array:
@@ -55,9 +79,17 @@ def spiral(shape: tuple[int, ...], turns: float, points: int) -> Array:
     return middle + 0.9 * middle.min() * (share * [np.cos(angle), np.sin(angle)]).T
 
 
+def to_device_mm(voxels: Array, place_of: Array) -> Array:
+    return (np.c_[voxels, np.ones(len(voxels))] @ place_of.T)[:, :3]
+
+
+def to_voxels(device_mm: Array, place_of: Array) -> Array:
+    return to_device_mm(device_mm, np.linalg.inv(place_of))
+
+
 def plot(felt: palpate.Poses, place_of: Array, seen: Array, out: str) -> None:
     force_n = np.linalg.norm(felt.force_n, axis=1)
-    hip_voxels = (np.c_[felt.hip_mm, np.ones(len(felt))] @ np.linalg.inv(place_of).T)[:, :2]
+    hip_voxels = to_voxels(felt.hip_mm, place_of)[:, :2]
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4.4), width_ratios=(1, 1.25))
     left.imshow(seen.T, cmap="gray", origin="lower")
     points = left.scatter(*hip_voxels[::10].T, c=force_n[::10], s=2, cmap="inferno")
@@ -80,11 +112,14 @@ def main() -> None:
         place_of = conn.volume.info().device_from_index
         seen = heights(volume, conn.settings.isovalue)
         x, y = spiral(volume.shape, arguments.turns, int(100 * arguments.seconds)).T
-        z = seen[x.round().astype(int), y.round().astype(int)]
-        path_mm = (np.c_[x, y, z, np.ones(len(x))] @ place_of.T)[:, :3]
-        path_mm -= arguments.press_mm * place_of[:3, 2] / np.linalg.norm(place_of[:3, 2])
-        with conn.device.lead() as hand:
-            felt = hand.follow(path_mm, rate_hz=100)
+        along = np.r_[0.0, np.hypot(np.diff(x), np.diff(y)).cumsum()]
+        press = arguments.press_mm / np.linalg.norm(place_of[:3, 2])
+        z = touch(along, seen[x.round().astype(int), y.round().astype(int)], press)
+        with conn.device.lead() as hand, conn.poses() as stream:
+            start = to_voxels(next(stream).hip_mm, place_of)[0]
+            way = around(start, np.array([x[0], y[0], z[0]]), volume.shape)
+            hand.follow(to_device_mm(way, place_of), rate_hz=2)
+            felt = hand.follow(to_device_mm(np.c_[x, y, z], place_of), rate_hz=100)
     plot(felt, place_of, seen, arguments.out)
     print(f"felt {felt.contact.mean():.0%} of the way, at most "
           f"{np.linalg.norm(felt.force_n, axis=1).max():.2f} N; wrote {arguments.out}")

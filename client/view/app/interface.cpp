@@ -135,8 +135,8 @@ void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
                                {.preferences = viewer.preferences(),
                                 .series = viewer.feed().series().has_value(),
                                 .slices = viewer.state().slices_shown});
-  view_pixels_ = PixelsOf(
-      PlaceOfView(viewer.state(), layout, LayOutSlices(layout.slices, scale)).size);
+  view_pixels_ =
+      PixelsOf(PlaceOfView(viewer.state(), layout, LayOutSlices(layout.slices, scale)).size);
   DrawPanels(viewer, layout, scale);
   viewer.actions().EndFrame(ImGui::IsAnyItemActive());
   ImGui::Render();

@@ -34,14 +34,14 @@ bool IsPointedAt(const Area& view) {
          ImGui::IsMouseHoveringRect(view.min, {view.min.x + view.size.x, view.min.y + view.size.y});
 }
 
-void DrawViewScaleBar(const Viewer& viewer, const Area& view, float scale) {
+void DrawViewScaleBar(const Viewer& viewer, const Area& view, float below, float scale) {
   const double mm_per_px = viewer.state().camera.MmPerPixel(
                                {static_cast<int>(view.size.x), static_cast<int>(view.size.y)}) /
                            DeviceMmPerMm(viewer.feed().volume());
   const double most_px = static_cast<double>(std::min(kLongestBar * scale, 0.3f * view.size.x));
   DrawScaleBar(FitScaleBar(mm_per_px, most_px),
                {view.min.x + view.size.x - 14.0f * scale,
-                view.min.y + view.size.y - 2.2f * ImGui::GetTextLineHeight()});
+                view.min.y + view.size.y - below - 2.2f * ImGui::GetTextLineHeight()});
 }
 
 void DrawDistancesInView(const Viewer& viewer, const Area& view, const AffineMap& X_DW,
@@ -139,10 +139,10 @@ void DrawMeasures(const MeasureState& measure, const MeasurePicture& picture,
   }
 }
 
-void DrawViewMarks(Viewer& viewer, const Area& view, float scale) {
+void DrawViewMarks(Viewer& viewer, const Area& view, float below, float scale) {
   const ViewVolume& volume = viewer.feed().volume();
   if (!volume.lattice() || !volume.X_DI()) return;
-  DrawViewScaleBar(viewer, view, scale);
+  DrawViewScaleBar(viewer, view, below, scale);
   const AffineMap X_DW = *volume.X_DI() * volume.lattice()->X_WI.Inverse();
   std::optional<Vec3> pointed_W;
   if (IsPointedAt(view)) {
@@ -151,7 +151,7 @@ void DrawViewMarks(Viewer& viewer, const Area& view, float scale) {
       pointed_W = volume.lattice()->X_WI.Apply(p_I);
       // Below the messages.
       DrawLabel({view.min.x + 10.0f * scale,
-                 view.min.y + view.size.y - ImGui::GetTextLineHeight() - 4.0f},
+                 view.min.y + view.size.y - below - ImGui::GetTextLineHeight() - 4.0f},
                 Readout(viewer, p_I, "   "), kMark);
     }
   }

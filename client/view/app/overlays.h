@@ -24,7 +24,7 @@ void DrawCube(const Viewer& viewer, const Area& view, float scale);
 void LookFromKey(Viewer& viewer, int key);
 
 // Scale bar, distances, and what is under the pointer, in the view.
-void DrawViewMarks(Viewer& viewer, const Area& view, float scale);
+void DrawViewMarks(Viewer& viewer, const Area& view, float below, float scale);
 // `right_top`: the corner beside which the bar is drawn.
 void DrawScaleBar(const ScaleBar& bar, const ImVec2& right_top);
 // Value and place of a point of the volume.

@@ -168,7 +168,7 @@ void DrawView(Viewer& viewer, const Area& area, float scale) {
                                        {area.min.x + area.size.x, area.min.y + area.size.y},
                                        {0.0f, 1.0f}, {1.0f, 0.0f});
   DrawCube(viewer, area, scale);
-  DrawViewMarks(viewer, area, scale);
+  DrawViewMarks(viewer, area, hand, scale);
   // Beside a slice that fills the view's place there is no room.
   if (!viewer.state().filling_slice) DrawLegend(viewer, area, scale);
   DrawMessages(viewer, area, hand, scale);

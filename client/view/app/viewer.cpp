@@ -11,8 +11,8 @@
 #include "client/view/scene/brush_ball.h"
 #include "client/view/scene/haptic_patch.h"
 #include "client/view/scene/readout.h"
-#include "client/view/scene/value_window.h"
 #include "client/view/scene/surface_bounds.h"
+#include "client/view/scene/value_window.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -191,8 +191,8 @@ void Viewer::CheckVeil(const VolumeLattice& lattice) {
   Say(veil_problem_ + ": the veil is not shown");
 }
 
-// Those of the surface, if it is known: the box of a scan may have much air. A camera of the options
-// sees the box, for pictures that can be compared.
+// Those of the surface, if it is known: the box of a scan may have much air. A camera of the
+// options sees the box, for pictures that can be compared.
 std::optional<Bounds> Viewer::VolumeBounds() const {
   const ViewVolume& volume = feed_.volume();
   if (feed_.settings() && volume.bricks_left() == 0 && !options_.camera) {
@@ -211,7 +211,10 @@ std::optional<Bounds> Viewer::VolumeBounds() const {
 
 // None: the camera's own.
 std::optional<CameraStart> Viewer::FirstLook() const {
-  if (options_.camera || !IsOfPatient(*feed_.volume().lattice())) return options_.camera;
+  // A CT file that states no orientation is upright at least, if its z axis is the patient's.
+  const VolumeLattice& lattice = *feed_.volume().lattice();
+  const bool of_patient = IsOfPatient(lattice) || HasHounsfieldUnits(lattice);
+  if (options_.camera || !of_patient) return options_.camera;
   return CameraStart{.of_patient = true, .azimuth_deg = 20.0, .elevation_deg = 10.0};
 }
 

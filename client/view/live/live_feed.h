@@ -17,9 +17,9 @@
 #include "client/view/live/denoiser.h"
 #include "client/view/live/emergency_stop.h"
 #include "client/view/live/plot_history.h"
+#include "client/view/live/replayer.h"
 #include "client/view/live/shared_things.h"
 #include "client/view/live/volume_loader.h"
-#include "client/view/live/replayer.h"
 #include "client/view/volume/view_volume.h"
 
 namespace palpate::view {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "client/sdk/words.h"
-#include "client/vdb/download_file.h"
+#include "client/download/download_file.h"
 #include "common/error/error.h"
 
 namespace palpate::view {

@@ -1,4 +1,4 @@
-#include "client/vdb/download_file.h"
+#include "client/download/download_file.h"
 
 #include <algorithm>
 #include <cctype>
