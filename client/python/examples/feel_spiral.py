@@ -55,8 +55,9 @@ def touch(along: Array, seen: Array, press: float) -> Array:
     """
     there = seen >= 0.0
     z = np.where(there, seen - press, np.interp(along, along[there], seen[there]) + press)
-    near = np.abs(along[:, None] - along[None, :])
-    return (z[None, :] - near).max(axis=1)
+    down = np.maximum.accumulate(z + along) - along
+    up = np.maximum.accumulate((z - along)[::-1])[::-1] + along
+    return np.maximum(down, up)
 
 
 def around(start: Array, to: Array, shape: tuple[int, ...]) -> Array:
