@@ -24,6 +24,9 @@ from matplotlib import pyplot  # noqa: E402: the backend comes first
 
 Array = npt.NDArray[np.float64]
 
+NEAR_VOXELS = 12
+STEEP_VOXELS = 10.0
+
 
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -31,8 +34,8 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--profile", help="profile of clients.toml, instead of the address")
     parser.add_argument("--turns", type=float, default=9.0, help="of the spiral [9]")
     parser.add_argument("--seconds", type=float, default=40.0, help="for the spiral, s [40]")
-    parser.add_argument("--press", dest="press_mm", type=float, default=2.0,
-                        help="how far below the surface the hand is led, mm of the device [2]")
+    parser.add_argument("--press", dest="press_mm", type=float, default=1.0,
+                        help="how far below the surface the hand is led, mm of the device [1]")
     parser.add_argument("--out", default="spiral.png", help="picture to write [spiral.png]")
     parser.add_argument("--overwrite", action="store_true",
                         help="replace a picture that is there")
@@ -47,17 +50,24 @@ def heights(volume: palpate.Volume, isovalue: float) -> Array:
     return np.where(is_material.any(axis=2), top, -1).astype(np.float64)
 
 
-def touch(along: Array, seen: Array, press: float) -> Array:
+def touch(along: Array, seen: Array, over: Array, press: float) -> Array:
     """(n,): z for the hand along the way, in voxels, which `along` counts as well.
 
-    The hand stays `press` below the surface, and passes above what lies between two parts. It goes
-    up and down at 45 degrees at most, so it meets each part from above and not from its side.
+    The hand stays `press` below the surface, but passes over all that stands near where there is a
+    gap or a steep side: behind either, the surface could hold it. It goes up and down at 45 degrees
+    at most.
     """
-    there = seen >= 0.0
-    z = np.where(there, seen - press, np.interp(along, along[there], seen[there]) + press)
+    z = np.where(seen >= over - STEEP_VOXELS, seen - press, over + STEEP_VOXELS / 2.0)
     down = np.maximum.accumulate(z + along) - along
     up = np.maximum.accumulate((z - along)[::-1])[::-1] + along
     return np.maximum(down, up)
+
+
+def greatest_near(seen: Array) -> Array:
+    """(x, y): the greatest height within a square around each place."""
+    edge = 2 * NEAR_VOXELS + 1
+    padded = np.pad(seen, NEAR_VOXELS, constant_values=-1.0)
+    return np.lib.stride_tricks.sliding_window_view(padded, (edge, edge)).max(axis=(2, 3))
 
 
 def around(start: Array, to: Array, shape: tuple[int, ...]) -> Array:
@@ -115,11 +125,12 @@ def main() -> None:
         x, y = spiral(volume.shape, arguments.turns, int(100 * arguments.seconds)).T
         along = np.r_[0.0, np.hypot(np.diff(x), np.diff(y)).cumsum()]
         press = arguments.press_mm / np.linalg.norm(place_of[:3, 2])
-        z = touch(along, seen[x.round().astype(int), y.round().astype(int)], press)
+        at = x.round().astype(int), y.round().astype(int)
+        z = touch(along, seen[at], greatest_near(seen)[at], press)
         with conn.device.lead() as hand, conn.poses() as stream:
             start = to_voxels(next(stream).hip_mm, place_of)[0]
             way = around(start, np.array([x[0], y[0], z[0]]), volume.shape)
-            hand.follow(to_device_mm(way, place_of), rate_hz=2)
+            hand.follow(to_device_mm(way, place_of), rate_hz=1)
             felt = hand.follow(to_device_mm(np.c_[x, y, z], place_of), rate_hz=100)
     plot(felt, place_of, seen, arguments.out)
     print(f"felt {felt.contact.mean():.0%} of the way, at most "
