@@ -76,6 +76,66 @@ TEST_F(ViewPreferences, SavedViewsComeBackWithTheirVolumes) {
   EXPECT_EQ(ReadOf(content).saved_views["head.nrrd"].size(), 1u);
 }
 
+SavedView ViewOf(std::string name, std::int64_t saved_s) {
+  SavedView view{.name = std::move(name)};
+  view.saved_s = saved_s;
+  return view;
+}
+
+TEST_F(ViewPreferences, OfTwoWindowsAreThoseThatEachHasChanged) {
+  Preferences begun = kOther;
+  begun.saved_views = {{"head", {ViewOf("a", 1)}}, {"lobster", {ViewOf("b", 2)}}};
+  WritePreferences(begun, file_);
+  Preferences one = begun;
+  one.theme = Theme::kDark;
+  one.saved_views["head"].push_back(ViewOf("c", 3));
+  PutFirst("/data/one", one.recent_files);
+  WriteChanges(begun, one, file_);
+  Preferences other = begun;
+  other.left_width_px = 500.0;
+  other.saved_views["lobster"].clear();
+  other.saved_views["gyroid"] = {ViewOf("d", 4)};
+  PutFirst("/data/a b.nrrd", other.recent_files);
+  const Preferences written = WriteChanges(begun, other, file_);
+
+  Preferences expected = one;
+  expected.left_width_px = 500.0;
+  expected.recent_files = {"/data/a b.nrrd", "/data/one", "/data/CT"};
+  expected.saved_views.erase("lobster");
+  expected.saved_views["gyroid"] = other.saved_views["gyroid"];
+  EXPECT_EQ(ReadPreferences(file_), expected);
+  EXPECT_EQ(written.recent_files, expected.recent_files);
+  // A window that has changed nothing changes nothing.
+  WriteChanges(begun, begun, file_);
+  EXPECT_EQ(ReadPreferences(file_), expected);
+}
+
+TEST_F(ViewPreferences, OfAFileThatIsGoneAreAllOfTheWindow) {
+  Preferences before = kOther;
+  before.theme = Theme::kDark;
+  WriteChanges(before, kOther, file_);
+  EXPECT_EQ(ReadPreferences(file_), kOther);
+  std::ofstream(file_) << "{";
+  WriteChanges(before, kOther, file_);
+  EXPECT_EQ(ReadPreferences(file_), kOther);
+}
+
+TEST_F(ViewPreferences, ThatAreTooManyLoseTheViewsThatWereSavedFirst) {
+  Preferences many = kOther;
+  for (int source = 0; source < 12; ++source) {
+    // Not in the order of their names.
+    auto& views = many.saved_views["volume " + std::to_string(source)];
+    for (int n = 0; n < 100; ++n) views.push_back(ViewOf("a", 1000 + (5 * source) % 12));
+  }
+  WritePreferences(many, file_);
+  Preferences read = ReadPreferences(file_);
+  EXPECT_TRUE(read.saved_views.contains("volume 7"));   // the newest
+  EXPECT_FALSE(read.saved_views.contains("volume 0"));  // the oldest
+  EXPECT_GT(read.saved_views.size(), 2u);
+  read.saved_views = many.saved_views;
+  EXPECT_EQ(read, many);
+}
+
 TEST_F(ViewPreferences, OfADamagedFileAreTheDefaults) {
   for (const char* content : {"", "{", "[1, 2]", "null", "17", "\"dark\"", "\xff\xfe\0", "{}"}) {
     EXPECT_EQ(ReadOf(content), Preferences()) << content;

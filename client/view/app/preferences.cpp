@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
@@ -92,6 +94,86 @@ Json Parse(const fs::path& file) {
   return Json::parse(stream, nullptr, false);
 }
 
+Preferences Read(const Json& all) {
+  Preferences read;
+  if (!all.is_object()) return read;
+  Take(all, "theme", kThemes, read.theme);
+  Take(all, "font_percent", kLeastFont_percent, kMostFont_percent, read.font_percent);
+  Take(all, "left_width_px", kLeastSide_px, kMostSide_px, read.left_width_px);
+  Take(all, "right_width_px", kLeastSide_px, kMostSide_px, read.right_width_px);
+  Take(all, "left_shown", read.left_shown);
+  Take(all, "right_shown", read.right_shown);
+  Take(all, "narrow_side", kSides, read.narrow_side);
+  Take(all, "tab", kTabs, read.tab);
+  Take(all, "recent_files", read.recent_files);
+  Take(all, "slice_side", kSliceSides, read.slice_side);
+  Take(all, "saved_views", read.saved_views);
+  if (const Json* plots = Find(all, "plots_shown"); plots && plots->is_boolean())
+    read.plots_shown = plots->get<bool>();
+  return read;
+}
+
+std::string TextOf(const Preferences& preferences) {
+  Json all = {{"theme", WordOf(preferences.theme, kThemes)},
+              {"font_percent", preferences.font_percent},
+              {"left_width_px", preferences.left_width_px},
+              {"right_width_px", preferences.right_width_px},
+              {"left_shown", preferences.left_shown},
+              {"right_shown", preferences.right_shown},
+              {"narrow_side", WordOf(preferences.narrow_side, kSides)},
+              {"tab", WordOf(preferences.tab, kTabs)},
+              {"recent_files", preferences.recent_files},
+              {"slice_side", WordOf(preferences.slice_side, kSliceSides)}};
+  for (const auto& [source, views] : preferences.saved_views) {
+    if (!views.empty()) all["saved_views"][source] = Json::parse(JsonOf(views));
+  }
+  if (preferences.plots_shown) all["plots_shown"] = *preferences.plots_shown;
+  // Names of files in it may not be UTF-8.
+  return all.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+using ViewsBySource = std::map<std::string, std::vector<SavedView>>;
+
+std::int64_t NewestOf(const std::vector<SavedView>& views) {
+  std::int64_t newest_s = 0;
+  for (const SavedView& view : views) newest_s = std::max(newest_s, view.saved_s);
+  return newest_s;
+}
+
+void DropOldest(ViewsBySource& views) {
+  views.erase(std::min_element(views.begin(), views.end(), [](const auto& a, const auto& b) {
+    return NewestOf(a.second) < NewestOf(b.second);
+  }));
+}
+
+template <class Value>
+void TakeChange(const Value& before, const Value& after, Value& written) {
+  if (after != before) written = after;
+}
+
+// Paths that are new, or have become the first.
+void TakeChange(const std::vector<std::string>& before, const std::vector<std::string>& after,
+                std::vector<std::string>& written) {
+  for (auto path = after.rbegin(); path != after.rend(); ++path) {
+    const bool is_new = std::find(before.begin(), before.end(), *path) == before.end();
+    const bool is_first = path + 1 == after.rend() && (before.empty() || before.front() != *path);
+    if (is_new || is_first) PutFirst(*path, written);
+  }
+}
+
+void TakeChange(const ViewsBySource& before, const ViewsBySource& after, ViewsBySource& written) {
+  const auto views_of = [](const ViewsBySource& all, const std::string& source) {
+    const auto found = all.find(source);
+    return found == all.end() ? std::vector<SavedView>() : found->second;
+  };
+  for (const ViewsBySource* all : {&before, &after}) {
+    for (const auto& [source, views] : *all) {
+      const std::vector<SavedView> now = views_of(after, source);
+      if (now != views_of(before, source)) written[source] = now;
+    }
+  }
+}
+
 }  // namespace
 
 void PutFirst(const std::string& path, std::vector<std::string>& files) {
@@ -110,47 +192,39 @@ fs::path PreferencesFile() {
   return folder / "palpate" / "view.json";
 }
 
-Preferences ReadPreferences(const fs::path& file) {
-  Preferences read;
-  const Json all = Parse(file);
-  if (!all.is_object()) return read;
-  Take(all, "theme", kThemes, read.theme);
-  Take(all, "font_percent", kLeastFont_percent, kMostFont_percent, read.font_percent);
-  Take(all, "left_width_px", kLeastSide_px, kMostSide_px, read.left_width_px);
-  Take(all, "right_width_px", kLeastSide_px, kMostSide_px, read.right_width_px);
-  Take(all, "left_shown", read.left_shown);
-  Take(all, "right_shown", read.right_shown);
-  Take(all, "narrow_side", kSides, read.narrow_side);
-  Take(all, "tab", kTabs, read.tab);
-  Take(all, "recent_files", read.recent_files);
-  Take(all, "slice_side", kSliceSides, read.slice_side);
-  Take(all, "saved_views", read.saved_views);
-  if (const Json* plots = Find(all, "plots_shown"); plots && plots->is_boolean())
-    read.plots_shown = plots->get<bool>();
-  return read;
-}
+Preferences ReadPreferences(const fs::path& file) { return Read(Parse(file)); }
 
-void WritePreferences(const Preferences& preferences, const fs::path& file) {
-  Json all = {{"theme", WordOf(preferences.theme, kThemes)},
-              {"font_percent", preferences.font_percent},
-              {"left_width_px", preferences.left_width_px},
-              {"right_width_px", preferences.right_width_px},
-              {"left_shown", preferences.left_shown},
-              {"right_shown", preferences.right_shown},
-              {"narrow_side", WordOf(preferences.narrow_side, kSides)},
-              {"tab", WordOf(preferences.tab, kTabs)},
-              {"recent_files", preferences.recent_files},
-              {"slice_side", WordOf(preferences.slice_side, kSliceSides)}};
-  for (const auto& [source, views] : preferences.saved_views) {
-    if (!views.empty()) all["saved_views"][source] = Json::parse(JsonOf(views));
+void WritePreferences(Preferences preferences, const fs::path& file) {
+  std::string text = TextOf(preferences);
+  while (text.size() > kMostBytes && !preferences.saved_views.empty()) {
+    DropOldest(preferences.saved_views);
+    text = TextOf(preferences);
   }
-  if (preferences.plots_shown) all["plots_shown"] = *preferences.plots_shown;
   MakeFolders(file.parent_path());
   NewFile whole(file, IfThere::kReplace, 0600);
-  // Names of files in it may not be UTF-8.
-  whole.Write(all.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  whole.Write(text);
   // A file lost in a power failure counts as none.
   whole.TakeName(Durable::kNo);
+}
+
+Preferences WriteChanges(const Preferences& before, const Preferences& after,
+                         const fs::path& file) {
+  const Json there = Parse(file);
+  Preferences written = there.is_object() ? Read(there) : after;
+  TakeChange(before.theme, after.theme, written.theme);
+  TakeChange(before.font_percent, after.font_percent, written.font_percent);
+  TakeChange(before.left_width_px, after.left_width_px, written.left_width_px);
+  TakeChange(before.right_width_px, after.right_width_px, written.right_width_px);
+  TakeChange(before.left_shown, after.left_shown, written.left_shown);
+  TakeChange(before.right_shown, after.right_shown, written.right_shown);
+  TakeChange(before.narrow_side, after.narrow_side, written.narrow_side);
+  TakeChange(before.plots_shown, after.plots_shown, written.plots_shown);
+  TakeChange(before.tab, after.tab, written.tab);
+  TakeChange(before.recent_files, after.recent_files, written.recent_files);
+  TakeChange(before.slice_side, after.slice_side, written.slice_side);
+  TakeChange(before.saved_views, after.saved_views, written.saved_views);
+  WritePreferences(written, file);
+  return written;
 }
 
 }  // namespace palpate::view

@@ -53,7 +53,15 @@ std::filesystem::path PreferencesFile();
 // possible is the default, and unknown names are ignored. Does not throw.
 Preferences ReadPreferences(const std::filesystem::path& file);
 
-// Makes the folder, too. The file is always the old or the new one. Throws Error: CannotWrite's.
-void WritePreferences(const Preferences& preferences, const std::filesystem::path& file);
+// Makes the folder, too. The file is always the old or the new one. A file has a bound: above it,
+// the saved views of those volumes are left out whose last view is the oldest. Throws Error:
+// CannotWrite's.
+void WritePreferences(Preferences preferences, const std::filesystem::path& file);
+
+// Writes what a window has changed from `before` to `after`. The rest of the file stays, because
+// another window may have changed it. A file that is missing or damaged gets all of `after`.
+// Returns what was written. Throws Error: as WritePreferences.
+Preferences WriteChanges(const Preferences& before, const Preferences& after,
+                         const std::filesystem::path& file);
 
 }  // namespace palpate::view

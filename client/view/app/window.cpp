@@ -123,7 +123,7 @@ class KeptPreferences {
   explicit KeptPreferences(Viewer& viewer) : viewer_(viewer), file_(PreferencesFile()) {
     if (file_.empty()) return;
     kept_ = ReadPreferences(file_);
-    viewer_.preferences() = kept_;
+    viewer_.preferences() = tried_ = kept_;
   }
   ~KeptPreferences() { Keep(); }
   KeptPreferences(const KeptPreferences&) = delete;
@@ -136,10 +136,15 @@ class KeptPreferences {
 
  private:
   void Keep() {
-    if (file_.empty() || viewer_.preferences() == kept_) return;
-    kept_ = viewer_.preferences();
+    Preferences& now = viewer_.preferences();
+    if (file_.empty() || now == tried_) return;
+    tried_ = now;
     try {
-      WritePreferences(kept_, file_);
+      const Preferences written = WriteChanges(kept_, now, file_);
+      // The lists of other windows, but not how they look.
+      now.recent_files = written.recent_files;
+      now.saved_views = written.saved_views;
+      kept_ = tried_ = now;
     } catch (const Error& error) {
       if (!std::exchange(said_, true)) viewer_.Say(std::string("not remembered: ") + error.what());
     }
@@ -147,7 +152,8 @@ class KeptPreferences {
 
   Viewer& viewer_;
   const std::filesystem::path file_;
-  Preferences kept_;
+  Preferences kept_;   // as this window has read or written them last
+  Preferences tried_;  // to write
   bool said_ = false;
 };
 

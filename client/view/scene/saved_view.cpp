@@ -55,7 +55,8 @@ Json ToJson(const SavedView& view) {
           {"crop_max", Numbers(view.crop.max)},
           {"planes", planes},
           {"window", {view.window_min, view.window_max}},
-          {"cross_voxels", Numbers(view.cross_I)}};
+          {"cross_voxels", Numbers(view.cross_I)},
+          {"saved_s", view.saved_s}};
 }
 
 bool IsUsable(const SavedView& view) {
@@ -78,7 +79,8 @@ SavedView FromJson(const Json& json) {
                  .planes = {},
                  .window_min = Number(json.at("window").at(0)),
                  .window_max = Number(json.at("window").at(1)),
-                 .cross_I = Read<Vec3>(json.at("cross_voxels"))};
+                 .cross_I = Read<Vec3>(json.at("cross_voxels")),
+                 .saved_s = json.value("saved_s", std::int64_t{0})};
   for (std::size_t n = 0; n < view.planes.size(); ++n) {
     const Json& plane = json.at("planes").at(n);
     view.planes[n] = {.on = plane.at("on").get<bool>(),
@@ -107,7 +109,8 @@ SavedView SaveView(std::string name, const Camera& camera, const SurfaceOptions&
           .planes = surface.planes,
           .window_min = surface.window_min,
           .window_max = surface.window_max,
-          .cross_I = cross_I};
+          .cross_I = cross_I,
+          .saved_s = 0};
 }
 
 void ShowView(const SavedView& view, const AffineMap& X_DW, Camera& camera, SurfaceOptions& surface,

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,10 +28,11 @@ struct SavedView {
   double window_min = 0.0;
   double window_max = 1.0;
   Vec3 cross_I = Vec3::Zero();
+  std::int64_t saved_s = 0;  // when, in seconds since 1970; 0: not known
   friend bool operator==(const SavedView&, const SavedView&) = default;
 };
 
-// `X_DW`: the volume's place, a similarity.
+// `X_DW`: the volume's place, a similarity. Does not set saved_s.
 SavedView SaveView(std::string name, const Camera& camera, const SurfaceOptions& surface,
                    const Vec3& cross_I, const AffineMap& X_DW);
 void ShowView(const SavedView& view, const AffineMap& X_DW, Camera& camera, SurfaceOptions& surface,
