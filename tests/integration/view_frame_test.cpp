@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <ctime>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "client/view/render/shader_program.h"
@@ -268,6 +269,34 @@ TEST_F(ViewFrame, ASurfaceThatIsNotShownIsNotCast) {
   rig.Draw(request);
   EXPECT_EQ(rig.renderer.casts(), casts);
   EXPECT_EQ(rig.Draw(Looking()).rgba, shown.rgba);
+}
+
+// Also when only bricks have come, which is no cast of all pixels.
+TEST_F(ViewFrame, TheVersionOfTheSurfaceRisesWithEachChangeOfIt) {
+  FrameRequest request = Looking();
+  std::vector<float> seen;
+  std::uint64_t version = 0;
+  int refined = 0;
+  for (bool changes = true; changes;) {
+    const std::uint64_t casts = rig.renderer.casts();
+    rig.renderer.Draw(request);
+    std::vector<float> now = rig.renderer.SurfaceDistances();
+    if (now != seen) {
+      EXPECT_GT(rig.renderer.surface_version(), version);
+      refined += rig.renderer.casts() == casts ? 1 : 0;
+    }
+    seen = std::move(now);
+    version = rig.renderer.surface_version();
+    const std::uint64_t bricks = rig.renderer.volume_version();
+    rig.renderer.TakeUp(rig.volume, 8);
+    changes = rig.renderer.volume_version() != bricks;
+  }
+  EXPECT_GT(refined, 0);
+  rig.renderer.Draw(request);
+  EXPECT_EQ(rig.renderer.surface_version(), version);
+  request.surface.shown = false;
+  rig.renderer.Draw(request);
+  EXPECT_GT(rig.renderer.surface_version(), version);
 }
 
 TEST_F(ViewFrame, SizesMayChangeAndBeZero) {

@@ -93,10 +93,10 @@ bool HandTool::Goes(Viewer& viewer) {
 // Reads the surface of the last picture, if it is another one. It costs more than a frame in which
 // the surface stays.
 void HandTool::Look(const Viewer& viewer) {
-  const std::uint64_t casts = viewer.renderer().casts();
-  if (casts == seen_casts_ && seen_.size.width > 0) return;
+  const std::uint64_t version = viewer.renderer().surface_version();
+  if (version == seen_version_ && seen_.size.width > 0) return;
   seen_ = viewer.seen_surface();
-  seen_casts_ = casts;
+  seen_version_ = version;
 }
 
 bool HandTool::Lead(Viewer& viewer, const ViewPointer& pointer) {

@@ -44,7 +44,7 @@ class HandTool {
 
   HandAim aim_;
   SeenSurface seen_;
-  std::uint64_t seen_casts_ = 0;
+  std::uint64_t seen_version_ = 0;
   bool leads_ = false;
   Vec3 sent_D_ = Vec3::Zero();
   // The corners of the way that the hand still has to go. Empty: it follows the pointer.

@@ -59,9 +59,14 @@ struct FrameRenderer::Parts {
   Vec3 eye_D = Vec3::Zero();
   bool surface_shown = false;
   std::uint64_t composed_casts = 0;  // of the caster, when the backdrop was composed
-  double rows_per_ms = 0.2;          // of Prepare
+  std::uint64_t surface_version = 0;
+  double rows_per_ms = 0.2;  // of Prepare
 
   void UpdateBackdrop(const FrameRequest& request);
+  void Compose(const SurfaceCaster* shown, const ImageSize& size) {
+    ++surface_version;
+    backdrop.Compose(shown, size);
+  }
 };
 
 FrameRenderer::FrameRenderer(std::size_t budget_bytes)
@@ -87,7 +92,7 @@ void FrameRenderer::Parts::UpdateBackdrop(const FrameRequest& request) {
   if (!cast && is_composed) return;
   surface_shown = shown;
   composed_casts = caster.casts();
-  backdrop.Compose(shown ? &caster : nullptr, request.size);
+  Compose(shown ? &caster : nullptr, request.size);
 }
 
 void FrameRenderer::Draw(const FrameRequest& request) {
@@ -95,7 +100,7 @@ void FrameRenderer::Draw(const FrameRequest& request) {
   ResetState();
   const bool resized = parts.frame.Resize(request.size);
   if (parts.frame.empty()) {
-    if (resized) parts.backdrop.Compose(nullptr, request.size);
+    if (resized) parts.Compose(nullptr, request.size);
     parts.surface_shown = false;
     return;
   }
@@ -142,6 +147,8 @@ bool FrameRenderer::Prepare(const FrameRequest& request, std::chrono::millisecon
 unsigned FrameRenderer::DrawnTexture() const { return parts_->frame.color(); }
 
 Image FrameRenderer::ReadBack() const { return {parts_->frame.size(), parts_->frame.ReadColors()}; }
+
+std::uint64_t FrameRenderer::surface_version() const { return parts_->surface_version; }
 
 std::uint64_t FrameRenderer::casts() const { return parts_->caster.casts(); }
 

@@ -76,6 +76,8 @@ class FrameRenderer {
   bool Prepare(const FrameRequest& request, std::chrono::milliseconds time);
   unsigned DrawnTexture() const;  // OpenGL name; RGBA8, the bottom row is first
   Image ReadBack() const;
+  // Rises with every change of the surface that SurfaceAt and SurfaceDistances return.
+  std::uint64_t surface_version() const;
   // The number of casts of all pixels so far, for tests and for the cost of a frame.
   std::uint64_t casts() const;
 
