@@ -11,7 +11,8 @@ std::optional<CutScene> CutSceneOf(const Viewer& viewer) {
   return CutScene{.cuts = CutsOf(viewer.state().surface),
                   .X_DI = *volume.X_DI(),
                   .lattice_size = volume.lattice()->size,
-                  .pivots_I = viewer.state().cuts.pivots_I};
+                  .pivots_I = viewer.state().cuts.pivots_I,
+                  .scale = static_cast<double>(viewer.state().screen_scale)};
 }
 
 std::optional<CutHandle> LitHandle(const CutsState& state) {

@@ -12,6 +12,7 @@ namespace {
 
 using Eigen::Vector2d;
 
+// Sizes at a scale of 1.
 constexpr double kArrow_px = 52.0;
 constexpr double kHead_px = 15.0;
 constexpr double kDisc_px = 60.0;
@@ -31,6 +32,12 @@ constexpr std::uint8_t kHandleBehind = 130;
 struct Arrow {
   Vec3 origin_D;
   Vec3 along_D;  // of length 1
+  double scale;  // as in CutScene
+
+  // The length at the arrow of this many pixels at a scale of 1.
+  double Mm(double px, const Projection& projection) const {
+    return px * scale * projection.MmPerPixel(origin_D);
+  }
 };
 
 Arrow ArrowOfFace(const CutScene& scene, std::size_t face) {
@@ -41,7 +48,7 @@ Arrow ArrowOfFace(const CutScene& scene, std::size_t face) {
   fractions[axis] = is_max ? crop.max[axis] : crop.min[axis];
   const Vec3 outwards_D = (is_max ? 1.0 : -1.0) * scene.X_DI.linear.col(axis);
   return {scene.X_DI.Apply(PointOfFractions(fractions, scene.lattice_size)),
-          outwards_D.normalized()};
+          outwards_D.normalized(), scene.scale};
 }
 
 // The normal in D, not of length 1: so many voxels of offset per mm along it.
@@ -55,7 +62,7 @@ Arrow ArrowOfPlane(const CutScene& scene, std::size_t number) {
   const double above_voxels = plane.normal_I.dot(scene.pivots_I[number]) - plane.offset_voxels;
   return {scene.X_DI.Apply(scene.pivots_I[number]) -
               above_voxels / covector_D.squaredNorm() * covector_D,
-          covector_D.normalized()};
+          covector_D.normalized(), scene.scale};
 }
 
 Arrow ArrowOf(const CutScene& scene, const CutHandle& handle) {
@@ -95,10 +102,10 @@ double DistanceToSegment(const Vector2d& p, const Vector2d& from, const Vector2d
 // None: it cannot be taken from here.
 std::optional<double> DistanceToArrow(const Arrow& arrow, const Projection& projection,
                                       const Vector2d& at_px) {
-  const double length_mm = kArrow_px * projection.MmPerPixel(arrow.origin_D);
+  const double length_mm = arrow.Mm(kArrow_px, projection);
   const auto from = projection.PixelOf(arrow.origin_D);
   const auto to = projection.PixelOf(arrow.origin_D + length_mm * arrow.along_D);
-  if (!from || !to || (*to - *from).norm() < kLeastHandle_px) return std::nullopt;
+  if (!from || !to || (*to - *from).norm() < kLeastHandle_px * arrow.scale) return std::nullopt;
   return DistanceToSegment(at_px, *from, *to);
 }
 
@@ -110,7 +117,7 @@ struct RimPoint {
 std::optional<RimPoint> NearestOnRim(const Arrow& plane, const Projection& projection,
                                      const Vector2d& at_px) {
   std::optional<RimPoint> nearest;
-  for (const Vec3& p_D : RimOf(plane, kDisc_px * projection.MmPerPixel(plane.origin_D))) {
+  for (const Vec3& p_D : RimOf(plane, plane.Mm(kDisc_px, projection))) {
     const auto px = projection.PixelOf(p_D);
     if (!px) continue;
     const double away_px = (*px - at_px).norm();
@@ -159,7 +166,7 @@ void AddEdge(const Vec3& from_D, const Vec3& to_D, const std::array<std::uint8_t
 
 void AddArrow(const Arrow& arrow, const std::array<std::uint8_t, 4>& rgba,
               const Projection& projection, Overlay& overlay) {
-  const double px_mm = projection.MmPerPixel(arrow.origin_D);
+  const double px_mm = arrow.Mm(1.0, projection);
   const Paint paint = {rgba, kHandleBehind};
   const double neck_mm = (kArrow_px - kHead_px) * px_mm;
   const Ring rings[] = {{0.0, 0.0, paint},
@@ -173,7 +180,7 @@ void AddArrow(const Arrow& arrow, const std::array<std::uint8_t, 4>& rgba,
 // A thin ring, so that it is as easy to see as an arrow.
 void AddRim(const Arrow& plane, const std::array<std::uint8_t, 4>& rgba,
             const Projection& projection, Overlay& overlay) {
-  const double px_mm = projection.MmPerPixel(plane.origin_D);
+  const double px_mm = plane.Mm(1.0, projection);
   for (const double radius_px : {kDisc_px - 1.0, kDisc_px, kDisc_px + 1.0}) {
     const auto rim = RimOf(plane, radius_px * px_mm);
     for (std::size_t n = 0; n < rim.size(); ++n) {
@@ -212,7 +219,7 @@ std::array<double, 2> OffsetRange(const Vec3& normal_I, const Vec3i& lattice_siz
 std::optional<CutHandle> HandleAt(const CutScene& scene, const Projection& projection,
                                   const Vector2d& at_px) {
   std::optional<CutHandle> hit;
-  double nearest_px = kReach_px;
+  double nearest_px = kReach_px * scene.scale;
   for (const CutHandle& handle : HandlesOf(scene)) {
     const std::optional<double> away_px = DistanceTo(scene, handle, projection, at_px);
     if (!away_px || *away_px > nearest_px) continue;
@@ -232,7 +239,7 @@ CutDrag::CutDrag(const CutHandle& handle, const CutScene& scene, const Projectio
     taken_mm_ = PlaceAlong(arrow, projection, at_px);
     return;
   }
-  radius_mm_ = kDisc_px * projection.MmPerPixel(origin_D_);
+  radius_mm_ = arrow.Mm(kDisc_px, projection);
   const std::optional<RimPoint> point = NearestOnRim(arrow, projection, at_px);
   const Vec3 rim_D = point ? point->p_D : RimOf(arrow, radius_mm_)[0];
   is_near_ = (rim_D - origin_D_).dot(projection.eye_D() - origin_D_) >= radius_mm_ * radius_mm_;
@@ -259,7 +266,8 @@ CutScene CutDrag::At(const Projection& projection, const Vector2d& at_px) const 
     Turn(DirectionAt(projection, at_px), scene);
     return scene;
   }
-  const double moved_mm = PlaceAlong({origin_D_, along_D_}, projection, at_px) - taken_mm_;
+  const double moved_mm =
+      PlaceAlong({origin_D_, along_D_, begun_.scale}, projection, at_px) - taken_mm_;
   if (handle_.kind == CutHandle::Kind::kPlane) {
     ClipPlane& plane = scene.cuts.planes[handle_.number];
     const auto [least, most] = OffsetRange(plane.normal_I, scene.lattice_size);

@@ -42,6 +42,8 @@ struct CutScene {
   Vec3i lattice_size = Vec3i::Zero();
   // A plane's handle is at the point of the plane that is nearest to this one.
   std::array<Vec3, kClipPlanes> pivots_I{};
+  // Of the handles' size: 1 on screens of about 100 pixels per inch.
+  double scale = 1.0;
 };
 
 struct CutHandle {
