@@ -39,12 +39,9 @@ void ShowChanges(const Viewer& viewer, const client::Activity& activity) {
     const std::string& what = activity.changes[n].what;
     const auto change = viewer.feed().shared().Of(what);
     if (!change) continue;
-    const std::string age = AgeInWords(change->age_s);
+    const std::string by = change->is_own ? "you" : OneLine(change->by, kLongestName);
     ImGui::PushStyleColor(ImGuiCol_Text, change->is_fresh ? kWarning : kDim);
-    ImGui::TextWrapped("%s", fmt::format("{} by {}, {}", NameOfThing(what),
-                                         change->is_own ? "you" : OneLine(change->by, kLongestName),
-                                         age == "now" ? age : age + " ago")
-                                 .c_str());
+    ImGui::TextWrapped("%s", (NameOfThing(what) + " by " + ByAndAge(by, change->age_s)).c_str());
     ImGui::PopStyleColor();
   }
 }

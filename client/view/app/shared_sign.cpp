@@ -41,9 +41,8 @@ void SharedSign(Viewer& viewer, std::string_view what) {
   if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) return;
   std::string tip = "for everyone who is connected";
   if (change) {
-    const std::string age = AgeInWords(change->age_s);
-    tip += fmt::format("\n{} by {}{}, {}", NameOfThing(what), change->by,
-                       change->is_own ? " (you)" : "", age == "now" ? age : age + " ago");
+    const std::string by = change->by + (change->is_own ? " (you)" : "");
+    tip += fmt::format("\n{} by {}", NameOfThing(what), ByAndAge(by, change->age_s));
   }
   ImGui::SetTooltip("%s", tip.c_str());
 }

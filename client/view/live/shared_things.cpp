@@ -39,20 +39,16 @@ std::string AgeInWords(double age_s) {
   return std::to_string(static_cast<int>(age_s / 3600.0)) + " h";
 }
 
-std::string NameOfThing(std::string_view what) {
-  const auto* found = std::find_if(client::kSettings.begin(), client::kSettings.end(),
-                                   [&](const client::Setting& s) { return s.key == what; });
-  return std::string(found == client::kSettings.end() ? what : found->name);
-}
-
-namespace {
-
 std::string ByAndAge(const std::string& by, double age_s) {
   const std::string age = AgeInWords(age_s);
   return by + ", " + (age == "now" ? age : age + " ago");
 }
 
-}  // namespace
+std::string NameOfThing(std::string_view what) {
+  const auto* found = std::find_if(client::kSettings.begin(), client::kSettings.end(),
+                                   [&](const client::Setting& s) { return s.key == what; });
+  return std::string(found == client::kSettings.end() ? what : found->name);
+}
 
 std::string ChangedByInWords(const client::Activity& activity,
                              std::initializer_list<std::string_view> things) {

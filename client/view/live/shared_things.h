@@ -21,6 +21,8 @@ namespace palpate::view {
 std::string WithoutPort(std::string_view by);
 // "now", "3 s", "2 min", "5 h".
 std::string AgeInWords(double age_s);
+// "token ada at 192.0.2.7, 3 s ago".
+std::string ByAndAge(const std::string& by, double age_s);
 // The name for people: "stiffness" for "stiffness_n_per_mm".
 std::string NameOfThing(std::string_view what);
 // Who changed one of `things` last: "token ada at 192.0.2.7, 3 s ago"; empty: nobody that the
