@@ -79,7 +79,7 @@ void UserActions::AddStrokes() {
 }
 
 void UserActions::AddCuts() {
-  const Cuts after = cuts();
+  const Cuts after = CutsOf(surface_);
   if (after == known_cuts_) return;
   const Cuts before = std::exchange(known_cuts_, after);
   const auto show = [this](const Cuts& cuts) {
@@ -89,7 +89,7 @@ void UserActions::AddCuts() {
       surface_.planes[n].on = cuts.planes[n].on;
       if (cuts.planes[n].on) surface_.planes[n] = cuts.planes[n];
     }
-    known_cuts_ = this->cuts();
+    known_cuts_ = CutsOf(surface_);
   };
   history_.Add({.name = before.planes == after.planes ? "crop box" : "clip plane",
                 .go = [show, before, after](bool forward) { show(forward ? after : before); }});
@@ -131,7 +131,7 @@ void UserActions::Forget() {
   history_.Forget();
   brush_.TakeBegun();
   drag_ = {};
-  known_cuts_ = cuts();
+  known_cuts_ = CutsOf(surface_);
 }
 
 }  // namespace palpate::view

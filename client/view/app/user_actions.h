@@ -11,7 +11,7 @@
 #include "client/view/live/history.h"
 #include "client/view/live/live_feed.h"
 #include "client/view/live/setting_change.h"
-#include "client/view/scene/view_options.h"
+#include "client/view/scene/cut_handles.h"
 
 namespace palpate::view {
 
@@ -37,13 +37,6 @@ class UserActions {
   void Forget();
 
  private:
-  struct Cuts {
-    CropBox crop{};
-    decltype(SurfaceOptions::planes) planes{};
-    friend bool operator==(const Cuts&, const Cuts&) = default;
-  };
-
-  Cuts cuts() const { return {surface_.crop, surface_.planes}; }
   void AddStrokes();
   void EndDrag();
   void Add(const SettingChange& change);
