@@ -44,8 +44,8 @@ void EditVeil(Veil& veil, double min, double max) {
 }
 
 void EditOverlay(OverlayOptions& overlay) {
-  ImGui::Checkbox("Haptic surface near the proxy (H)", &overlay.haptic_surface);
-  Tip("wireframe of what is felt: it differs from what is seen");
+  ImGui::Checkbox("Haptic surface (H)", &overlay.haptic_surface);
+  Tip("wireframe of what is felt near the proxy: it differs from what is seen");
   if (overlay.haptic_surface) {
     const double least = 2.0;
     const double most = 10.0;
@@ -55,13 +55,13 @@ void EditOverlay(OverlayOptions& overlay) {
   }
   ImGui::Checkbox("Points", &overlay.points);
   Tip("stylus tip, proxy and the point on the seen surface");
-  ImGui::SameLine();
+  SameLineIfFits("Force");
   ImGui::Checkbox("Force", &overlay.force);
   Tip("the force on the hand, as an arrow");
-  ImGui::SameLine();
+  SameLineIfFits("Stylus");
   ImGui::Checkbox("Stylus", &overlay.stylus);
   Tip("the shaft that the hand holds");
-  ImGui::SameLine();
+  SameLineIfFits("Box");
   ImGui::Checkbox("Box", &overlay.box);
   Tip("the volume's edges");
 }

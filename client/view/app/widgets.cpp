@@ -83,6 +83,13 @@ float ButtonWidth(const char* label) {
   return ImGui::CalcTextSize(label).x + 2.0f * ImGui::GetStyle().FramePadding.x;
 }
 
+void SameLineIfFits(const char* label) {
+  ImGui::SameLine();
+  const float width =
+      ImGui::GetFrameHeight() + ImGui::GetStyle().ItemInnerSpacing.x + ImGui::CalcTextSize(label).x;
+  if (ImGui::GetContentRegionAvail().x < width) ImGui::NewLine();
+}
+
 std::string OneLine(std::string_view text, std::size_t most_bytes) {
   const bool is_cut = text.size() > most_bytes;
   if (is_cut) {

@@ -29,6 +29,9 @@ void WrappedText(const ImVec4& color, std::string_view text);
 // The width of a button with this text.
 float ButtonWidth(const char* label);
 
+// The check box with this text follows on the same line, or on a new one in a narrow side.
+void SameLineIfFits(const char* label);
+
 // Draws a number that the user drags, or types after ctrl+click. A dragged number changes at once.
 // A typed number changes when the user presses Enter or leaves the field; Esc restores it. Returns
 // true if the number changed.
