@@ -27,7 +27,7 @@ constexpr Line kLines[] = {
     {"Tools", nullptr},
     {"G, B, M", "hand, brush, measure; the same key again: turn"},
     {"hand: left button, wheel", "press harder, deeper; right drag turns, with shift it moves"},
-    {"[ and ], ctrl + wheel", "radius of the brush"},
+    {"[ and ], comma and point", "radius of the brush; also ctrl + wheel"},
     {"M", "distances: two clicks on the surface or in a slice"},
     {"right click, Delete", "remove the distance there, the last distance"},
     {"ctrl+Z, ctrl+Y", "undo and redo what you did: isovalue, feel, cuts, strokes, filters"},

@@ -142,6 +142,11 @@ void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, i
       break;
     default:
       if (const char* name = glfwGetKeyName(key, scancode)) press.key = name;
+      // Some keyboards print digits for the shift key only.
+      if (key >= GLFW_KEY_1 && key <= GLFW_KEY_6 && !press.ctrl) {
+        const bool is_digit = press.key.size() == 1 && press.key >= "0" && press.key <= "9";
+        if (!is_digit) press.key = static_cast<char>('1' + (key - GLFW_KEY_1));
+      }
   }
   WindowInput& input = Of(window);
   input.keys_.push_back({press, input.shown_ + input.waiting_.size()});
