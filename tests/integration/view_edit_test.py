@@ -5,7 +5,7 @@ import unittest
 
 import numpy as np
 from support import DaemonTest, wait_until
-from view_support import Screen, Window
+from view_support import LEFT, Screen, Window
 
 # The pointer is beside the surface there.
 BESIDE = (-310, 150)
@@ -163,9 +163,7 @@ class Cutting(ViewEdit):
         return np.stack([columns - view.shape[1] // 2, rows - view.shape[0] // 2], axis=1)
 
     def open_panel(self):
-        for heading in ("Isovalue", "Look", "Brush", "Filter"):
-            self.window.press(heading)
-        self.window.press("Crop and cut")
+        self.window.tab("Cut")
         self.assertTrue(wait_until(lambda: self.handles().size))
 
     def test_a_handle_moves_its_face_and_does_not_turn_the_view(self):
@@ -205,8 +203,7 @@ class Filtering(ViewEdit):
     def test_a_filter_replaces_the_region_as_one_step(self):
         before = self.values()
         first = self.revision()
-        for heading in ("Isovalue", "Look", "Brush"):
-            self.window.press(heading)
+        self.window.tab("Edit")
         self.window.press("Apply the filter")
         self.assertTrue(wait_until(lambda: self.revision() == first + 1))
         everywhere = self.values() != before
@@ -221,6 +218,20 @@ class Filtering(ViewEdit):
         self.assertTrue(near.any())
         self.assertLess(near.sum(), 0.7 * everywhere.sum())
         self.assertFalse((near & ~everywhere).any())
+        self.undo_to(before)
+
+    def test_the_kind_is_chosen_with_the_pointer(self):
+        before = self.values()
+        first = self.revision()
+        self.window.tab("Edit")
+        self.window.press("gaussian", within=LEFT)
+        self.window.press("median", within=LEFT)
+        self.window.press("Apply the filter")
+        self.assertTrue(wait_until(lambda: self.revision() == first + 1))
+        median = self.values()
+        self.assertFalse(np.array_equal(median, before))
+        # Other filters would make values that were not there.
+        self.assertTrue(np.isin(median, before).all())
         self.undo_to(before)
 
 

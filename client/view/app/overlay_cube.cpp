@@ -21,10 +21,10 @@ struct Cube {
 
 std::optional<Cube> CubeOf(const Viewer& viewer, const Area& view, float scale) {
   const ViewVolume& volume = viewer.feed().volume();
-  if (!volume.lattice() || !volume.X_DI()) return std::nullopt;
+  const std::optional<AffineMap> X_DW = volume.X_DW();
+  if (!X_DW) return std::nullopt;
   if (std::min(view.size.x, view.size.y) < kLeastView * scale) return std::nullopt;
-  const Mat3 D_from_W = volume.X_DI()->linear * volume.lattice()->X_WI.linear.inverse();
-  const Mat3 R_VW = (viewer.state().camera.X_VD().linear * D_from_W).colwise().normalized();
+  const Mat3 R_VW = (viewer.state().camera.X_VD().linear * X_DW->linear).colwise().normalized();
   const float radius_px = kCubeRadius * scale;
   return Cube{.middle = {view.min.x + view.size.x - kCubeFromRight * scale - radius_px,
                          view.min.y + kCubeFromTop * scale + radius_px},
@@ -76,8 +76,8 @@ void TakeCube(Viewer& viewer, const Area& view, float scale) {
   if (ImGui::InvisibleButton("cube", {edge, edge})) {
     const ViewVolume& volume = viewer.feed().volume();
     const SignedAxis side_W = *FaceUnderPointer(*cube);
-    const Mat3 D_from_W = volume.X_DI()->linear * volume.lattice()->X_WI.linear.inverse();
-    LookFrom(viewer, UprightOf(volume).transpose() * D_from_W.col(side_W.axis) * side_W.sign);
+    const Vec3 side_D = side_W.sign * volume.X_DW()->linear.col(side_W.axis);
+    LookFrom(viewer, UprightOf(volume).transpose() * side_D);
   }
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("click: look from this side (keys 1 to 6)");
   ImGui::SetCursorScreenPos(before);

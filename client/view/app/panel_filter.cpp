@@ -26,7 +26,7 @@ constexpr std::array<KindText, 6> kKinds = {{
 
 void ChooseKind(Filter& filter, bool is_level_set) {
   const auto now = static_cast<std::size_t>(filter.kind);
-  if (ImGui::BeginCombo("Filter", kKinds[now].name)) {
+  if (ImGui::BeginCombo("Kind", kKinds[now].name)) {
     for (std::size_t n = 0; n < kKinds.size(); ++n) {
       const auto kind = static_cast<FilterKind>(n);
       ImGui::BeginDisabled(IsForLevelSets(kind) && !is_level_set);
@@ -85,8 +85,9 @@ void EditRegion(FilterForm& form) {
 std::optional<Vec3> ProxyInWorld(const Viewer& viewer) {
   const ViewVolume& volume = viewer.feed().volume();
   const auto& pose = viewer.feed().pose();
-  if (!pose || !volume.X_DI() || !volume.lattice()) return std::nullopt;
-  return volume.lattice()->X_WI.Apply(volume.X_DI()->Inverse().Apply(pose->scp_h_mm));
+  const std::optional<AffineMap> X_DW = volume.X_DW();
+  if (!pose || !X_DW) return std::nullopt;
+  return X_DW->Inverse().Apply(pose->scp_h_mm);
 }
 
 void StartOrCancel(Viewer& viewer, const VolumeLattice& lattice, bool is_level_set) {

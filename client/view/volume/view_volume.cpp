@@ -88,6 +88,11 @@ void ViewVolume::Take(const client::VolumeUpdate& update) {
   UpdateTouched();
 }
 
+std::optional<AffineMap> ViewVolume::X_DW() const {
+  if (!lattice_ || !X_DI_) return std::nullopt;
+  return *X_DI_ * lattice_->X_WI.Inverse();
+}
+
 void ViewVolume::Begin(const std::optional<VolumeLattice>& lattice) {
   lattice_ = lattice;
   ++version_;

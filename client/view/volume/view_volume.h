@@ -9,7 +9,7 @@
 //
 // Memory and time follow the bricks that vary, not the box.
 //
-// Frames: I voxel indices, D device (mm). Values in data units.
+// Frames: I voxel indices, W volume (mm), D device (mm). Values in data units.
 // Threads: one at a time. Errors: none; client/sdk has checked the updates.
 #pragma once
 
@@ -68,6 +68,9 @@ class ViewVolume {
   const std::optional<VolumeLattice>& lattice() const { return lattice_; }
   // The volume's place; none before it is known.
   const std::optional<AffineMap>& X_DI() const { return X_DI_; }
+  // The place of the frame W, in which the volume's file gives positions (mm); none before lattice
+  // and place are known.
+  std::optional<AffineMap> X_DW() const;
   // Bricks still to come, as far as is known; 0: complete. Until then the overview's means or the
   // background stand in for them.
   std::uint64_t bricks_left() const { return bricks_left_; }
