@@ -81,15 +81,13 @@ class Layout(DaemonTest):
         window.do("key", "Right")
         window.picture()
         window.do("key", "space")
-        # The brush is chosen: what it is has changed in the tab, too.
-        x, y = window.find("Drag on the surface", within=LEFT)
-        del x
+        x, y = window.find("Brush (B)", within=TOOLS)
 
-        def is_ticked():
-            box = window.picture().crop((10, y - 9, 30, y + 9)).convert("L")
-            return int((np.asarray(box) > 180).sum()) > 15
+        def is_chosen():
+            red, _, blue = window.picture().getpixel((x, y - 8))
+            return blue > red + 100
 
-        self.assertTrue(wait_until(is_ticked))
+        self.assertTrue(wait_until(is_chosen))
         self.assertEqual(self.conn.settings.normalized_isovalue, before)
 
     def test_what_was_changed_is_there_after_a_restart(self):

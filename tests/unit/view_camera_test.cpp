@@ -6,6 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "client/view/scene/projection.h"
+
 namespace palpate::view {
 namespace {
 
@@ -58,15 +60,16 @@ TEST(Camera, ThePixelOfAPointIsThatOfItsRay) {
     const ImageSize size = dice.Size();
     const double x = dice.Between(0, size.width), y = dice.Between(0, size.height);
     const Ray ray = camera.RayThrough(x, y, size);
-    const auto px = camera.PixelOf(ray.origin + dice.Between(1, 500) * ray.direction, size);
+    const Projection projection(camera, size);
+    const auto px = projection.PixelOf(ray.origin + dice.Between(1, 500) * ray.direction);
     ASSERT_TRUE(px);
     EXPECT_NEAR(px->x(), x, 1e-6);
     EXPECT_NEAR(px->y(), y, 1e-6);
-    EXPECT_FALSE(camera.PixelOf(ray.origin - 10.0 * ray.direction, size));
+    EXPECT_FALSE(projection.PixelOf(ray.origin - 10.0 * ray.direction));
     // Beside the target by as many pixels.
     const Vec3 right_D = camera.X_VD().linear.row(0);
-    const auto middle = camera.PixelOf(camera.target(), size);
-    const auto beside = camera.PixelOf(camera.target() + camera.MmPerPixel(size) * right_D, size);
+    const auto middle = projection.PixelOf(camera.target());
+    const auto beside = projection.PixelOf(camera.target() + camera.MmPerPixel(size) * right_D);
     EXPECT_NEAR(beside->x() - middle->x(), 1.0, 1e-6);
   }
 }

@@ -61,7 +61,7 @@ TEST(ViewLayout, PartsLieBesideEachOther) {
 }
 
 TEST(ViewLayout, SidesAreThereWhereThereIsRoom) {
-  const Layout wide = LayOut({1280.0f, 800.0f}, 1.0f, {});
+  const Layout wide = LayOut({1280.0f, 800.0f}, 1.0f, {.preferences = Preferences()});
   EXPECT_EQ(wide.left.size.x, 300.0f);
   EXPECT_EQ(wide.right.size.x, 300.0f);
   EXPECT_EQ(wide.drawer.size.y, 0.0f);
@@ -77,7 +77,7 @@ TEST(ViewLayout, SidesAreThereWhereThereIsRoom) {
 }
 
 TEST(ViewLayout, TheSmallestWindowHasAView) {
-  const Layout small = LayOut({640.0f, 400.0f}, 1.0f, {});
+  const Layout small = LayOut({640.0f, 400.0f}, 1.0f, {.preferences = Preferences()});
   EXPECT_GE(small.view.size.y, 200.0f);
   EXPECT_EQ(small.slices.size.y, 0.0f);
   EXPECT_GE(small.state.size.y, 20.0f);

@@ -4,6 +4,8 @@
 
 #include <random>
 
+#include "client/view/scene/projection.h"
+
 namespace palpate::view {
 namespace {
 
@@ -85,8 +87,8 @@ TEST(ViewSavedView, StaysWithTheVolumeWhereverItIsPlaced) {
     // A point of the volume appears where it appeared.
     const Vec3 p_W = view.target_W + 0.1 * view.distance_mm * dice.Point(1);
     const ImageSize size{640, 480};
-    const auto was = camera.PixelOf(before.Apply(p_W), size);
-    const auto is = again.PixelOf(after.Apply(p_W), size);
+    const auto was = Projection(camera, size).PixelOf(before.Apply(p_W));
+    const auto is = Projection(again, size).PixelOf(after.Apply(p_W));
     ASSERT_TRUE(was && is);
     EXPECT_LT((*was - *is).norm(), 1e-6);
   }

@@ -85,7 +85,9 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
   if (press.key == "g") ToggleTool(state, Tool::kHand);
   if (press.key == "b") ToggleTool(state, Tool::kBrush);
   if (press.key == "m") ToggleTool(state, Tool::kMeasure);
-  if (press.key == "[" || press.key == "]") GrowBrush(viewer, press.key == "]" ? 1.0 : -1.0);
+  // Many keyboards have no key of their own for brackets.
+  if (press.key == "[" || press.key == ",") GrowBrush(viewer, -1.0);
+  if (press.key == "]" || press.key == ".") GrowBrush(viewer, 1.0);
   if (press.key == "h") state.overlay.haptic_surface = !state.overlay.haptic_surface;
   if (press.key == "v") state.surface.veil.shown = !state.surface.veil.shown;
   if (press.key == "delete") state.measure.RemoveLast();
@@ -101,19 +103,11 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
   if (press.key == "f12") state.window_picture_wanted = true;
 }
 
-// Converts a point of the screen to a pixel of the picture.
-Eigen::Vector2d PixelIn(const ImVec2& min, const Eigen::Vector2d& at) {
-  const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
-  return {(at.x() - static_cast<double>(min.x)) * static_cast<double>(scale.x),
-          (at.y() - static_cast<double>(min.y)) * static_cast<double>(scale.y)};
-}
-
 ViewPointer PointerOf(const Viewer& viewer, const ImVec2& min, const ImageSize& size) {
   const ImGuiIO& io = ImGui::GetIO();
   ViewPointer pointer{
       .size = size,
-      .at_px =
-          PixelIn(min, {static_cast<double>(io.MousePos.x), static_cast<double>(io.MousePos.y)}),
+      .at_px = PointerIn(min),
       .way_px = {},
       .hovered = ImGui::IsItemHovered(),
       .clicked = ImGui::IsItemClicked(ImGuiMouseButton_Left),

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "client/view/app/layout.h"
 #include "client/view/app/panels.h"
@@ -53,10 +54,16 @@ void DrawOver(Viewer& viewer, float scale) {
   DrawPathForm(viewer, scale);
 }
 
+// The slice that fills the view's place. None also while no slice is drawn.
+std::optional<int> FillingSlice(const Viewer& viewer, const Layout& layout) {
+  const bool drawn = layout.slices.size.y > 0.0f && viewer.feed().volume().lattice();
+  return drawn ? viewer.state().filling_slice : std::nullopt;
+}
+
 // In a slice's place while that slice fills the view's.
-const Area& PlaceOfView(const ViewState& state, const Layout& layout, const SliceStrip& strip) {
-  if (!state.filling_slice || layout.slices.size.y <= 0.0f) return layout.view;
-  return strip.slices[static_cast<std::size_t>(*state.filling_slice)];
+const Area& PlaceOfView(const std::optional<int>& filling, const Layout& layout,
+                        const SliceStrip& strip) {
+  return filling ? strip.slices[static_cast<std::size_t>(*filling)] : layout.view;
 }
 
 void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
@@ -64,7 +71,9 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   DrawStateBar(viewer, layout.state, scale);
   DrawToolBar(viewer, layout, scale);
   const SliceStrip strip = LayOutSlices(layout.slices, scale);
-  DrawView(viewer, PlaceOfView(viewer.state(), layout, strip), scale);
+  const std::optional<int> filling = FillingSlice(viewer, layout);
+  // In a slice's place there is no room for the legend.
+  DrawView(viewer, PlaceOfView(filling, layout, strip), !filling, scale);
   if (viewer.files().PageShown()) {
     const ImVec2 screen = ImGui::GetIO().DisplaySize;
     const float top = layout.view.min.y;
@@ -92,7 +101,7 @@ Interface::Interface(float screen_scale) : screen_scale_(screen_scale) {
   ImGui::GetIO().IniFilename = nullptr;
   LoadFont(screen_scale);
   SetStyle(screen_scale);
-  UseTheme(look_.theme);
+  UseTheme(theme_);
   if (!ImGui_ImplOpenGL3_Init("#version 430")) {
     ImGui::DestroyContext();
     throw Error(ErrorKind::kUnavailable, "the panels cannot be drawn with this OpenGL");
@@ -105,28 +114,24 @@ Interface::~Interface() {
 }
 
 void Interface::TakeLook(const Preferences& wanted) {
-  if (wanted.font_percent != look_.font_percent) {
-    const float scale = ScaleOf(wanted);
+  const bool resizes = wanted.font_percent != font_percent_;
+  const bool recolors = resizes || wanted.theme != theme_;
+  font_percent_ = wanted.font_percent;
+  theme_ = wanted.theme;
+  if (resizes) {
     ImGui::GetIO().Fonts->Clear();
-    LoadFont(scale);
+    LoadFont(Scale());
     ImGui_ImplOpenGL3_DestroyFontsTexture();
     ImGui_ImplOpenGL3_CreateFontsTexture();
-    SetStyle(scale);
-    UseTheme(wanted.theme);
-  } else if (wanted.theme != look_.theme) {
-    UseTheme(wanted.theme);
+    SetStyle(Scale());
   }
-  look_ = wanted;
-}
-
-float Interface::ScaleOf(const Preferences& preferences) const {
-  return screen_scale_ * static_cast<float>(preferences.font_percent) / 100.0f;
+  if (recolors) UseTheme(theme_);
 }
 
 void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
                           const ImageSize& pixels, unsigned framebuffer) {
   TakeLook(viewer.preferences());
-  const float scale = ScaleOf(look_);
+  const float scale = Scale();
   viewer.state().screen_scale = scale;
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::NewFrame();
@@ -135,8 +140,8 @@ void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
                                {.preferences = viewer.preferences(),
                                 .series = viewer.feed().series().has_value(),
                                 .slices = viewer.state().slices_shown});
-  view_pixels_ =
-      PixelsOf(PlaceOfView(viewer.state(), layout, LayOutSlices(layout.slices, scale)).size);
+  view_pixels_ = PixelsOf(
+      PlaceOfView(FillingSlice(viewer, layout), layout, LayOutSlices(layout.slices, scale)).size);
   DrawPanels(viewer, layout, scale);
   viewer.actions().EndFrame(ImGui::IsAnyItemActive());
   ImGui::Render();

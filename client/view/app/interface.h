@@ -29,10 +29,12 @@ class Interface {
  private:
   // Font and colours as the user wants them.
   void TakeLook(const Preferences& wanted);
-  float ScaleOf(const Preferences& preferences) const;
+  float Scale() const { return screen_scale_ * static_cast<float>(font_percent_) / 100.0f; }
 
   float screen_scale_;
-  Preferences look_;  // as font and colours are
+  // As font and colours are.
+  int font_percent_ = Preferences().font_percent;
+  Theme theme_ = Preferences().theme;
   ImageSize view_pixels_;
 };
 

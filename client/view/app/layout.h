@@ -46,8 +46,9 @@ struct SliceStrip {
   Area bar;  // of the colours
 };
 
+// Outlived by what it refers to.
 struct LayoutParts {
-  Preferences preferences{};
+  const Preferences& preferences;
   bool series = false;
   bool slices = true;
 };
@@ -157,6 +158,17 @@ inline ImageSize PixelsOf(const ImVec2& size) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
   return {std::max(1, static_cast<int>(size.x * scale.x)),
           std::max(1, static_cast<int>(size.y * scale.y))};
+}
+
+// The pixel of a point of the screen in the picture that is laid out at `min`.
+inline Eigen::Vector2d PixelIn(const ImVec2& min, const Eigen::Vector2d& at) {
+  const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
+  return {(at.x() - static_cast<double>(min.x)) * static_cast<double>(scale.x),
+          (at.y() - static_cast<double>(min.y)) * static_cast<double>(scale.y)};
+}
+inline Eigen::Vector2d PointerIn(const ImVec2& min) {
+  const ImVec2 at = ImGui::GetIO().MousePos;
+  return PixelIn(min, {static_cast<double>(at.x), static_cast<double>(at.y)});
 }
 
 }  // namespace palpate::view

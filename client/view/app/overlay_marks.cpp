@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "client/view/app/overlays.h"
+#include "client/view/scene/projection.h"
 #include "client/view/scene/readout.h"
 
 namespace palpate::view {
@@ -15,15 +16,13 @@ constexpr float kLongestBar = 140.0f;
 std::optional<Vec3> PointedSurface(Viewer& viewer, const Area& view) {
   const ImVec2 at = ImGui::GetIO().MousePos;
   PointedSurfaceState& known = viewer.state().pointed_surface;
-  const std::uint64_t casts = viewer.renderer().casts();
-  if (known.x != at.x || known.y != at.y || known.casts != casts) {
-    const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
+  const std::uint64_t version = viewer.renderer().surface_version();
+  if (known.x != at.x || known.y != at.y || known.version != version) {
+    const Eigen::Vector2d at_px = PointerIn(view.min);
     known = {.x = at.x,
              .y = at.y,
-             .casts = casts,
-             .p_D = viewer.SurfaceAt(static_cast<double>((at.x - view.min.x) * scale.x),
-                                     static_cast<double>((at.y - view.min.y) * scale.y),
-                                     PixelsOf(view.size))};
+             .version = version,
+             .p_D = viewer.SurfaceAt(at_px.x(), at_px.y(), PixelsOf(view.size))};
   }
   return known.p_D;
 }
@@ -41,35 +40,37 @@ void DrawViewScaleBar(const Viewer& viewer, const Area& view, float below, float
   const double most_px = static_cast<double>(std::min(kLongestBar * scale, 0.3f * view.size.x));
   DrawScaleBar(FitScaleBar(mm_per_px, most_px),
                {view.min.x + view.size.x - 14.0f * scale,
-                view.min.y + view.size.y - below - 2.2f * ImGui::GetTextLineHeight()});
+                view.min.y + view.size.y - below - 2.2f * ImGui::GetTextLineHeight()},
+               scale);
 }
 
 void DrawDistancesInView(const Viewer& viewer, const Area& view, const AffineMap& X_DW,
-                         const std::optional<Vec3>& pointed_W) {
-  const ImageSize size{static_cast<int>(view.size.x), static_cast<int>(view.size.y)};
-  const Camera& camera = viewer.state().camera;
+                         const std::optional<Vec3>& pointed_W, float scale) {
+  const Projection projection(viewer.state().camera,
+                              {static_cast<int>(view.size.x), static_cast<int>(view.size.y)});
   const auto on_screen = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
-    const auto px = camera.PixelOf(X_DW.Apply(p_W), size);
+    const auto px = projection.PixelOf(X_DW.Apply(p_W));
     if (!px) return std::nullopt;
     return Eigen::Vector2d(
         *px + Eigen::Vector2d(static_cast<double>(view.min.x), static_cast<double>(view.min.y)));
   };
-  DrawMeasures(viewer.state().measure,
-               {.on_screen = on_screen, .strength = [](const Distance&) { return 1.0; }},
-               pointed_W);
+  DrawMeasures(
+      viewer.state().measure,
+      {.on_screen = on_screen, .strength = [](const Distance&) { return 1.0; }, .scale = scale},
+      pointed_W);
 }
 
 ImVec2 ScreenOf(const Eigen::Vector2d& p) {
   return {static_cast<float>(p.x()), static_cast<float>(p.y())};
 }
 
-void DrawEnd(const Eigen::Vector2d& at, ImU32 color, ImU32 rim) {
+void DrawEnd(const Eigen::Vector2d& at, ImU32 color, ImU32 rim, float scale) {
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImVec2 p = ScreenOf(at);
-  constexpr float kArm = 5.0f;
+  const float arm = 5.0f * scale;
   for (const auto& [thick, paint] : {std::pair{3.5f, rim}, std::pair{1.5f, color}}) {
-    list.AddLine({p.x - kArm, p.y}, {p.x + kArm, p.y}, paint, thick);
-    list.AddLine({p.x, p.y - kArm}, {p.x, p.y + kArm}, paint, thick);
+    list.AddLine({p.x - arm, p.y}, {p.x + arm, p.y}, paint, scale * thick);
+    list.AddLine({p.x, p.y - arm}, {p.x, p.y + arm}, paint, scale * thick);
   }
 }
 
@@ -81,43 +82,52 @@ void DrawDistance(const Distance& distance, const MeasurePicture& picture) {
   const int alpha = static_cast<int>(255.0 * strength);
   const ImU32 color = IM_COL32(255, 225, 90, alpha);
   const ImU32 rim = IM_COL32(10, 12, 14, 200 * alpha / 255);
+  const float scale = picture.scale;
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  list.AddLine(ScreenOf(*from), ScreenOf(*to), rim, 4.0f);
-  list.AddLine(ScreenOf(*from), ScreenOf(*to), color, 1.5f);
-  DrawEnd(*from, color, rim);
-  DrawEnd(*to, color, rim);
+  list.AddLine(ScreenOf(*from), ScreenOf(*to), rim, 4.0f * scale);
+  list.AddLine(ScreenOf(*from), ScreenOf(*to), color, 1.5f * scale);
+  DrawEnd(*from, color, rim, scale);
+  DrawEnd(*to, color, rim, scale);
   // A line that only passes through a slice must not hide it.
   if (strength < 1.0) return;
   const ImVec2 middle = ScreenOf(0.5 * (*from + *to));
-  DrawLabel({middle.x + 8.0f, middle.y + 6.0f}, TextOf(distance), color);
+  DrawLabel(list, {middle.x + 8.0f * scale, middle.y + 6.0f * scale},
+            {.text = TextOf(distance), .color = color}, scale);
 }
 
 }  // namespace
 
-void DrawLabel(const ImVec2& at, const std::string& text, ImU32 color) {
-  const ImVec2 size = ImGui::CalcTextSize(text.c_str());
-  ImDrawList& list = *ImGui::GetWindowDrawList();
-  list.AddRectFilled({at.x - 5.0f, at.y - 3.0f}, {at.x + size.x + 5.0f, at.y + size.y + 3.0f},
-                     IM_COL32(15, 17, 20, 200));
-  list.AddText(at, color, text.c_str());
+ImVec2 SizeOf(const Label& label) {
+  return ImGui::CalcTextSize(label.text.c_str(), nullptr, false, label.wrap_px);
 }
 
-void DrawScaleBar(const ScaleBar& bar, const ImVec2& right_top) {
+void DrawLabel(ImDrawList& list, const ImVec2& at, const Label& label, float scale) {
+  const ImVec2 size = SizeOf(label);
+  const ImVec2 margin{6.0f * scale, 3.0f * scale};
+  list.AddRectFilled({at.x - margin.x, at.y - margin.y},
+                     {at.x + size.x + margin.x, at.y + size.y + margin.y}, label.ground,
+                     3.0f * scale);
+  list.AddText(ImGui::GetFont(), ImGui::GetFontSize(), at, label.color, label.text.c_str(), nullptr,
+               label.wrap_px);
+}
+
+void DrawScaleBar(const ScaleBar& bar, const ImVec2& right_top, float scale) {
   if (bar.length_mm <= 0.0) return;
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const float left = right_top.x - static_cast<float>(bar.length_px);
   const std::string text = TextOf(bar);
   const ImVec2 extent = ImGui::CalcTextSize(text.c_str());
-  const float y = right_top.y + extent.y + 5.0f;
+  const float y = right_top.y + extent.y + 5.0f * scale;
   const float text_x = std::min(0.5f * (left + right_top.x - extent.x), right_top.x - extent.x);
   list.AddText({text_x + 1.0f, right_top.y + 1.0f}, kRim, text.c_str());
   list.AddText({text_x, right_top.y}, kMark, text.c_str());
-  list.AddRectFilled({left - 1.0f, y - 1.0f}, {right_top.x + 1.0f, y + 3.0f}, kRim);
-  list.AddRectFilled({left, y}, {right_top.x, y + 2.0f}, kMark);
-  for (const float x : {left, right_top.x - 1.0f}) {
-    list.AddRectFilled({x - 1.0f, y - 4.0f}, {x + 2.0f, y + 6.0f}, kRim);
-    list.AddRectFilled({x, y - 3.0f}, {x + 1.0f, y + 5.0f}, kMark);
-  }
+  const auto fill = [&](float x, float up, float width, float height) {
+    list.AddRectFilled({x - scale, y - (up + 1.0f) * scale},
+                       {x + width + scale, y + (height + 1.0f) * scale}, kRim);
+    list.AddRectFilled({x, y - up * scale}, {x + width, y + height * scale}, kMark);
+  };
+  fill(left, 0.0f, right_top.x - left, 2.0f);
+  for (const float x : {left, right_top.x - scale}) fill(x, 3.0f, scale, 5.0f);
 }
 
 std::string Readout(const Viewer& viewer, const Vec3& p_I, const char* between) {
@@ -135,28 +145,29 @@ void DrawMeasures(const MeasureState& measure, const MeasurePicture& picture,
     DrawDistance({*measure.begun_W, *pointed_W}, picture);
   } else if (const auto at = picture.on_screen(*measure.begun_W)) {
     if (picture.strength({*measure.begun_W, *measure.begun_W}) <= 0.0) return;
-    DrawEnd(*at, IM_COL32(255, 225, 90, 255), kRim);
+    DrawEnd(*at, IM_COL32(255, 225, 90, 255), kRim, picture.scale);
   }
 }
 
 void DrawViewMarks(Viewer& viewer, const Area& view, float below, float scale) {
   const ViewVolume& volume = viewer.feed().volume();
-  if (!volume.lattice() || !volume.X_DI()) return;
+  const std::optional<AffineMap> X_DW = volume.X_DW();
+  if (!X_DW) return;
   DrawViewScaleBar(viewer, view, below, scale);
-  const AffineMap X_DW = *volume.X_DI() * volume.lattice()->X_WI.Inverse();
   std::optional<Vec3> pointed_W;
   if (IsPointedAt(view)) {
     if (const auto p_D = PointedSurface(viewer, view)) {
       const Vec3 p_I = volume.X_DI()->Inverse().Apply(*p_D);
       pointed_W = volume.lattice()->X_WI.Apply(p_I);
       // Below the messages.
-      DrawLabel({view.min.x + 10.0f * scale,
-                 view.min.y + view.size.y - below - ImGui::GetTextLineHeight() - 4.0f},
-                Readout(viewer, p_I, "   "), kMark);
+      DrawLabel(*ImGui::GetWindowDrawList(),
+                {view.min.x + 10.0f * scale,
+                 view.min.y + view.size.y - below - ImGui::GetTextLineHeight() - 4.0f * scale},
+                {.text = Readout(viewer, p_I, "   ")}, scale);
     }
   }
-  DrawDistancesInView(viewer, view, X_DW,
-                      viewer.state().tool == Tool::kMeasure ? pointed_W : std::nullopt);
+  DrawDistancesInView(viewer, view, *X_DW,
+                      viewer.state().tool == Tool::kMeasure ? pointed_W : std::nullopt, scale);
 }
 
 }  // namespace palpate::view

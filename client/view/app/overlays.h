@@ -13,8 +13,16 @@
 
 namespace palpate::view {
 
-// Text on a dark ground, so that it can be read on any picture.
-void DrawLabel(const ImVec2& at, const std::string& text, ImU32 color);
+// Text on a ground, so that it can be read on any picture.
+struct Label {
+  std::string text{};
+  ImU32 color = IM_COL32(255, 255, 255, 255);
+  ImU32 ground = IM_COL32(15, 17, 20, 200);
+  float wrap_px = 0.0f;  // the longest line; 0: lines are as long as in the text
+};
+ImVec2 SizeOf(const Label& label);  // without the margin
+// `at`: the upper left corner of the text.
+void DrawLabel(ImDrawList& list, const ImVec2& at, const Label& label, float scale);
 
 // The orientation cube. Call TakeCube before the view's own item, because the first item under the
 // pointer has it.
@@ -26,7 +34,7 @@ void LookFromKey(Viewer& viewer, int key);
 // Scale bar, distances, and what is under the pointer, in the view.
 void DrawViewMarks(Viewer& viewer, const Area& view, float below, float scale);
 // `right_top`: the corner beside which the bar is drawn.
-void DrawScaleBar(const ScaleBar& bar, const ImVec2& right_top);
+void DrawScaleBar(const ScaleBar& bar, const ImVec2& right_top, float scale);
 // Value and place of a point of the volume.
 std::string Readout(const Viewer& viewer, const Vec3& p_I, const char* between);
 
@@ -35,6 +43,7 @@ std::string Readout(const Viewer& viewer, const Vec3& p_I, const char* between);
 struct MeasurePicture {
   std::function<std::optional<Eigen::Vector2d>(const Vec3& p_W)> on_screen;
   std::function<double(const Distance& distance)> strength;
+  float scale = 1.0f;  // of the layout
 };
 // `pointed_W`: where the next point would be, if the pointer is in this picture.
 void DrawMeasures(const MeasureState& measure, const MeasurePicture& picture,

@@ -8,20 +8,16 @@ namespace {
 
 void EditBrush(Viewer& viewer) {
   BrushOptions& brush = viewer.state().brush;
-  bool on = viewer.state().tool == Tool::kBrush;
-  if (ImGui::Checkbox("Drag on the surface edits (B)", &on)) {
-    viewer.state().tool = on ? Tool::kBrush : Tool::kTurn;
-  }
-  Tip("a drag on the surface changes voxels, for everyone; [ and ] or ctrl + wheel: radius");
-  SharedSign(viewer, "voxels");
   static const char* const operations[] = {"add", "subtract", "set", "smooth", "paint"};
   int operation = static_cast<int>(brush.operation);
   if (Choose("Operation", operation, operations, 5)) {
     brush.operation = static_cast<client::EditOperation>(operation);
   }
   Tip("what a stroke does to the values; with material above the isovalue, subtract removes");
+  SharedSign(viewer, "voxels");
   DragDouble("Radius", brush.radius_mm, 0.05, kLeastBrush_mm, kGreatestBrush_mm, "%.2f mm");
-  Tip("of the ball that is shown at the pointer, in mm of the volume ([ and ], ctrl + wheel)");
+  Tip("of the ball that is shown at the pointer, in mm of the volume ([ and ], comma and point, "
+      "ctrl + wheel)");
   DragDouble("Fades over", brush.falloff_mm, 0.05, 0.0, 100.0, "%.2f mm");
   Tip("outside of the ball, to the fainter line");
   const auto& lattice = viewer.feed().volume().lattice();

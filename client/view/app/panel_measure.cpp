@@ -7,13 +7,9 @@ namespace palpate::view {
 
 void MeasurePanel(Viewer& viewer) {
   if (!ImGui::CollapsingHeader("Distances")) return;
-  ViewState& state = viewer.state();
-  bool measures = state.tool == Tool::kMeasure;
-  if (ImGui::Checkbox("Measure (M)", &measures)) {
-    state.tool = measures ? Tool::kMeasure : Tool::kTurn;
-  }
-  Tip("two clicks on the surface or in a slice; a right click on a line removes it");
-  MeasureState& measure = state.measure;
+  MeasureState& measure = viewer.state().measure;
+  // Saved views have buttons of the same names.
+  ImGui::PushID("distances");
   std::optional<std::size_t> removed;
   for (std::size_t n = 0; n < measure.distances.size(); ++n) {
     ImGui::PushID(static_cast<int>(n));
@@ -23,6 +19,7 @@ void MeasurePanel(Viewer& viewer) {
     Tip("removes this distance");
     ImGui::PopID();
   }
+  ImGui::PopID();
   if (removed) measure.Remove(*removed);
   ImGui::BeginDisabled(measure.distances.empty());
   if (ImGui::Button("Remove all distances")) measure.Clear();

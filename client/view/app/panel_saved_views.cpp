@@ -1,6 +1,7 @@
 #include <imgui.h>
 #include <imgui_stdlib.h>
 
+#include <ctime>
 #include <optional>
 
 #include "client/view/app/panels.h"
@@ -9,11 +10,6 @@
 namespace palpate::view {
 namespace {
 
-std::optional<AffineMap> PlaceInD(const ViewVolume& volume) {
-  if (!volume.lattice() || !volume.X_DI()) return std::nullopt;
-  return *volume.X_DI() * volume.lattice()->X_WI.Inverse();
-}
-
 // A full list loses its oldest view.
 constexpr std::size_t kMostViews = 100;
 
@@ -21,7 +17,8 @@ void Keep(ViewState& state, std::vector<SavedView>& views, const AffineMap& X_DW
   std::string name = OneLine(state.view_name, 100);
   if (name.empty()) name = "View " + std::to_string(views.size() + 1);
   SavedView view = SaveView(name, state.camera, state.surface, state.cross_I, X_DW);
-  // A name stands for one view: the newest.
+  view.saved_s = std::time(nullptr);
+  // Replaces the view of the same name.
   std::erase_if(views, [&](const SavedView& old) { return old.name == name; });
   if (views.size() >= kMostViews) views.erase(views.begin());
   views.push_back(std::move(view));
@@ -33,7 +30,7 @@ void Keep(ViewState& state, std::vector<SavedView>& views, const AffineMap& X_DW
 void SavedViewsPanel(Viewer& viewer) {
   if (!ImGui::CollapsingHeader("Saved views")) return;
   ViewState& state = viewer.state();
-  const std::optional<AffineMap> X_DW = PlaceInD(viewer.feed().volume());
+  const std::optional<AffineMap> X_DW = viewer.feed().volume().X_DW();
   if (!X_DW) return;
   auto& views = viewer.preferences().saved_views[viewer.feed().volume().lattice()->source];
   const char* save = "Save the view";
@@ -43,6 +40,8 @@ void SavedViewsPanel(Viewer& viewer) {
   ImGui::SameLine();
   if (ImGui::Button(save)) Keep(state, views, *X_DW);
   Tip("keeps camera, cuts, window and cross-hair");
+  // Distances have buttons of the same names.
+  ImGui::PushID("views");
   std::optional<std::size_t> removed;
   for (std::size_t n = 0; n < views.size(); ++n) {
     const SavedView& view = views[n];
@@ -58,6 +57,7 @@ void SavedViewsPanel(Viewer& viewer) {
     Tip("removes this view from the list");
     ImGui::PopID();
   }
+  ImGui::PopID();
   if (removed) views.erase(views.begin() + static_cast<std::ptrdiff_t>(*removed));
 }
 

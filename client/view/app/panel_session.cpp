@@ -7,6 +7,7 @@
 #include <ctime>
 #include <string>
 
+#include "client/view/app/overlays.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 #include "client/view/live/session_words.h"
@@ -16,7 +17,6 @@ namespace {
 
 constexpr std::size_t kLongestText = 200;  // bytes
 constexpr int kRowsOfList = 6;
-const ImVec4 kReplay{0.98f, 0.72f, 0.16f, 1.0f};
 
 // One line, always with its room: what comes below it never moves. The tooltip has all of it.
 void FixedLine(const std::string& text, const ImVec4& color) {
@@ -197,7 +197,7 @@ void DrawMarkers(const ReplayPosition& position) {
   for (const client::RecordedMarker& marker : position.markers) {
     const float x =
         min.x + edge + width * static_cast<float>(static_cast<double>(marker.tick) / last);
-    ImGui::GetWindowDrawList()->AddLine({x, min.y}, {x, max.y}, ImGui::GetColorU32(kReplay), 2.0f);
+    ImGui::GetWindowDrawList()->AddLine({x, min.y}, {x, max.y}, ImGui::GetColorU32(kWarning), 2.0f);
     if (std::abs(x - pointer) < nearest) {
       nearest = std::abs(x - pointer);
       pointed = &marker;
@@ -270,7 +270,7 @@ void ReplayPart(Viewer& viewer, float scale) {
   if (playing) {
     FixedLine(TimeText(position.tick) + " of " + TimeText(position.total_ticks) + ", " +
                   OneLine(RecordingName(position.path), kLongestText),
-              kReplay);
+              kWarning);
   } else {
     const std::string problem = OneLine(replayer.problem(), kLongestText);
     FixedLine(problem.empty() ? "live" : problem, problem.empty() ? kDim : kBad);
@@ -310,17 +310,14 @@ void DrawReplayBanner(const Viewer& viewer, const Area& area, float scale) {
   const std::string line = std::string("REPLAY ") + (position->is_paused ? "paused " : "") +
                            TimeText(position->tick) + " of " + TimeText(position->total_ticks);
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  const ImU32 color = ImGui::GetColorU32(kReplay);
+  const ImU32 color = ImGui::GetColorU32(kWarning);
   const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};
   const float edge = 3.0f * scale;
   list.AddRect({area.min.x + 0.5f * edge, area.min.y + 0.5f * edge},
                {max.x - 0.5f * edge, max.y - 0.5f * edge}, color, 0.0f, 0, edge);
-  const ImVec2 text = ImGui::CalcTextSize(line.c_str());
-  const ImVec2 at{area.min.x + 0.5f * (area.size.x - text.x), area.min.y + 12.0f * scale};
-  list.AddRectFilled({at.x - 10.0f * scale, at.y - 5.0f * scale},
-                     {at.x + text.x + 10.0f * scale, at.y + text.y + 5.0f * scale}, color,
-                     4.0f * scale);
-  list.AddText(at, IM_COL32(20, 16, 8, 255), line.c_str());
+  const float x = area.min.x + 0.5f * (area.size.x - ImGui::CalcTextSize(line.c_str()).x);
+  DrawLabel(list, {x, area.min.y + 12.0f * scale},
+            {.text = line, .color = IM_COL32(20, 16, 8, 255), .ground = color}, scale);
 }
 
 }  // namespace palpate::view

@@ -17,7 +17,8 @@ constexpr std::array<ToolButton, 4> kTools = {{
     {Tool::kTurn, "Turn", "Turn", "drag to turn the view, right drag to move it, wheel to zoom"},
     {Tool::kHand, "Hand (G)", "Hand", "take the simulated stylus and feel with the mouse"},
     {Tool::kBrush, "Brush (B)", "Brush", "drag on the surface to edit the volume, for everyone"},
-    {Tool::kMeasure, "Measure (M)", "Measure", "click two points of the surface: their distance"},
+    {Tool::kMeasure, "Measure (M)", "Measure",
+     "two clicks on the surface or in a slice; a right click on a line removes it"},
 }};
 
 // Returns true if it was pressed.

@@ -92,39 +92,27 @@ void DrawLegend(const Viewer& viewer, const Area& area, float scale) {
   ImGui::TextColored(pose->contact ? kGood : kDim, "%s", line.c_str());
 }
 
-struct Message {
-  std::string text;
-  ImVec4 color;
-};
-
-// Draws a line in a box whose lower left corner of the text is `at`. Returns the text's height.
-float DrawBox(ImDrawList& list, const ImVec2& at, float width, const Message& message) {
-  const std::string& text = message.text;
-  const ImVec2 size = ImGui::CalcTextSize(text.c_str(), nullptr, false, width);
-  const ImVec2 min{at.x, at.y - size.y};
-  list.AddRectFilled({min.x - 8.0f, min.y - 5.0f}, {min.x + size.x + 8.0f, min.y + size.y + 5.0f},
-                     kMessageGround.u32(), 4.0f);
-  list.AddText(ImGui::GetFont(), ImGui::GetFontSize(), min,
-               ImGui::ColorConvertFloat4ToU32(message.color), text.c_str(), nullptr, width);
-  return size.y;
+Label MessageOf(const std::string& text, const ThemeColor& color, float width) {
+  return {.text = text, .color = color.u32(), .ground = kMessageGround.u32(), .wrap_px = width};
 }
 
 // Above what is at the view's lower edge, which has the height `below`.
 void DrawMessages(const Viewer& viewer, const Area& area, float below, float scale) {
   const EmergencyStop::Line stop = viewer.feed().emergency_stop().line();
-  const std::array<Message, 4> messages = {
-      {{viewer.feed().shared().FreshLine(), kWarning},
-       {viewer.message(), kPlain},
-       {viewer.feed().commands().problem(), kWarning},
-       // The bar above shows a stop that is done, as long as
-       // palpated sends poses.
-       {stop.is_bad || viewer.feed().silent_s() ? stop.text : "", stop.is_bad ? kBad : kGood}}};
+  const float width = area.size.x - 40.0f * scale;
+  // The bar above shows a stop that is done, as long as palpated sends poses.
+  const bool says_stop = stop.is_bad || viewer.feed().silent_s();
+  const std::array<Label, 4> messages = {
+      MessageOf(viewer.feed().shared().FreshLine(), kWarning, width),
+      MessageOf(viewer.message(), kPlain, width),
+      MessageOf(viewer.feed().commands().problem(), kWarning, width),
+      MessageOf(says_stop ? stop.text : "", stop.is_bad ? kBad : kGood, width)};
   float y = area.min.y + area.size.y - below - 30.0f * scale;
-  for (const Message& message : messages) {
+  for (const Label& message : messages) {
     if (message.text.empty()) continue;
-    y -= DrawBox(*ImGui::GetWindowDrawList(), {area.min.x + 20.0f * scale, y},
-                 area.size.x - 40.0f * scale, message) +
-         16.0f * scale;
+    y -= SizeOf(message).y;
+    DrawLabel(*ImGui::GetWindowDrawList(), {area.min.x + 20.0f * scale, y}, message, scale);
+    y -= 12.0f * scale;
   }
 }
 
@@ -139,18 +127,15 @@ void DrawArrival(const Viewer& viewer, const Area& area, float scale) {
                  : std::string("the volume is coming");
   const std::string line =
       come + (volume.has_overview() ? ": the rest is coarse" : ": the rest is missing here");
-  const ImVec2 text = ImGui::CalcTextSize(line.c_str());
-  const ImVec2 at{area.min.x + 0.5f * (area.size.x - text.x), area.min.y + 40.0f * scale};
-  ImDrawList& list = *ImGui::GetWindowDrawList();
-  list.AddRectFilled({at.x - 10.0f * scale, at.y - 5.0f * scale},
-                     {at.x + text.x + 10.0f * scale, at.y + text.y + 5.0f * scale},
-                     IM_COL32(15, 17, 20, 220), 4.0f * scale);
-  list.AddText(at, ImGui::GetColorU32(kWarning), line.c_str());
+  const Label label{.text = line, .color = kWarning.u32()};
+  DrawLabel(*ImGui::GetWindowDrawList(),
+            {area.min.x + 0.5f * (area.size.x - SizeOf(label).x), area.min.y + 40.0f * scale},
+            label, scale);
 }
 
 }  // namespace
 
-void DrawView(Viewer& viewer, const Area& area, float scale) {
+void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale) {
   // The picture is dark in both themes.
   const ThemeScope dark(Theme::kDark);
   const float hand = DrawHandStrip(viewer, area, scale);
@@ -169,8 +154,7 @@ void DrawView(Viewer& viewer, const Area& area, float scale) {
                                        {0.0f, 1.0f}, {1.0f, 0.0f});
   DrawCube(viewer, area, scale);
   DrawViewMarks(viewer, area, hand, scale);
-  // Beside a slice that fills the view's place there is no room.
-  if (!viewer.state().filling_slice) DrawLegend(viewer, area, scale);
+  if (has_legend) DrawLegend(viewer, area, scale);
   DrawMessages(viewer, area, hand, scale);
   DrawArrival(viewer, area, scale);
   DrawReplayBanner(viewer, area, scale);
@@ -188,11 +172,11 @@ void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale) {
   const Area& side = holds(layout.left) ? layout.left : layout.right;
   if (!holds(side)) return;
   const float margin = 12.0f * scale;
-  const float width = side.size.x - 2.0f * margin;
-  const float height = ImGui::CalcTextSize(problem.c_str(), nullptr, false, width).y;
+  const Label label = MessageOf(problem, kWarning, side.size.x - 2.0f * margin);
   // Below the pointer, so that the control stays visible.
-  const float y = std::min(click.y + 30.0f * scale + height, side.min.y + side.size.y - margin);
-  DrawBox(*ImGui::GetForegroundDrawList(), {side.min.x + margin, y}, width, {problem, kWarning});
+  const float y =
+      std::min(click.y + 30.0f * scale, side.min.y + side.size.y - margin - SizeOf(label).y);
+  DrawLabel(*ImGui::GetForegroundDrawList(), {side.min.x + margin, y}, label, scale);
 }
 
 }  // namespace palpate::view

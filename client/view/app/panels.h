@@ -15,7 +15,7 @@ void DrawTopBar(Viewer& viewer, const Area& area, float scale);
 // Whether forces act, why not, and the button that is allowed: always visible.
 void DrawStateBar(Viewer& viewer, const Area& area, float scale);
 // The picture, with legend and messages.
-void DrawView(Viewer& viewer, const Area& area, float scale);
+void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale);
 // What a drag in the view does, and the sides on or off: always visible.
 void DrawToolBar(Viewer& viewer, const Layout& layout, float scale);
 // How the pointer leads the hand, at the view's lower edge, while it does. Returns its height.

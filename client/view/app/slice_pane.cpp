@@ -18,7 +18,6 @@ namespace {
 
 constexpr std::array<const char*, 3> kPlanes = {"sagittal", "coronal", "axial"};
 constexpr ImU32 kCaption = IM_COL32(255, 235, 120, 255);
-constexpr ImU32 kLetter = IM_COL32(255, 255, 255, 255);
 constexpr double kZoomPerStep = 1.2;
 
 struct Pane {
@@ -60,12 +59,6 @@ Area WithoutFractions(const Area& area) {
           {std::max(1.0f, std::floor(area.size.x)), std::max(1.0f, std::floor(area.size.y))}};
 }
 
-Eigen::Vector2d PointerIn(const Pane& pane) {
-  const ImGuiIO& io = ImGui::GetIO();
-  return {static_cast<double>((io.MousePos.x - pane.min.x) * io.DisplayFramebufferScale.x),
-          static_cast<double>((io.MousePos.y - pane.min.y) * io.DisplayFramebufferScale.y)};
-}
-
 Eigen::Vector2d DragOfPointer() {
   const ImGuiIO& io = ImGui::GetIO();
   return {static_cast<double>(io.MouseDelta.x * io.DisplayFramebufferScale.x),
@@ -86,7 +79,7 @@ void TakeWheel(Viewer& viewer, const Pane& pane) {
   ViewState& state = viewer.state();
   if (io.KeyCtrl) {
     const double factor = std::pow(kZoomPerStep, static_cast<double>(io.MouseWheel));
-    pane.Zoom(state) = pane.view.ZoomedAt(PointerIn(pane), factor);
+    pane.Zoom(state) = pane.view.ZoomedAt(PointerIn(pane.min), factor);
     return;
   }
   const SignedAxis& across = pane.axes.across;
@@ -111,12 +104,12 @@ void DragWindow(Viewer& viewer, const Pane& pane) {
 bool TakeMeasureInPane(Viewer& viewer, const Pane& pane) {
   return TakeMeasurePointer(
       viewer, {.picture = pane.world_axis,
-               .at_px = PointerIn(pane),
+               .at_px = PointerIn(pane.min),
                .clicked = ImGui::IsItemClicked(ImGuiMouseButton_Left) && !ImGui::GetIO().KeyShift,
                .held = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left),
-               .right_clicked = IsRightClicked(),
+               .right_clicked = IsRightClicked(viewer.state().screen_scale),
                .point_W = [&]() -> std::optional<Vec3> {
-                 return pane.X_WI.Apply(pane.PointUnder(PointerIn(pane)));
+                 return pane.X_WI.Apply(pane.PointUnder(PointerIn(pane.min)));
                },
                .pixel_of = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
                  return pane.view.PixelOf(pane.X_WI.Inverse().Apply(p_W));
@@ -128,7 +121,7 @@ void TakeDrag(Viewer& viewer, const Pane& pane) {
   ViewState& state = viewer.state();
   const bool moves = ImGui::GetIO().KeyShift || ImGui::IsMouseDown(ImGuiMouseButton_Middle);
   if (ImGui::IsMouseDown(ImGuiMouseButton_Left) && !moves) {
-    if (state.tool != Tool::kMeasure) MoveCross(viewer, pane.PointUnder(PointerIn(pane)));
+    if (state.tool != Tool::kMeasure) MoveCross(viewer, pane.PointUnder(PointerIn(pane.min)));
     return;
   }
   // The motion to the place where the button was pressed is not part of the drag.
@@ -154,14 +147,15 @@ void TakePointerInPane(Viewer& viewer, const Pane& pane) {
 }
 
 // The letters at the middles of the edges.
-void DrawLetters(const Pane& pane, const SliceAxes& in_world) {
+void DrawLetters(const Pane& pane, const SliceAxes& in_world, float scale) {
+  const float margin = 6.0f * scale;
   const auto draw = [&](const SignedAxis& direction, float share_x, float share_y) {
     const std::string letter(1, LetterOf(direction));
     const ImVec2 text = ImGui::CalcTextSize(letter.c_str());
-    constexpr float kMargin = 6.0f;
-    DrawLabel({pane.min.x + kMargin + share_x * (pane.size.x - text.x - 2.0f * kMargin),
-               pane.min.y + kMargin + share_y * (pane.size.y - text.y - 2.0f * kMargin)},
-              letter, kLetter);
+    DrawLabel(*ImGui::GetWindowDrawList(),
+              {pane.min.x + margin + share_x * (pane.size.x - text.x - 2.0f * margin),
+               pane.min.y + margin + share_y * (pane.size.y - text.y - 2.0f * margin)},
+              {.text = letter}, scale);
   };
   draw(in_world.right, 1.0f, 0.5f);
   draw(-in_world.right, 0.0f, 0.5f);
@@ -171,7 +165,7 @@ void DrawLetters(const Pane& pane, const SliceAxes& in_world) {
 
 // The plane, and where the cross-hair is across it: in the patient's frame, with a letter or a
 // sign, and in voxels of the file.
-void DrawCaption(const Pane& pane, const ViewState& state) {
+void DrawCaption(const Pane& pane, const ViewState& state, float scale) {
   const SignedAxis& across = pane.axes.across;
   // Rounded first, so that the middle is not "A 0.0".
   const double at_mm =
@@ -180,11 +174,11 @@ void DrawCaption(const Pane& pane, const ViewState& state) {
   const std::string place = state.overlay.letters
                                 ? fmt::format("{} {:.1f}", letter, std::abs(at_mm))
                                 : fmt::format("{:.1f}", at_mm);
-  DrawLabel(
-      {pane.min.x + 5.0f, pane.min.y + 3.0f},
+  const std::string text =
       fmt::format("{}\n{} mm\n{} = {:.1f}", kPlanes[static_cast<std::size_t>(pane.world_axis)],
-                  place, "xyz"[across.axis], state.cross_I[across.axis]),
-      kCaption);
+                  place, "xyz"[across.axis], state.cross_I[across.axis]);
+  DrawLabel(*ImGui::GetWindowDrawList(), {pane.min.x + 6.0f * scale, pane.min.y + 3.0f * scale},
+            {.text = text, .color = kCaption}, scale);
 }
 
 Eigen::Vector2d OnScreen(const Pane& pane, const Eigen::Vector2d& at_px) {
@@ -194,7 +188,7 @@ Eigen::Vector2d OnScreen(const Pane& pane, const Eigen::Vector2d& at_px) {
 }
 
 // Distances in this slice; those that pass through it are faint, others are not shown.
-void DrawDistances(const Pane& pane, const ViewState& state) {
+void DrawDistances(const Pane& pane, const ViewState& state, float scale) {
   const AffineMap X_IW = pane.X_WI.Inverse();
   const auto away = [&](const Vec3& p_W) {
     return X_IW.Apply(p_W)[pane.axes.across.axis] - pane.position_voxels;
@@ -209,9 +203,10 @@ void DrawDistances(const Pane& pane, const ViewState& state) {
   };
   std::optional<Vec3> pointed_W;
   if (ImGui::IsItemHovered() && state.tool == Tool::kMeasure) {
-    pointed_W = pane.X_WI.Apply(pane.PointUnder(PointerIn(pane)));
+    pointed_W = pane.X_WI.Apply(pane.PointUnder(PointerIn(pane.min)));
   }
-  DrawMeasures(state.measure, {.on_screen = on_screen, .strength = strength}, pointed_W);
+  DrawMeasures(state.measure, {.on_screen = on_screen, .strength = strength, .scale = scale},
+               pointed_W);
 }
 
 void DrawPaneScaleBar(const Pane& pane, float scale) {
@@ -221,7 +216,7 @@ void DrawPaneScaleBar(const Pane& pane, float scale) {
                               static_cast<double>(ImGui::GetIO().DisplayFramebufferScale.x);
   DrawScaleBar(FitScaleBar(voxel_mm / px_per_voxel,
                            static_cast<double>(std::min(0.3f * pane.size.x, 140.0f * scale))),
-               {pane.min.x + pane.size.x - 10.0f * scale, pane.min.y + 4.0f});
+               {pane.min.x + pane.size.x - 10.0f * scale, pane.min.y + 4.0f * scale}, scale);
 }
 
 }  // namespace
@@ -250,14 +245,16 @@ void DrawSlicePane(Viewer& viewer, int world_axis, const Area& given, float scal
   ImGui::GetWindowDrawList()->AddImage(
       reinterpret_cast<ImTextureID>(static_cast<std::uintptr_t>(texture)), area.min, max,
       {0.0f, 1.0f}, {1.0f, 0.0f});
-  DrawDistances(pane, state);
+  DrawDistances(pane, state, scale);
   DrawBrushInSlice(viewer, pane.view, pane.axes.across, area.min);
   DrawPaneScaleBar(pane, scale);
-  DrawCaption(pane, state);
-  if (state.overlay.letters) DrawLetters(pane, SliceInWorld(world_axis, viewer.slice_side()));
-  if (ImGui::IsItemHovered() && pane.view.Shows(PointerIn(pane))) {
-    DrawLabel({area.min.x + 6.0f, max.y - 2.0f * ImGui::GetTextLineHeight() - 6.0f},
-              Readout(viewer, pane.PointUnder(PointerIn(pane)), "\n"), kLetter);
+  DrawCaption(pane, state, scale);
+  if (state.overlay.letters)
+    DrawLetters(pane, SliceInWorld(world_axis, viewer.slice_side()), scale);
+  if (ImGui::IsItemHovered() && pane.view.Shows(PointerIn(pane.min))) {
+    DrawLabel(*ImGui::GetWindowDrawList(),
+              {area.min.x + 6.0f * scale, max.y - 2.0f * ImGui::GetTextLineHeight() - 6.0f * scale},
+              {.text = Readout(viewer, pane.PointUnder(PointerIn(pane.min)), "\n")}, scale);
   }
   ImGui::End();
 }

@@ -44,7 +44,8 @@ bool TakeStroke(Viewer& viewer, const ViewPointer& pointer) {
   return stroke.has_pointer();
 }
 
-// On the surface that the stroke sees; between strokes, that of the picture.
+// During a stroke, the place on the surface that was seen when the stroke began. Otherwise the
+// place on the surface of the last picture.
 std::optional<Vec3> PlaceOfBrush(Viewer& viewer, const ViewPointer& pointer) {
   if (viewer.state().tool != Tool::kBrush) return std::nullopt;
   if (viewer.stroke().has_pointer()) return viewer.stroke().at_D();

@@ -3,34 +3,36 @@
 #include <imgui.h>
 
 #include "client/view/app/tool.h"
+#include "client/view/scene/projection.h"
 
 namespace palpate::view {
 namespace {
 
-// A press that moves farther is a drag.
+// At a scale of 1. A press that moves farther is a drag.
 constexpr double kClick_px = 4.0;
 constexpr double kNear_px = 8.0;
 constexpr int kViewPicture = 3;  // slices are 0 to 2
 
 }  // namespace
 
-bool IsRightClicked() {
+bool IsRightClicked(float scale) {
   const ImGuiIO& io = ImGui::GetIO();
-  constexpr auto kMost = static_cast<float>(kClick_px * kClick_px);
+  const float most = static_cast<float>(kClick_px) * scale;
   return ImGui::IsItemHovered() && ImGui::IsMouseReleased(ImGuiMouseButton_Right) &&
-         io.MouseDragMaxDistanceSqr[ImGuiMouseButton_Right] < kMost;
+         io.MouseDragMaxDistanceSqr[ImGuiMouseButton_Right] < most * most;
 }
 
 bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
   ViewState& state = viewer.state();
   std::optional<MeasurePress>& press = state.measure_press;
+  const auto scale = static_cast<double>(state.screen_scale);
   if (state.tool != Tool::kMeasure) {
     press.reset();
     return false;
   }
   if (pointer.right_clicked) {
-    if (const auto number =
-            DistanceAt(state.measure.distances, pointer.at_px, kNear_px, pointer.pixel_of)) {
+    if (const auto number = DistanceAt(state.measure.distances, pointer.at_px, kNear_px * scale,
+                                       pointer.pixel_of)) {
       state.measure.Remove(*number);
     } else {
       state.measure.begun_W.reset();
@@ -39,7 +41,7 @@ bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
   }
   if (pointer.clicked) press = MeasurePress{pointer.picture, pointer.at_px};
   if (!press || press->picture != pointer.picture) return false;
-  if ((pointer.at_px - press->at_px).norm() > kClick_px) {
+  if ((pointer.at_px - press->at_px).norm() > kClick_px * scale) {
     press.reset();
     return false;
   }
@@ -54,22 +56,19 @@ bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
 }
 
 bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer) {
-  const ViewVolume& volume = viewer.feed().volume();
-  if (!volume.lattice() || !volume.X_DI() || pointer.shift) return false;
-  const AffineMap X_DW = *volume.X_DI() * volume.lattice()->X_WI.Inverse();
-  const Camera& camera = viewer.state().camera;
+  const std::optional<AffineMap> X_DW = viewer.feed().volume().X_DW();
+  if (!X_DW || pointer.shift) return false;
+  const Projection projection(viewer.state().camera, pointer.size);
   const auto point_W = [&]() -> std::optional<Vec3> {
     const auto p_D = viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), pointer.size);
-    return p_D ? std::optional(X_DW.Inverse().Apply(*p_D)) : std::nullopt;
+    return p_D ? std::optional(X_DW->Inverse().Apply(*p_D)) : std::nullopt;
   };
-  const auto pixel_of = [&](const Vec3& p_W) {
-    return camera.PixelOf(X_DW.Apply(p_W), pointer.size);
-  };
+  const auto pixel_of = [&](const Vec3& p_W) { return projection.PixelOf(X_DW->Apply(p_W)); };
   return TakeMeasurePointer(viewer, {.picture = kViewPicture,
                                      .at_px = pointer.at_px,
                                      .clicked = pointer.clicked,
                                      .held = pointer.held,
-                                     .right_clicked = IsRightClicked(),
+                                     .right_clicked = IsRightClicked(viewer.state().screen_scale),
                                      .point_W = point_W,
                                      .pixel_of = pixel_of});
 }

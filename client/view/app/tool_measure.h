@@ -26,7 +26,8 @@ struct MeasurePointer {
 // as a drag, which may then turn the view.
 bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer);
 
-// Dear ImGui's current item was clicked with the right button, without a drag.
-bool IsRightClicked();
+// Dear ImGui's current item was clicked with the right button, without a drag. `scale`: of the
+// layout.
+bool IsRightClicked(float scale);
 
 }  // namespace palpate::view

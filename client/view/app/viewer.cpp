@@ -169,6 +169,7 @@ void Viewer::BeginVolumeIfNew() {
   }
   stroke_.BreakOff();
   state_.slice_zoom = {};
+  state_.filling_slice.reset();
   state_.measure.Clear();
   const Vec3 middle_I = 0.5 * (lattice.size.cast<double>() - Vec3::Ones());
   state_.cuts = {};

@@ -45,11 +45,11 @@ struct MeasurePress {
   Eigen::Vector2d at_px = Eigen::Vector2d::Zero();
 };
 
-// The surface under the pointer, when the picture had `casts`.
+// The surface under the pointer, of that version of the surface.
 struct PointedSurfaceState {
   float x = 0.0f;
   float y = 0.0f;
-  std::uint64_t casts = 0;
+  std::uint64_t version = 0;
   std::optional<Vec3> p_D{};
 };
 

@@ -153,15 +153,6 @@ Ray Camera::RayThrough(double x_px, double y_px, const ImageSize& size) const {
   return {Eye(), (R_DV * Vec3(right, up, -1.0)).normalized()};
 }
 
-std::optional<Eigen::Vector2d> Camera::PixelOf(const Vec3& p_D, const ImageSize& size) const {
-  const Vec3 p_V = X_VD().Apply(p_D);
-  const double depth_mm = -p_V.z();
-  if (!(depth_mm > 0.0)) return std::nullopt;
-  const HalfView half = HalfViewOf(size);
-  return Eigen::Vector2d(0.5 * size.width * (1.0 + p_V.x() / (depth_mm * half.across)),
-                         0.5 * size.height * (1.0 - p_V.y() / (depth_mm * half.up)));
-}
-
 double Camera::MmPerPixel(const ImageSize& size) const {
   return 2.0 * distance_mm_ * HalfViewOf(size).up / std::max(size.height, 1);
 }

@@ -7,8 +7,6 @@
 // Threads: plain values.
 #pragma once
 
-#include <optional>
-
 #include "common/geometry/geometry.h"
 
 namespace palpate::view {
@@ -67,8 +65,6 @@ class Camera {
   Mat4 ClipFromD(const ImageSize& size, const Bounds& bounds) const;
   // The ray through a point of the image, in D. Pixel centres are at halves.
   Ray RayThrough(double x_px, double y_px, const ImageSize& size) const;
-  // Where a point appears; none: it is not in front of the eye.
-  std::optional<Eigen::Vector2d> PixelOf(const Vec3& p_D, const ImageSize& size) const;
   // The length in D that a pixel shows, across the view at the target.
   double MmPerPixel(const ImageSize& size) const;
 
