@@ -1,11 +1,15 @@
 """The simulated hand, led from Python: along a path and live."""
 
 import signal
+import threading
+import time
 import unittest
+from unittest import mock
 
 import numpy as np
 
 import palpate
+from secured import SecuredDaemon
 from support import PATIENCE_S, Daemon, DaemonTest, wait_until
 
 # Of the simulated hand and its device (devices.md).
@@ -59,6 +63,45 @@ class HandTest(DaemonTest):
         self.assertLessEqual((felt.density - felt.isovalue).max(), 1e-6)
         self.assertGreater(np.linalg.norm(felt.scp_h_mm[-1] - self.center_mm), 5.0)
 
+    def test_a_path_is_felt_from_its_begin_to_its_end(self):
+        # Also by a program that was held up, and whose stream waits.
+        way = np.linspace(0.0, 1.0, 100)[:, None]
+        path_mm = self.above(55) + way * [30, 0, 0]
+
+        def held_up(*_):
+            time.sleep(1.0)
+
+        with self.conn.device.lead(path_mm[0]) as hand:
+            hand.follow(path_mm[:1])
+            with mock.patch("palpate._hand._wait_for_rest", held_up):
+                felt = hand.follow(path_mm)
+        np.testing.assert_allclose(felt.hip_mm[0], path_mm[0], atol=3 * RESOLUTION_MM)
+        np.testing.assert_allclose(felt.hip_mm[-1], path_mm[-1], atol=3 * RESOLUTION_MM)
+
+    def test_a_path_begins_at_its_first_point_and_not_where_the_hand_was(self):
+        # A target that comes late: the hand still rests at the place before.
+        places_mm = [self.above(55), self.above(55) + [20, 0, 0]]
+        with self.conn.device.lead(places_mm[0]) as hand:
+            hand.follow(places_mm[:1])
+            move_to = hand.move_to
+
+            def late(*arguments):
+                threading.Timer(0.5, move_to, arguments).start()
+
+            with mock.patch.object(hand, "move_to", late):
+                felt = hand.follow(places_mm[1:])
+        np.testing.assert_allclose(felt.hip_mm[0], places_mm[1], atol=3 * RESOLUTION_MM)
+
+    def test_a_hand_in_contact_stays_where_it_is(self):
+        with self.conn.device.lead() as hand:
+            felt = hand.follow(self.path(self.above(55), self.center_mm))
+            before_mm, force_n = rest(felt)
+        self.assertGreater(np.linalg.norm(force_n), 1.0)
+        with self.conn.device.lead() as hand, self.conn.poses(rate_hz=1000, batch=100) as poses:
+            for _ in range(5):
+                felt = next(poses)
+        np.testing.assert_allclose(rest(felt)[0], before_mm, atol=1.5)
+
     def test_a_live_target_replaces_the_one_before(self):
         with self.conn.device.lead(self.above(55)) as hand, \
                 self.conn.poses(rate_hz=100) as poses:
@@ -101,6 +144,48 @@ class HandTest(DaemonTest):
             hand = conn.device.lead()
             daemon.end(signal.SIGKILL)
             with self.assertRaises(palpate.Unavailable):
+                wait_until(lambda: hand.move_to((0, 0, 0)), PATIENCE_S)
+            hand.close()
+
+    def test_a_daemon_that_stands_still_does_not_hold_up_its_client(self):
+        with Daemon(self.volume) as daemon, daemon.connect() as conn:
+            hand = conn.device.lead()
+            daemon.stand_still()
+            try:
+                closing = threading.Thread(target=hand.close, daemon=True)
+                closing.start()
+                closing.join(PATIENCE_S)
+                self.assertFalse(closing.is_alive())
+            finally:
+                daemon.process.send_signal(signal.SIGCONT)
+
+    def test_a_hand_that_the_daemon_took_back_says_so(self):
+        with self.conn.device.lead() as hand:
+            request = hand._targets.request
+
+            def late():
+                time.sleep(2.0)
+                return request()
+
+            hand._targets.request = late
+            with self.assertRaisesRegex(palpate.Unavailable, "took the hand back"):
+                wait_until(lambda: hand.move_to((0, 0, 0)), PATIENCE_S)
+
+    def test_a_call_that_ends_without_an_answer_leads_no_hand(self):
+        stub = "palpate.v1.device_pb2_grpc.DeviceServiceStub"
+        with mock.patch(stub, lambda channel: mock.Mock(LeadHand=lambda requests: iter(()))), \
+                self.assertRaises(palpate.Unavailable):
+            self.conn.device.lead((0, 0, 0))
+
+    def test_a_revoked_token_gives_the_hand_back(self):
+        with SecuredDaemon() as daemon, daemon.connect() as local, \
+                palpate.connect(daemon.address, tls_ca=str(daemon.authority.ca),
+                                token_file=str(daemon.tokens["operator"])) as conn:
+            hand = conn.device.lead()
+            self.assertIn("operator", local.device.info().hand_led_by)
+            daemon.revoke_token("operator")
+            self.assertTrue(wait_until(lambda: local.device.info().hand_led_by == "", PATIENCE_S))
+            with self.assertRaises(palpate.PermissionDenied):
                 wait_until(lambda: hand.move_to((0, 0, 0)), PATIENCE_S)
             hand.close()
 

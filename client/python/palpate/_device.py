@@ -206,7 +206,7 @@ class Device:
         Errors: InvalidArgument; see help(palpate.Hand).
         Example: with conn.device.lead() as hand: felt = hand.follow(path_mm, rate_hz=100)
         """
-        return Hand(self._link, self._stub.LeadHand, target_mm)
+        return Hand(self._link, target_mm)
 
     def _force_call(self, method: typing.Any, request: typing.Any) -> Forces:
         return _forces_of(self._link.call(method, request).forces)

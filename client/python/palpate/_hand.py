@@ -2,6 +2,7 @@
 
 import atexit
 import collections.abc
+import dataclasses
 import queue
 import threading
 import time
@@ -12,23 +13,28 @@ import grpc
 import numpy as np
 import numpy.typing as npt
 
-from palpate._errors import InvalidArgument, error_of
+from palpate._errors import Error, InvalidArgument, Unavailable
 from palpate._geometry import Triple, numbers_of, vector_of
 from palpate._link import Link
 from palpate._poses import Poses, PoseStream
 from palpate._values import number, whole
-from palpate.v1 import device_pb2
+from palpate.v1 import device_pb2, device_pb2_grpc
 
 _SEND_PERIOD_S = 0.008
 _MAX_BUTTONS = (1 << 32) - 1
 _FELT_HZ = 1000.0
 _FELT_BATCH = 20
+_FELT_ON_THE_WAY = 64
 # The path begins when the hand rests at its first point, or rests against what is in its way.
 _REST_MM = 0.02
 _REST_SAMPLES = 100
 _MOST_WAY_S = 3.0
-# The hand is behind the target by some 40 ms.
+# A force moves the hand away from its target, as a spring does.
+_SPRING_N_PER_MM = 0.3
+_NEAR_MM = 0.5
+# Longer than the hand is behind the target.
 _LAST_S = 0.1
+_FINISH_TIMEOUT_S = 1.0
 
 
 class _Targets:
@@ -48,7 +54,8 @@ class _Targets:
     def request(self) -> device_pb2.LeadHandRequest:
         with self._lock:
             now_s = time.monotonic() - self._begin_s
-            at_mm = [np.interp(now_s, self._times_s, column) for column in self._points_mm.T]
+            at_mm = np.array([np.interp(now_s, self._times_s, column)
+                              for column in self._points_mm.T])
             return device_pb2.LeadHandRequest(target_mm=vector_of("target_mm", at_mm),
                                               buttons=self._buttons)
 
@@ -66,51 +73,54 @@ class Hand:
     """The simulated hand while this program leads it; Device.lead makes one.
 
     The hand goes to the newest target, as far as the surface lets it: 0.3 N pull it 1 mm away from
-    the target. In free space it is some 40 ms behind. The hand explores by itself again when the
+    the target. In free space it is some 30 ms behind. The hand explores by itself again when the
     `with` block or the program ends.
     Errors, in every method: Conflict (somebody else leads the hand), FailedPrecondition (the device
     is not the simulated one), PermissionDenied, Unavailable.
     Example: with conn.device.lead() as hand: hand.move_to((0, 10, 0))
     """
 
-    def __init__(self, link: Link, method: typing.Any, target_mm: Triple | None) -> None:
+    def __init__(self, link: Link, target_mm: Triple | None) -> None:
         self._link = link
+        self._stub = link.stub(device_pb2_grpc.DeviceServiceStub)
         if target_mm is None:
             with PoseStream(link, 60.0, 1, 1) as stream:
-                start_mm = next(stream).hip_mm[-1]
+                newest = next(stream)
+                start_mm = newest.hip_mm[-1] - newest.force_n[-1] / _SPRING_N_PER_MM
         else:
             start_mm = _point("target_mm", target_mm)
         self._targets = _Targets(start_mm)
-        self._news: queue.SimpleQueue[grpc.RpcError | None] = queue.SimpleQueue()
+        self._call: typing.Any = None
+        # Whether the hand was taken; then whether it is still led.
+        self._news: queue.SimpleQueue[bool] = queue.SimpleQueue()
         self._failed: grpc.RpcError | None = None
         self._is_open = True
         link.check_open()
-        # Only this thread uses gRPC: Ctrl-C within gRPC would leave its locks held.
-        self._thread = threading.Thread(target=self._run, args=(method,), name="palpate hand",
-                                        daemon=True)
+        # Only this thread leads: Ctrl-C within gRPC would leave its locks held.
+        self._thread = threading.Thread(target=self._run, name="palpate hand", daemon=True)
         _leading.add(self)
         self._thread.start()
         try:
-            failed = self._news.get()
+            is_taken = self._news.get()
         except BaseException:
             self.close()
             raise
-        if failed is not None:
+        if not is_taken:
             self.close()
-            raise error_of(link.name, failed)
+            raise self._error_of_end()
 
-    def _run(self, method: typing.Any) -> None:
+    def _run(self) -> None:
         try:
-            for _ in method(iter(self._targets)):
-                self._news.put(None)
+            self._call = self._stub.LeadHand(iter(self._targets))
+            for _ in self._call:
+                self._news.put(True)
         except grpc.RpcError as failed:
             self._failed = failed
-            self._news.put(failed)
         except ValueError:
             pass  # the connection was closed
         finally:
             self._targets.end()
-            self._news.put(None)
+            self._news.put(False)
             _leading.discard(self)
 
     def move_to(self, target_mm: Triple, buttons: int = 0) -> None:
@@ -126,7 +136,8 @@ class Hand:
                buttons: int = 0) -> Poses:
         """Leads the hand along a path and returns what it felt, at 1000 samples per second.
 
-        The hand first goes straight to the first point. What it feels on that way is left out.
+        The hand first goes straight to the first point. The path begins when the hand rests there,
+        or against what is in its way, and after 3 s in any case. What it feels before is left out.
         path_mm: (n, 3) targets in the device frame, mm. Between two of them the target moves
         along a straight line.
         rate_hz: points per second, above 0. Any rate is smooth.
@@ -144,22 +155,33 @@ class Hand:
             raise InvalidArgument(f"rate_hz is above 0, not {rate:g}")
         times_s = np.arange(len(points_mm)) / rate
         self.move_to(points_mm[0], buttons)
-        # Every sample, whatever pauses this program makes.
-        with PoseStream(self._link, _FELT_HZ, _FELT_BATCH, 1 << 20) as stream:
-            _wait_for_rest(stream)
+        # Every sample, also if this program or its machine makes pauses of a second.
+        with PoseStream(self._link, _FELT_HZ, _FELT_BATCH, 1 << 20, _FELT_ON_THE_WAY) as stream:
+            _wait_for_rest(stream, points_mm[0])
+            # The stream may be behind. What belongs to the path, the daemon's ticks say.
+            first_tick = self._ticks()
             self._lead(times_s, points_mm, buttons)
-            felt = [next(stream)]
-            end_ns = felt[0].time_ns[0] + int(1e9 * (times_s[-1] + _LAST_S))
-            while felt[-1].time_ns[-1] < end_ns:
+            end_s = time.monotonic() + times_s[-1] + _LAST_S
+            felt: list[Poses] = []
+            while time.monotonic() < end_s:
                 self._check()
                 felt.append(next(stream))
-        return Poses.concatenate(felt)
+            last_tick = self._ticks()
+            while not felt or felt[-1].tick[-1] < last_tick:
+                self._check()
+                felt.append(next(stream))
+        return _since(first_tick, Poses.concatenate(felt))
 
     def close(self) -> None:
         """Gives the hand back. Closing twice is no error. Example: hand.close()"""
         self._is_open = False
         self._targets.end()
-        if threading.current_thread() is not self._thread:
+        if threading.current_thread() is self._thread:
+            return
+        self._thread.join(_FINISH_TIMEOUT_S)
+        if self._thread.is_alive() and self._call is not None:
+            # The daemon does not answer. On another thread: see _poses.py.
+            threading.Thread(target=self._call.cancel, daemon=True).start()
             self._thread.join()
 
     def _lead(self, times_s: npt.NDArray[np.float64], points_mm: npt.NDArray[np.float64],
@@ -170,10 +192,21 @@ class Hand:
     def _check(self) -> None:
         if not self._is_open:
             raise InvalidArgument("the hand was given back: lead it again with device.lead()")
-        if self._failed is not None:
-            raise error_of(self._link.name, self._failed)
-        if not self._thread.is_alive():
-            raise self._link.error_of_end(None)
+        if self._failed is not None or not self._thread.is_alive():
+            raise self._error_of_end()
+
+    def _error_of_end(self) -> Error:
+        failed = self._failed
+        if failed is not None and failed.code() == grpc.StatusCode.DEADLINE_EXCEEDED:
+            # The daemon has waited, not this program.
+            return Unavailable(f"palpated at {self._link.name} took the hand back: "
+                               f"{failed.details()}")
+        return self._link.error_of_end(failed)
+
+    def _ticks(self) -> int:
+        """Returns how many ticks the daemon has executed."""
+        response = self._link.call(self._stub.GetDevice, device_pb2.GetDeviceRequest())
+        return int(response.servo.ticks)
 
     def __enter__(self) -> "Hand":
         return self
@@ -200,11 +233,28 @@ def _point(name: str, value: Triple) -> npt.NDArray[np.float64]:
     return point
 
 
-def _wait_for_rest(stream: PoseStream) -> None:
-    seen = [next(stream)]
-    begin_ns = seen[0].time_ns[0]
-    while seen[-1].time_ns[-1] - begin_ns < _MOST_WAY_S * 1e9:
-        seen.append(next(stream))
-        newest_mm = np.concatenate([poses.hip_mm for poses in seen])[-_REST_SAMPLES:]
-        if len(newest_mm) == _REST_SAMPLES and (np.ptp(newest_mm, axis=0) < _REST_MM).all():
+def _since(tick: int, poses: Poses) -> Poses:
+    is_kept = poses.tick >= tick
+    values = {field.name: getattr(poses, field.name) for field in dataclasses.fields(poses)}
+    return Poses(**{name: value[is_kept] if isinstance(value, np.ndarray) else value
+                    for name, value in values.items()})
+
+
+def _wait_for_rest(stream: PoseStream, target_mm: npt.NDArray[np.float64]) -> None:
+    """Waits for at most _MOST_WAY_S. The hand may still rest at the place where it was before."""
+    newest = next(stream)
+    begin_mm, has_moved = newest.hip_mm[0], False
+    hips_mm = newest.hip_mm
+    end_s = time.monotonic() + _MOST_WAY_S
+    while time.monotonic() < end_s:
+        newest = next(stream)
+        hips_mm = np.concatenate([hips_mm, newest.hip_mm])[-_REST_SAMPLES:]
+        has_moved = has_moved or _is_far(hips_mm[-1], begin_mm)
+        rests = len(hips_mm) == _REST_SAMPLES and (np.ptp(hips_mm, axis=0) < _REST_MM).all()
+        expected_mm = target_mm + newest.force_n[-1] / _SPRING_N_PER_MM
+        if rests and (has_moved or not _is_far(hips_mm[-1], expected_mm)):
             return
+
+
+def _is_far(a_mm: npt.NDArray[np.float64], b_mm: npt.NDArray[np.float64]) -> bool:
+    return bool(np.linalg.norm(a_mm - b_mm) > _NEAR_MM)

@@ -154,8 +154,8 @@ class Recording:
         an exception, the replay ends with that exception. If it returns False, the replay ends
         with Cancelled.
         Errors: InvalidArgument (not a recording, or first_tick is beyond its end), NotFound,
-        PermissionDenied (a folder that the daemon does not load from), Conflict (another volume is loaded; a recording or a replay
-        runs), Cancelled, Unavailable.
+        PermissionDenied (a folder that the daemon does not load from), Conflict (another volume is
+        loaded; a recording or a replay runs), Cancelled, Unavailable.
         Example: conn.recording.replay("/data/trial-7.palrec", speed=2)
         """
         speed = number("speed", speed)
