@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 #include <future>
 #include <numeric>
 
@@ -78,6 +79,44 @@ TEST_F(ViewLive, DisconnectsAndGoesToAnotherDaemon) {
   EXPECT_EQ(feed.volume().lattice()->size, Vec3i(32, 32, 32));
   ASSERT_TRUE(Eventually([&] { return feed.role() == client::Role::kAdmin; }));
   EXPECT_TRUE(feed.May(client::Role::kOperator));
+}
+
+// The names that activity.proto lists, as far as the feed changes these things itself.
+TEST_F(ViewLive, KnowsItsOwnChangesOfWhatIsForEveryone) {
+  LiveFeed feed(server());
+  ASSERT_TRUE(Settle(feed));
+  struct Thing {
+    const char* name;
+    std::function<void()> change;
+  };
+  const Thing things[] = {
+      {"forces", [&] { feed.DisableForces(); }},
+      {"forces", [&] { feed.EnableForces({}); }},
+      {"forces", [&] { feed.StopForces(); }},
+      {"recording", [&] { feed.StartRecording(daemon_.folder() / "own.palrec"); }},
+      {"recording", [&] { feed.StopRecording(); }},
+      {"volume", [&] { feed.loader().Load("builtin:sphere:16", false); }},
+      {"hand",
+       [&] {
+         feed.TakeHand();
+         feed.hand()->MoveTo(feed.pose()->hip_mm);
+       }},
+  };
+  for (const Thing& thing : things) {
+    SCOPED_TRACE(thing.name);
+    const auto before = std::chrono::steady_clock::now();
+    thing.change();
+    std::optional<SharedThings::Change> change;
+    ASSERT_TRUE(Follow(feed, [&] {
+      const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - before;
+      change = feed.shared().Of(thing.name);
+      return change && change->age_s < passed.count();
+    }));
+    EXPECT_TRUE(change->is_own);
+    EXPECT_FALSE(change->is_fresh);
+    feed.loader().TakeOutcome();
+  }
+  EXPECT_EQ(feed.shared().FreshLine(), "");
 }
 
 class ViewQuestions : public ViewLive {
@@ -283,7 +322,7 @@ TEST_F(ViewLive, AnEmergencyStopIsSaidWhenItIsDone) {
   ASSERT_TRUE(Settle(feed));
   EXPECT_EQ(feed.emergency_stop().line().text, "");
   daemon_.Hang();
-  for (int n = 0; n < 100; ++n) feed.emergency_stop().Send();
+  for (int n = 0; n < 100; ++n) feed.StopForces();
   EXPECT_TRUE(feed.emergency_stop().line().is_bad);
   EXPECT_NE(feed.emergency_stop().line().text.find("not answered"), std::string::npos);
   daemon_.Continue();
@@ -296,7 +335,7 @@ TEST_F(ViewLive, AnEmergencyStopIsSaidWhenItIsDone) {
   ASSERT_TRUE(Follow(feed, [&] { return feed.connection().state == ConnectionState::kLost; }));
   // That was of the daemon before.
   EXPECT_EQ(feed.emergency_stop().line().text, "");
-  feed.emergency_stop().Send();
+  feed.StopForces();
   const auto failed = [&] {
     return feed.emergency_stop().line().text.find("NOT sent") != std::string::npos;
   };

@@ -95,6 +95,29 @@ class SharedWindow(DaemonTest):
         self.assertTrue(self.isovalue_is(0.4375))
         np.testing.assert_array_equal(self.conn.volume.download().values, before)
 
+    def test_undo_ends_the_stroke_that_is_in_hand(self):
+        def values():
+            return self.conn.volume.download().values
+
+        before = values()
+        x, y = 640, 322
+        self.window.do("key", "b")
+        self.window.do("mousemove", x - 20, y, "mousedown", 1)
+        self.window.do("mousemove", x - 10, y)
+        self.assertTrue(wait_until(lambda: not np.array_equal(values(), before)), "no edit came")
+        self.window.do("key", "ctrl+z")
+        self.window.picture()
+        # The pointer goes on.
+        for step in range(0, 21, 5):
+            self.window.do("mousemove", x + step, y)
+            self.window.picture()
+        self.window.do("mouseup", 1, "key", "b")
+        self.assertTrue(wait_until(lambda: np.array_equal(values(), before)))
+        self.window.do("key", "ctrl+y")
+        self.assertTrue(wait_until(lambda: not np.array_equal(values(), before)))
+        self.window.do("key", "ctrl+z")
+        self.assertTrue(wait_until(lambda: np.array_equal(values(), before)))
+
     def test_a_clip_plane_is_undone_here_alone(self):
         def view():
             return np.asarray(self.window.picture("s"))

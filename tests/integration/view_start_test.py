@@ -6,9 +6,10 @@ import struct
 import tempfile
 import unittest
 
+import numpy as np
 import palpate
 from dicom_series import dicom_slice
-from support import PALPATED, DaemonTest, wait_until
+from support import PALPATED, Daemon, DaemonTest, wait_until
 from view_support import Screen, Window
 
 SIZE = 12
@@ -129,10 +130,18 @@ class InAWindow(DaemonTest):
         self.assertEqual(self.source(), "builtin:sphere:48")
 
     def test_a_dialog_that_is_cancelled_changes_nothing(self):
-        self.dialog_answers(self.home, code=1)
-        self.window.do("key", "ctrl+o")
-        self.assertTrue(wait_until((self.home / "asked").exists))
-        self.window.find("File")
+        # A folder that could be opened.
+        self.dialog_answers(make_series(self.home / "CT"), code=1)
+        asked = self.home / "asked"
+
+        def asks_again():
+            # One dialog at a time: the second one opens when the first one's answer was taken.
+            self.window.do("key", "ctrl+o")
+            self.window.picture()
+            return asked.exists() and len(asked.read_text().splitlines()) > 1
+
+        self.assertTrue(wait_until(asks_again))
+        self.assertFalse(self.window.shows("Cancel"))
         self.assertEqual(self.source(), "builtin:sphere:48")
 
     def test_a_load_is_cancelled(self):
@@ -151,6 +160,45 @@ class InAWindow(DaemonTest):
         self.window.press("Gyroid")
         self.window.press("Not now")
         self.assertEqual(self.source(), "builtin:sphere:48")
+        self.window.press("File")
+        self.window.press("Samples")
+        self.window.press("Gyroid")
+        self.window.press("Discard and open")
+        self.window.wait_for_title("Palpate: builtin:gyroid")
+
+    def test_a_question_is_not_put_to_another_palpated(self):
+        self.conn.edit.sphere((0, 0, 0), 3, "set", 0.25)
+        self.window.press("File")
+        self.window.press("Samples")
+        self.window.press("Gyroid")
+        self.window.find("Discard and open")
+        other = self.enterContext(Daemon("builtin:sphere:32"))
+        self.window.do("key", "ctrl+k")
+        self.window.press("on this machine; empty: the default one")
+        self.window.picture()
+        self.window.do("type", other.socket)
+        # The dialog does not cover the question.
+        self.window.find("Discard and open")
+        self.window.press("Connect to it")
+        self.window.wait_for_title("Palpate: builtin:sphere:32")
+        self.assertFalse(self.window.shows("Discard and open"))
+
+    def test_revert_is_a_step_that_undo_takes_back(self):
+        def values():
+            return self.conn.volume.download().values
+
+        self.conn.edit.sphere((0, 0, 0), 3, "set", 0.25)
+        edited = values()
+        self.from_menu("Revert")
+        self.assertTrue(wait_until(lambda: not np.array_equal(values(), edited)))
+
+        def is_taken_back():
+            # The window learns of the step's end a moment later.
+            self.window.do("key", "ctrl+z")
+            self.window.picture()
+            return np.array_equal(values(), edited)
+
+        self.assertTrue(wait_until(is_taken_back))
 
 
 if __name__ == "__main__":

@@ -149,6 +149,27 @@ TEST_F(ViewDesktop, APalpatedThatEndsSaysWhy) {
   EXPECT_NE(arguments.find("--socket " + (folder_.path() / "socket").string()), std::string::npos);
 }
 
+TEST_F(ViewDesktop, OnlyEditsOfItsOwnPalpatedAreLostWithIt) {
+  Script("palpated", "exec sleep 1000");
+  setenv("PATH", (folder_.path().string() + ":/usr/bin:/bin").c_str(), 1);
+  const std::string socket = (folder_.path() / "socket").string();
+  LocalDaemon daemon;
+  daemon.NoteUnsaved("unix:" + socket, 2);
+  EXPECT_FALSE(daemon.LosesEdits());
+  daemon.Start(socket, folder_.path() / "state");
+  EXPECT_TRUE(daemon.Serves("unix:" + socket));
+  daemon.NoteUnsaved("unix:/elsewhere", 3);
+  EXPECT_FALSE(daemon.LosesEdits());
+  daemon.NoteUnsaved("unix:" + socket, 2);
+  // The window goes on to another one.
+  daemon.NoteUnsaved("unix:/elsewhere", 0);
+  EXPECT_TRUE(daemon.LosesEdits());
+  EXPECT_EQ(daemon.unsaved_edits(), 2u);
+  daemon.Keep(true);
+  EXPECT_FALSE(daemon.LosesEdits());
+  daemon.Keep(false);
+}
+
 TEST_F(ViewDesktop, NobodyServesASocketThatIsNotThere) {
   EXPECT_FALSE(IsServed((folder_.path() / "none").string()));
   EXPECT_FALSE(IsServed(std::string(300, 'x')));

@@ -24,6 +24,9 @@ bool Files::IsConnected() const {
 
 void Files::Follow() {
   daemon_.Poll();
+  if (const auto volume = viewer_.feed().volume_info()) {
+    daemon_.NoteUnsaved(viewer_.feed().name(), volume->unsaved_edits);
+  }
   if (const auto answer = dialog_.Poll()) TakeAnswer(*answer);
   if (const auto outcome = viewer_.feed().loader().TakeOutcome()) TakeOutcome(*outcome);
   FollowPending();
@@ -54,6 +57,7 @@ void Files::FollowWarnings() {
 std::string Files::WhyNotOpen() const {
   const LiveFeed& feed = viewer_.feed();
   if (feed.loader().running() || pending_) return "something is being opened or saved";
+  if (feed.is_stopping()) return "the emergency stop is running";
   if (!IsConnected()) {
     // Here, a palpated is started.
     return feed.is_here() ? "" : "not connected to " + feed.name();
@@ -86,7 +90,7 @@ void Files::Choose(DialogKind kind) {
 }
 
 void Files::TypePath() {
-  form_ = {.shown = true, .path = StartFolder().string()};
+  form_ = {.shown = true, .path = StartFolder().string(), .has_dialog = FileDialog::IsInstalled()};
   if (!form_.path.ends_with('/')) form_.path += '/';
 }
 
@@ -109,9 +113,20 @@ void Files::Open(const std::string& source) {
   } else if (IsConnected()) {
     viewer_.feed().loader().Load(source, false);
   } else {
-    pending_ = source;
     StartHere();
+    if (problem_.empty()) pending_ = source;
   }
+}
+
+void Files::ForgetServer() {
+  ask_ = Ask::kNothing;
+  problem_.clear();
+  pending_.reset();
+  page_kept_ = false;
+  form_.where = SaveWhere::kHere;
+  form_.is_confirmed = false;
+  warnings_.clear();
+  warned_of_.clear();
 }
 
 void Files::Drop(const std::vector<std::string>& paths) {
@@ -134,7 +149,10 @@ void Files::BeginSave() {
     if (at == std::string::npos) continue;
     name = mark == ':' ? name.substr(at + 1) : name.substr(0, at);
   }
-  form_ = {.shown = true, .saves = true, .path = StartFolder() / (name + "-edited.nrrd")};
+  form_ = {.shown = true,
+           .saves = true,
+           .path = StartFolder() / (name + "-edited.nrrd"),
+           .has_dialog = FileDialog::IsInstalled()};
 }
 
 void Files::Save(bool overwrite) {
@@ -145,7 +163,9 @@ void Files::Save(bool overwrite) {
 }
 
 void Files::Revert() {
-  viewer_.feed().commands().Do("revert", [](client::Client& client) { client.Revert(); });
+  viewer_.feed().shared().NoteOwn("voxels");
+  viewer_.feed().commands().Do("revert", [done = viewer_.brush().OtherStroke("revert")](
+                                             client::Client& client) { done(client.Revert()); });
 }
 
 void Files::TakeOutcome(const VolumeLoader::Outcome& outcome) {
@@ -220,10 +240,8 @@ bool Files::PageShown() {
 }
 
 bool Files::MayClose() {
-  const auto volume = viewer_.feed().volume_info();
-  const bool loses = daemon_.runs() && !daemon_.is_kept() && volume && volume->unsaved_edits > 0;
-  if (closes_ || !loses) return true;
-  asked_ = {.unsaved_edits = volume->unsaved_edits};
+  if (closes_ || !daemon_.LosesEdits()) return true;
+  asked_ = {.unsaved_edits = daemon_.unsaved_edits()};
   ask_ = Ask::kClose;
   return false;
 }

@@ -42,6 +42,7 @@ class Files {
     std::string path{};
     SaveWhere where = SaveWhere::kHere;
     bool is_confirmed = false;  // the dialog has asked whether to replace `path`
+    bool has_dialog = false;    // a program for dialogs is installed
   };
 
   explicit Files(Viewer& viewer) : viewer_(viewer) {}
@@ -57,6 +58,8 @@ class Files {
   void TypePath();
   // `source`: a path of this machine, or a sample. If no palpated runs here yet, starts one first.
   void Open(const std::string& source);
+  // What waits for another palpated is void, and so is every question.
+  void ForgetServer();
   void Drop(const std::vector<std::string>& paths);
   void BeginSave();
   void Save(bool overwrite);
@@ -87,7 +90,9 @@ class Files {
   PathForm& form() { return form_; }
   LocalDaemon& daemon() { return daemon_; }
   const LocalDaemon& daemon() const { return daemon_; }
+  // What is opened when palpated is there.
   const std::optional<std::string>& pending() const { return pending_; }
+  void CancelPending() { pending_.reset(); }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -103,7 +108,7 @@ class Files {
   FileDialog dialog_;
   LocalDaemon daemon_;
   PathForm form_;
-  std::optional<std::string> pending_;  // opened when palpated is there
+  std::optional<std::string> pending_;
   Ask ask_ = Ask::kNothing;
   VolumeLoader::Outcome asked_;
   std::string problem_;

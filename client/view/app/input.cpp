@@ -121,6 +121,12 @@ ViewPointer PointerOf(const Viewer& viewer, const ImVec2& min, const ImageSize& 
   return pointer;
 }
 
+// Edits of a stroke that is undone would otherwise go on under its number.
+void EndStroke(Viewer& viewer) {
+  viewer.stroke().BreakOff();
+  viewer.brush().End();
+}
+
 }  // namespace
 
 void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys) {
@@ -171,11 +177,13 @@ void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen
 }
 
 void UndoEdit(Viewer& viewer) {
+  EndStroke(viewer);
   viewer.held().LetGo();
   if (const std::string problem = viewer.actions().Undo(); !problem.empty()) viewer.Say(problem);
 }
 
 void RedoEdit(Viewer& viewer) {
+  EndStroke(viewer);
   viewer.held().LetGo();
   if (const std::string problem = viewer.actions().Redo(); !problem.empty()) viewer.Say(problem);
 }

@@ -67,6 +67,7 @@ const Area& PlaceOfView(const std::optional<int>& filling, const Layout& layout,
 }
 
 void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
+  FollowSession(viewer);
   DrawTopBar(viewer, layout.top, scale);
   DrawStateBar(viewer, layout.state, scale);
   DrawToolBar(viewer, layout, scale);

@@ -28,7 +28,9 @@ void RecentMenu(Files& files, const std::string& why_not) {
   if (!ImGui::BeginMenu("Recent", why_not.empty() && !files.recent().empty())) return;
   std::string chosen;
   for (const std::string& path : files.recent()) {
-    if (ImGui::MenuItem(OneLine(path, kLongestPath).c_str())) chosen = path;
+    ImGui::PushID(path.c_str());
+    if (NameSelectable(OneLine(path, kLongestPath))) chosen = path;
+    ImGui::PopID();
   }
   ImGui::EndMenu();
   // Opening changes the list.
@@ -82,7 +84,13 @@ void ConnectionItems(Viewer& viewer, Files& files) {
 
 float BarWidth() { return ImGui::GetContentRegionAvail().x; }
 
-void ShowRunning(VolumeLoader& loader) {
+void ShowRunning(Files& files, VolumeLoader& loader) {
+  if (files.pending()) {
+    WrappedText(kPlain, "Waiting for palpated, to open " + *files.pending());
+    if (ImGui::Button("Cancel")) files.CancelPending();
+    Tip("nothing is opened");
+    return;
+  }
   const auto running = loader.running();
   if (!running) return;
   const client::Progress& progress = running->progress;
@@ -95,7 +103,8 @@ void ShowRunning(VolumeLoader& loader) {
   Tip("the volume that is felt stays");
 }
 
-void ShowQuestion(Files& files) {
+void ShowQuestion(Viewer& viewer) {
+  Files& files = viewer.files();
   const VolumeLoader::Outcome& asked = files.asked();
   const std::string unsaved = client::UnsavedInWords(asked.unsaved_edits);
   const char* yes = "";
@@ -111,14 +120,19 @@ void ShowQuestion(Files& files) {
       yes = "Replace it";
       break;
     case Files::Ask::kClose:
-      WrappedText(kWarning, unsaved + ", and palpated ends with this window");
+      WrappedText(kWarning, unsaved + ", and palpated of this window ends with it");
       yes = "Discard and close";
       break;
   }
   if (ImGui::Button(yes)) files.Confirm();
   ImGui::SameLine();
-  if (ImGui::Button("Save as\xE2\x80\xA6")) files.BeginSave();
-  ImGui::SameLine();
+  // Another palpated that the window shows would save its own volume.
+  const bool saves =
+      files.ask() != Files::Ask::kClose || files.daemon().Serves(viewer.feed().name());
+  if (saves) {
+    if (ImGui::Button("Save as\xE2\x80\xA6")) files.BeginSave();
+    ImGui::SameLine();
+  }
   if (files.ask() == Files::Ask::kClose) {
     if (ImGui::Button("Keep palpated and close")) {
       files.daemon().Keep(true);
@@ -160,8 +174,9 @@ void ShowOld(Viewer& viewer) {
 
 bool HasCard(Viewer& viewer) {
   const Files& files = viewer.files();
-  return viewer.feed().loader().running() || files.ask() != Files::Ask::kNothing ||
-         !files.problem().empty() || !files.warnings().empty() || !WhyOld(viewer).empty();
+  return viewer.feed().loader().running() || files.pending() ||
+         files.ask() != Files::Ask::kNothing || !files.problem().empty() ||
+         !files.warnings().empty() || !WhyOld(viewer).empty();
 }
 
 void PathField(Files& files, float scale) {
@@ -171,14 +186,14 @@ void PathField(Files& files, float scale) {
   if (ImGui::IsWindowAppearing()) ImGui::SetKeyboardFocusHere();
   const bool entered = ImGui::InputText("##path", &form.path, ImGuiInputTextFlags_EnterReturnsTrue);
   if (form.path != before) form.is_confirmed = false;
-  if (form.saves && form.where == SaveWhere::kHere && FileDialog::IsInstalled()) {
+  if (form.saves && form.where == SaveWhere::kHere && form.has_dialog) {
     ImGui::SameLine();
     if (ImGui::Button("Browse\xE2\x80\xA6")) files.Choose(DialogKind::kSave);
   }
   ImGui::BeginDisabled(form.path.empty());
   const bool pressed = ImGui::Button(form.saves ? "Save" : "Open");
   ImGui::EndDisabled();
-  if (!entered && !pressed) return;
+  if ((!entered && !pressed) || form.path.empty()) return;
   if (form.saves) {
     files.Save(false);
   } else {
@@ -203,8 +218,8 @@ void DrawFileMenu(Viewer& viewer) {
 
 void ShowFileCard(Viewer& viewer) {
   Files& files = viewer.files();
-  ShowRunning(viewer.feed().loader());
-  ShowQuestion(files);
+  ShowRunning(files, viewer.feed().loader());
+  ShowQuestion(viewer);
   if (!files.problem().empty()) {
     WrappedText(kBad, files.problem());
     if (ImGui::Button("Close##problem")) files.Dismiss();
@@ -239,11 +254,13 @@ void DrawPathForm(Viewer& viewer, float scale) {
     if (ImGui::RadioButton("to this machine", here)) form.where = SaveWhere::kHere;
     ImGui::SameLine();
     if (ImGui::RadioButton("on palpated's machine", !here)) form.where = SaveWhere::kThere;
+    // The dialog has asked about a file of this machine.
+    if (here != (form.where == SaveWhere::kHere)) form.is_confirmed = false;
   }
   ImGui::TextColored(kDim, form.saves ? "a name that ends with .nrrd or .vdb"
                                       : "a file, or a folder of DICOM or TIFF files");
   PathField(files, scale);
-  if (!FileDialog::IsInstalled()) {
+  if (!form.has_dialog) {
     ImGui::TextColored(kDim, "For a dialog, install zenity, kdialog or yad.");
   }
   ImGui::End();

@@ -46,7 +46,7 @@ void SavedViewsPanel(Viewer& viewer) {
   for (std::size_t n = 0; n < views.size(); ++n) {
     const SavedView& view = views[n];
     ImGui::PushID(static_cast<int>(n));
-    if (ImGui::Button(view.name.c_str())) {
+    if (NameButton(view.name)) {
       ShowView(view, *X_DW, state.camera, state.surface, state.cross_I);
       state.cross_follows_proxy = false;
       state.cuts.planes_placed.fill(true);

@@ -5,7 +5,10 @@
 #include <array>
 #include <cmath>
 #include <ctime>
+#include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "client/view/app/overlays.h"
 #include "client/view/app/panels.h"
@@ -35,28 +38,6 @@ bool IsRecording(const Viewer& viewer) {
   return recording && recording->running;
 }
 
-// Asks for the list at the beginning and after each recording. Then the next name is free, too.
-void FollowRecording(Viewer& viewer) {
-  SessionState& session = viewer.state().session;
-  LiveFeed& feed = viewer.feed();
-  if (feed.connection().state != client::ConnectionState::kConnected) {
-    session.asked = false;
-    return;
-  }
-  const bool records = IsRecording(viewer);
-  const bool ended = session.was_recording && !records;
-  if (records && !session.was_recording) session.markers = 0;
-  session.was_recording = records;
-  if (!feed.May(client::Role::kOperator) || (session.asked && !ended)) return;
-  session.asked = true;
-  feed.replayer().Refresh();
-  if (!ended) return;
-  client::RecordingList list = feed.replayer().list().value_or(client::RecordingList{});
-  list.recordings.push_back({.path = feed.recording()->path});
-  session.name = FreeName(session.name, list);
-  session.chosen = feed.recording()->path;
-}
-
 // The line below the name: why it cannot be taken, or how the last recording ended.
 void NameLine(Viewer& viewer, const client::RecordingState& recording,
               const client::RecordingList& list, const std::string& problem) {
@@ -83,36 +64,57 @@ void NameLine(Viewer& viewer, const client::RecordingState& recording,
   ImGui::SetCursorPos(after);
 }
 
-void RecordPart(Viewer& viewer, float scale) {
-  LiveFeed& feed = viewer.feed();
-  SessionState& session = viewer.state().session;
-  const auto recording = feed.recording().value_or(client::RecordingState{});
-  const auto known = feed.replayer().list();
-  const client::RecordingList list = known.value_or(client::RecordingList{});
-  const std::string problem =
-      known ? NameProblem(session.name, list) : "asking palpated\xE2\x80\xA6";
+// What there is to record to.
+struct Record {
+  client::RecordingState state;
+  std::shared_ptr<const client::RecordingList> list;  // null: not known yet
+  std::string problem;                                // why the name cannot be taken
+
+  const client::RecordingList& known() const {
+    static const client::RecordingList none;
+    return list ? *list : none;
+  }
+};
+
+Record RecordOf(const Viewer& viewer) {
+  const LiveFeed& feed = viewer.feed();
+  Record record{.state = feed.recording().value_or(client::RecordingState{}),
+                .list = feed.replayer().list(),
+                .problem = "asking palpated\xE2\x80\xA6"};
+  if (record.list) record.problem = NameProblem(viewer.state().session.name, *record.list);
+  return record;
+}
+
+void NameField(SessionState& session, const Record& record) {
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  if (recording.running) {
-    std::string name = RecordingName(recording.path);
+  if (record.state.running) {
+    std::string name = RecordingName(record.state.path);
     ImGui::InputText("##running", &name, ImGuiInputTextFlags_ReadOnly);
   } else {
     ImGui::InputTextWithHint("##name", "name of the recording", &session.name);
   }
-  const std::string where = list.folder.empty() ? "palpated's folder" : list.folder;
+  const std::string& folder = record.known().folder;
+  const std::string where = folder.empty() ? "palpated's folder" : folder;
   Tip(("a file in " + OneLine(where, kLongestText) + ", on palpated's machine").c_str());
-  ImGui::BeginDisabled(!recording.running && (!problem.empty() || feed.replayer().position()));
-  if (ImGui::Button(recording.running ? "Stop recording###record" : "Record###record",
+}
+
+void RecordButton(Viewer& viewer, const Record& record) {
+  LiveFeed& feed = viewer.feed();
+  const bool runs = record.state.running;
+  ImGui::BeginDisabled(!runs && (!record.problem.empty() || feed.replayer().position()));
+  if (ImGui::Button(runs ? "Stop recording###record" : "Record###record",
                     {ButtonWidth("Stop recording"), 0.0f})) {
-    if (recording.running) {
-      feed.DoAndAsk("stop recording", [](client::Client& client) { client.StopRecording(); });
+    if (runs) {
+      feed.StopRecording();
     } else {
-      const std::string path = RecordingPath(list.folder, session.name);
-      feed.DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
+      feed.StartRecording(RecordingPath(record.known().folder, viewer.state().session.name));
     }
   }
   ImGui::EndDisabled();
   Tip("every tick and every change of voxels and settings, until stopped");
-  ImGui::SameLine(0.0f, 8.0f * scale);
+}
+
+void RecordedSoFar(const client::RecordingState& recording) {
   if (!recording.running) {
     ImGui::TextColored(kDim, "not recording");
   } else if (recording.lost_ticks > 0) {
@@ -122,17 +124,30 @@ void RecordPart(Viewer& viewer, float scale) {
     ImGui::TextColored(kBad, "%s, %s", TimeText(recording.ticks).c_str(),
                        SizeText(recording.size_bytes).c_str());
   }
-  NameLine(viewer, recording, list, problem);
-  ImGui::BeginDisabled(!recording.running);
-  const float mark = ButtonWidth("Mark");
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x - mark - 8.0f * scale);
-  const bool entered = ImGui::InputTextWithHint("##marker", "what happened", &session.marker,
-                                                ImGuiInputTextFlags_EnterReturnsTrue);
+}
+
+void MarkerLine(Viewer& viewer, bool runs, float gap) {
+  ImGui::BeginDisabled(!runs);
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x - ButtonWidth("Mark") - gap);
+  const bool entered =
+      ImGui::InputTextWithHint("##marker", "what happened", &viewer.state().session.marker,
+                               ImGuiInputTextFlags_EnterReturnsTrue);
   Tip("text of the next marker; Enter or K puts it");
-  ImGui::SameLine(0.0f, 8.0f * scale);
+  ImGui::SameLine(0.0f, gap);
   if (ImGui::Button("Mark") || entered) PutMarker(viewer);
   Tip("a marker with the present time (K)");
   ImGui::EndDisabled();
+}
+
+void RecordPart(Viewer& viewer, float scale) {
+  const Record record = RecordOf(viewer);
+  const float gap = 8.0f * scale;
+  NameField(viewer.state().session, record);
+  RecordButton(viewer, record);
+  ImGui::SameLine(0.0f, gap);
+  RecordedSoFar(record.state);
+  NameLine(viewer, record.state, record.known(), record.problem);
+  MarkerLine(viewer, record.state.running, gap);
 }
 
 std::string DayText(std::int64_t modified_s) {
@@ -162,9 +177,12 @@ void ListPart(Viewer& viewer, float scale) {
   while (clipper.Step()) {
     for (int n = clipper.DisplayStart; n < clipper.DisplayEnd; ++n) {
       const client::RecordedFile& file = list->recordings[static_cast<std::size_t>(n)];
-      const std::string label = OneLine(RecordingName(file.path), 60) + "###" + file.path;
-      if (ImGui::Selectable(label.c_str(), session.chosen == file.path,
-                            ImGuiSelectableFlags_AllowDoubleClick)) {
+      ImGui::PushID(file.path.c_str());
+      const bool pressed =
+          NameSelectable(OneLine(RecordingName(file.path), 60), session.chosen == file.path,
+                         ImGuiSelectableFlags_AllowDoubleClick);
+      ImGui::PopID();
+      if (pressed) {
         session.chosen = file.path;
         if (ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left) && !IsRecording(viewer)) {
           feed.replayer().Play(file.path);
@@ -194,7 +212,8 @@ void DrawMarkers(const ReplayPosition& position) {
   const float pointer = ImGui::GetIO().MousePos.x;
   const client::RecordedMarker* pointed = nullptr;
   float nearest = 5.0f;
-  for (const client::RecordedMarker& marker : position.markers) {
+  static const std::vector<client::RecordedMarker> none;
+  for (const client::RecordedMarker& marker : position.markers ? *position.markers : none) {
     const float x =
         min.x + edge + width * static_cast<float>(static_cast<double>(marker.tick) / last);
     ImGui::GetWindowDrawList()->AddLine({x, min.y}, {x, max.y}, ImGui::GetColorU32(kWarning), 2.0f);
@@ -279,6 +298,31 @@ void ReplayPart(Viewer& viewer, float scale) {
 
 }  // namespace
 
+// Asks for the list at the beginning and after each recording. Then the next name is free, too.
+void FollowSession(Viewer& viewer) {
+  SessionState& session = viewer.state().session;
+  LiveFeed& feed = viewer.feed();
+  if (feed.connection().state != client::ConnectionState::kConnected) {
+    session.asked = false;
+    session.watch = {};
+    return;
+  }
+  const auto recording = feed.recording();
+  const RecordingEvent event =
+      session.watch.Take(recording ? std::optional<bool>(recording->running) : std::nullopt);
+  if (event == RecordingEvent::kBegun) session.markers = 0;
+  const bool ended = event == RecordingEvent::kEnded;
+  if (!feed.May(client::Role::kOperator) || (session.asked && !ended)) return;
+  session.asked = true;
+  feed.replayer().Refresh();
+  if (!ended) return;
+  const auto known = feed.replayer().list();
+  client::RecordingList list = known ? *known : client::RecordingList{};
+  list.recordings.push_back({.path = recording->path});
+  session.name = FreeName(session.name, list);
+  session.chosen = recording->path;
+}
+
 void PutMarker(Viewer& viewer) {
   SessionState& session = viewer.state().session;
   if (!IsRecording(viewer)) {
@@ -294,7 +338,6 @@ void PutMarker(Viewer& viewer) {
 }
 
 void SessionPanel(Viewer& viewer, float scale) {
-  FollowRecording(viewer);
   ImGui::SetNextItemOpen(true, ImGuiCond_Once);
   if (!ImGui::CollapsingHeader("Session")) return;
   BeginAllowed(viewer, client::Role::kOperator);

@@ -76,7 +76,7 @@ void Recent(Files& files) {
   for (const std::string& path : files.recent()) {
     const std::string name = std::filesystem::path(path).filename().string();
     ImGui::PushID(path.c_str());
-    if (ImGui::Selectable(OneLine(name, 60).c_str())) chosen = path;
+    if (NameSelectable(OneLine(name, 60))) chosen = path;
     Tip(path.c_str());
     ImGui::PopID();
   }

@@ -73,11 +73,6 @@ bool WereVerified(client::VerificationLevel level) {
          level == client::VerificationLevel::kSimulated;
 }
 
-void Enable(Viewer& viewer, const std::string& kind) {
-  viewer.feed().commands().Do("enable forces",
-                              [kind](client::Client& client) { client.EnableForces(kind); });
-}
-
 // If the forces of a device were never verified, it is enabled only by its name.
 void ConfirmEnable(Viewer& viewer, const client::DeviceInfo& device) {
   if (!ImGui::BeginPopupModal("Enable forces?", nullptr, ImGuiWindowFlags_AlwaysAutoResize)) return;
@@ -85,7 +80,7 @@ void ConfirmEnable(Viewer& viewer, const client::DeviceInfo& device) {
   ImGui::Text("Hold the stylus firmly, and have Esc ready, the emergency stop.");
   // Dear ImGui identifies the button by the text after ###. The text before may be anything.
   if (ImGui::Button(("Enable " + OneLine(device.kind, 60) + "###enable").c_str())) {
-    Enable(viewer, device.kind);
+    viewer.feed().EnableForces(device.kind);
     ImGui::CloseCurrentPopup();
   }
   ImGui::SameLine();
@@ -101,16 +96,13 @@ const char* LabelOf(ForceAction action, bool wide) {
 void EditForces(Viewer& viewer, ForceAction action, const char* label,
                 const std::optional<client::DaemonInfo>& daemon) {
   if (action == ForceAction::kDisable) {
-    if (ImGui::Button(label)) {
-      viewer.feed().commands().Do("disable forces",
-                                  [](client::Client& client) { client.DisableForces(); });
-    }
+    if (ImGui::Button(label)) viewer.feed().DisableForces();
     return;
   }
   ImGui::BeginDisabled(!daemon);
   if (ImGui::Button(label)) {
     if (WereVerified(daemon->device.verification_level)) {
-      Enable(viewer, {});
+      viewer.feed().EnableForces({});
     } else {
       ImGui::OpenPopup("Enable forces?");
     }

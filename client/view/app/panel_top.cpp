@@ -140,7 +140,7 @@ float Buttons(Viewer& viewer, float scale) {
   ImGui::PushStyleColor(ImGuiCol_Button, {0.75f, 0.10f, 0.10f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {0.90f, 0.16f, 0.14f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_ButtonActive, {1.00f, 0.30f, 0.25f, 1.0f});
-  if (ImGui::Button(stop, {stop_width, 0.0f})) viewer.feed().emergency_stop().Send();
+  if (ImGui::Button(stop, {stop_width, 0.0f})) viewer.feed().StopForces();
   ImGui::PopStyleColor(4);
   Tip("emergency stop: no forces until they are enabled again");
   return begin;

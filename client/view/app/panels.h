@@ -73,6 +73,8 @@ void FilterPanel(Viewer& viewer);
 inline constexpr const char* kFeelHeading = "Feel, for everyone";
 inline constexpr const char* kDeviceHeading = "Device";
 void DevicePanel(Viewer& viewer);
+// Keeps the session's state true while its panel is hidden, too. Call it once per frame.
+void FollowSession(Viewer& viewer);
 // Recordings: made here, listed and replayed.
 void SessionPanel(Viewer& viewer, float scale);
 // Puts a marker with the panel's text into the recording that runs.

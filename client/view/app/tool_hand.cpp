@@ -31,6 +31,7 @@ std::string Obstacle(const LiveFeed& feed) {
   if (daemon && daemon->device.kind != "simulated") {
     return "the pointer leads the simulated stylus only; this is a " + daemon->device.model;
   }
+  if (feed.replayer().position()) return "the stylus can be taken when no recording is replayed";
   if (!feed.May(client::Role::kOperator)) return "to take the stylus needs the role operator";
   return {};
 }
@@ -72,6 +73,12 @@ void HandTool::Begin(Viewer& viewer) {
   way_D_.clear();
   seen_ = {};
   leads_ = true;
+}
+
+void HandTool::GiveBack(Viewer& viewer) {
+  if (!leads_) return;
+  End(viewer);
+  viewer.state().tool = Tool::kTurn;
 }
 
 void HandTool::End(Viewer& viewer) {

@@ -21,6 +21,8 @@ class HandTool {
   bool Take(Viewer& viewer, const ViewPointer& pointer);
   // The pointer is there now, in pixels of the screen. Called from within its event.
   void PointerMoved(const Eigen::Vector2d& at, LiveFeed& feed);
+  // Nobody sees where the hand is, as while the window is iconified.
+  void GiveBack(Viewer& viewer);
   // Where the hand wants to be; none: we do not lead it.
   std::optional<Vec3> target_D() const;
 

@@ -10,7 +10,7 @@
 namespace palpate::view {
 namespace {
 
-// Whom to name is worth no further error.
+// Empty if palpated does not answer: the user already sees the error that the name would explain.
 std::string ChangedBy(client::Client& client, std::initializer_list<std::string_view> things) {
   try {
     return ChangedByInWords(client.GetActivity(), things);

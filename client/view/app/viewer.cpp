@@ -70,10 +70,14 @@ Viewer::Viewer(const Options& options)
 }
 
 void Viewer::Connect(const client::ServerChoice& server) {
+  const auto running = feed_.loader().running();
   feed_.Connect(server);
   options_.server = server;
   stroke_.BreakOff();
   actions_.Forget();
+  files_.ForgetServer();
+  state_.session = {.name = state_.session.name};
+  if (running) Say(running->what + " was given up: another connection was made");
 }
 
 void Viewer::Update(std::chrono::milliseconds brick_time) {

@@ -25,6 +25,7 @@
 #include "client/view/app/user_actions.h"
 #include "client/view/live/brush.h"
 #include "client/view/live/live_feed.h"
+#include "client/view/live/recording_watch.h"
 #include "client/view/render/frame_renderer.h"
 #include "client/view/scene/distances.h"
 
@@ -59,7 +60,7 @@ struct SessionState {
   std::string marker{};        // text of the next marker
   std::string chosen{};        // path of the recording in the list
   bool asked = false;          // for the list, at this connection
-  bool was_recording = false;
+  RecordingWatch watch{};
   int markers = 0;                        // of the present recording, put from here
   std::optional<std::uint64_t> sought{};  // where the timeline is dragged to
 };

@@ -2,6 +2,8 @@
 
 #include <imgui_internal.h>
 
+#include <algorithm>
+
 #include "client/sdk/words.h"
 #include "common/error/one_line.h"
 
@@ -100,6 +102,34 @@ std::string OneLine(std::string_view text, std::size_t most_bytes) {
   }
   const std::string line = palpate::OneLine(text);
   return is_cut ? line + "\xE2\x80\xA6" : line;
+}
+
+namespace {
+
+void DrawName(const std::string& name, const ImVec2& inset) {
+  const ImVec2 min = ImGui::GetItemRectMin();
+  ImGui::GetWindowDrawList()->AddText({min.x + inset.x, min.y + inset.y},
+                                      ImGui::GetColorU32(ImGuiCol_Text), name.c_str());
+}
+
+}  // namespace
+
+bool NameButton(const std::string& name) {
+  const ImVec2 inset = ImGui::GetStyle().FramePadding;
+  const float width = ImGui::CalcTextSize(name.c_str()).x + 2.0f * inset.x;
+  const bool pressed = ImGui::Button("###name", {width, 0.0f});
+  DrawName(name, inset);
+  return pressed;
+}
+
+bool NameSelectable(const std::string& name, bool selected, ImGuiSelectableFlags flags) {
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  const float width = ImGui::CalcTextSize(name.c_str()).x;
+  const bool pressed = ImGui::Selectable("###name", selected, flags,
+                                         {std::max(width, ImGui::GetContentRegionAvail().x), 0.0f});
+  const ImVec2 min = ImGui::GetItemRectMin();
+  DrawName(name, {at.x - min.x, at.y - min.y});
+  return pressed;
 }
 
 void UnitText(const std::string& unit, float kept_px) {

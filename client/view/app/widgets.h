@@ -42,6 +42,11 @@ bool DragDouble(const char* label, double& value, double speed, double least, do
 // begin another line. Do not use the result as a format: Dear ImGui's formats are printf formats.
 std::string OneLine(std::string_view text, std::size_t most_bytes);
 
+// A button or a line of a list with any text: Dear ImGui cuts its own labels at "##". The caller
+// gives the identity by ImGui::PushID.
+bool NameButton(const std::string& name);
+bool NameSelectable(const std::string& name, bool selected = false, ImGuiSelectableFlags flags = 0);
+
 // Draws a volume's unit beside the number just drawn, as much of it as fits. Leaves `kept_px` of
 // the line to what comes after.
 void UnitText(const std::string& unit, float kept_px = 0.0f);

@@ -222,7 +222,7 @@ void RunWindow(const Options& options) {
   Viewer viewer(options);
   KeptPreferences kept(viewer);
   WindowInput input(
-      window.get(), [&viewer] { viewer.feed().emergency_stop().Send(); },
+      window.get(), [&viewer] { viewer.feed().StopForces(); },
       [&viewer](const Eigen::Vector2d& at) { viewer.hand().PointerMoved(at, viewer.feed()); });
   FrameLog log;
   std::string title;
@@ -232,6 +232,7 @@ void RunWindow(const Options& options) {
     viewer.Update(kBrickTime);
     const ImageSize pixels = FramebufferSize(window.get());
     if (pixels.width == 0 || pixels.height == 0) {  // iconified
+      viewer.hand().GiveBack(viewer);
       RestUntil(frame + kLongestRest, input);
       continue;
     }

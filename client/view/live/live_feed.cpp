@@ -298,6 +298,8 @@ void LiveFeed::Poll() {
   p.was_connected = connected;
   p.line->emergency_stop.Follow(state);
   p.settings = p.line->client.NewestSettings();
+  // A load takes long: what counts is when it ends.
+  if (p.line->loader.opens()) p.shared.NoteOwn("volume");
   if (auto answer = p.line->questions.TakeActivity()) {
     p.activity = std::move(answer->activity);
     p.shared.Take(p.activity, answer->came);
@@ -378,7 +380,30 @@ void LiveFeed::ControlSeries(const client::SeriesControl& control) {
            [&controls](client::Client& client) { client.ControlSeries(controls.Take()); });
 }
 
+void LiveFeed::EnableForces(const std::string& kind) {
+  shared().NoteOwn("forces");
+  commands().Do("enable forces", [kind](client::Client& client) { client.EnableForces(kind); });
+}
+void LiveFeed::DisableForces() {
+  shared().NoteOwn("forces");
+  commands().Do("disable forces", [](client::Client& client) { client.DisableForces(); });
+}
+void LiveFeed::StopForces() {
+  shared().NoteOwn("forces");
+  parts_->line->emergency_stop.Send();
+}
+
+void LiveFeed::StartRecording(const std::string& path) {
+  shared().NoteOwn("recording");
+  DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
+}
+void LiveFeed::StopRecording() {
+  shared().NoteOwn("recording");
+  DoAndAsk("stop recording", [](client::Client& client) { client.StopRecording(); });
+}
+
 void LiveFeed::TakeHand() {
+  shared().NoteOwn("hand");
   GiveHandBack();
   parts_->line->hand = parts_->line->client.LeadHand();
 }
@@ -390,7 +415,6 @@ VolumeLoader& LiveFeed::loader() { return parts_->line->loader; }
 const VolumeLoader& LiveFeed::loader() const { return parts_->line->loader; }
 Replayer& LiveFeed::replayer() { return parts_->line->replayer; }
 const Replayer& LiveFeed::replayer() const { return parts_->line->replayer; }
-EmergencyStop& LiveFeed::emergency_stop() { return parts_->line->emergency_stop; }
 const EmergencyStop& LiveFeed::emergency_stop() const { return parts_->line->emergency_stop; }
 
 }  // namespace palpate::view

@@ -90,6 +90,14 @@ class LiveFeed {
   void DoAndAsk(std::string name, std::function<void(client::Client&)> command);
   // Merges the change with waiting changes, key by key: the newest position of a slider wins.
   void ControlSeries(const client::SeriesControl& control);
+  // Changes for everyone. These and those below are known to shared() as ours.
+  // `kind`: the device's name, if its forces were never verified; otherwise empty.
+  void EnableForces(const std::string& kind);
+  void DisableForces();
+  // The emergency stop.
+  void StopForces();
+  void StartRecording(const std::string& path);
+  void StopRecording();
   // Takes the simulated hand at palpated, in the background. hand() is null before TakeHand, after
   // GiveHandBack, and on another connection.
   void TakeHand();
@@ -100,7 +108,6 @@ class LiveFeed {
   const VolumeLoader& loader() const;
   Replayer& replayer();
   const Replayer& replayer() const;
-  EmergencyStop& emergency_stop();
   const EmergencyStop& emergency_stop() const;
 
  private:

@@ -99,9 +99,17 @@ void LocalDaemon::Start(const std::string& socket, const std::filesystem::path& 
     const std::string home = VariableOf("HOME");
     program_ = std::make_unique<ChildProgram>(
         PalpatedCommand(palpated, socket, home.empty() ? "/" : home), log_);
+    address_ = "unix:" + socket;
+    unsaved_edits_ = 0;
   } catch (const Error& error) {
     problem_ = error.what();
   }
+}
+
+bool LocalDaemon::Serves(const std::string& address) const { return runs() && address == address_; }
+
+void LocalDaemon::NoteUnsaved(const std::string& address, std::uint64_t edits) {
+  if (Serves(address)) unsaved_edits_ = edits;
 }
 
 void LocalDaemon::Poll() {

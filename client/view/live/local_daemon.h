@@ -6,6 +6,7 @@
 // Threads: one. Only End and the destructor wait.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -38,6 +39,14 @@ class LocalDaemon {
   // Takes note of its end. Call it once per frame.
   void Poll();
   bool runs() const { return program_ != nullptr; }
+  // True if it runs and this is its address, such as "unix:/run/palpated.sock".
+  bool Serves(const std::string& address) const;
+  // Takes note of the edits that are not saved at this address, if it is its own.
+  void NoteUnsaved(const std::string& address, std::uint64_t edits);
+  // As noted last.
+  std::uint64_t unsaved_edits() const { return unsaved_edits_; }
+  // True if edits are lost when the object ends.
+  bool LosesEdits() const { return runs() && !kept_ && unsaved_edits_ > 0; }
   // Why it did not start, or that it ended; empty: neither.
   const std::string& problem() const { return problem_; }
   // It goes on when the viewer ends.
@@ -48,6 +57,8 @@ class LocalDaemon {
  private:
   std::unique_ptr<ChildProgram> program_;
   std::filesystem::path log_;
+  std::string address_;
+  std::uint64_t unsaved_edits_ = 0;
   std::string problem_;
   bool kept_ = false;
 };

@@ -36,7 +36,9 @@ struct Replayer::Playing {
     const std::lock_guard lock(mutex);
     if (!position.is_paused) position.tick = state.ticks;
     position.total_ticks = state.total_ticks;
-    if (position.markers.empty()) position.markers = state.markers;
+    if (!position.markers && !state.markers.empty()) {
+      position.markers = std::make_shared<const std::vector<client::RecordedMarker>>(state.markers);
+    }
     return !is_cancelled;
   }
   void Run(client::Client& client);
@@ -65,7 +67,7 @@ void Replayer::Playing::Run(client::Client& client) {
 
 struct Replayer::Listed {
   std::mutex mutex;  // guards the member below
-  std::optional<client::RecordingList> list;
+  std::shared_ptr<const client::RecordingList> list;
 };
 
 Replayer::Replayer(Commands& replays, Commands& others)
@@ -120,13 +122,13 @@ std::optional<ReplayPosition> Replayer::position() const {
 
 void Replayer::Refresh() {
   others_.Do("list recordings", [listed = listed_](client::Client& client) {
-    client::RecordingList list = client.ListRecordings();
+    auto list = std::make_shared<const client::RecordingList>(client.ListRecordings());
     const std::lock_guard lock(listed->mutex);
     listed->list = std::move(list);
   });
 }
 
-std::optional<client::RecordingList> Replayer::list() const {
+std::shared_ptr<const client::RecordingList> Replayer::list() const {
   const std::lock_guard lock(listed_->mutex);
   return listed_->list;
 }

@@ -21,8 +21,8 @@ namespace palpate::view {
 struct ReplayPosition {
   std::string path{};
   std::uint64_t tick = 0;
-  std::uint64_t total_ticks = 0;  // 0: not known yet
-  std::vector<client::RecordedMarker> markers{};
+  std::uint64_t total_ticks = 0;                                         // 0: not known yet
+  std::shared_ptr<const std::vector<client::RecordedMarker>> markers{};  // null: not known yet
   double speed = 1.0;
   bool is_paused = false;
 };
@@ -52,8 +52,8 @@ class Replayer {
 
   // Asks for the list.
   void Refresh();
-  // The newest one; none before the first answer.
-  std::optional<client::RecordingList> list() const;
+  // The newest one; null before the first answer.
+  std::shared_ptr<const client::RecordingList> list() const;
 
  private:
   struct Playing;

@@ -10,7 +10,9 @@ namespace {
 
 using Seconds = std::chrono::duration<double>;
 
-// From our sending to the servo's use. Beyond it, another program with our identity did it.
+// A change is ours if palpated made it within this time before or after we asked for it. The time
+// before allows for the age of the answer. A change at another time was made by another program
+// with our identity.
 constexpr Seconds kOwnBefore{1.0};
 constexpr Seconds kOwnAfter{3.0};
 

@@ -7,8 +7,8 @@
 #include <thread>
 #include <utility>
 
-#include "client/sdk/words.h"
 #include "client/download/download_file.h"
+#include "client/sdk/words.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -113,6 +113,7 @@ std::uint64_t SaveVolume(client::Calls& palpated, const std::string& file, SaveW
 }
 
 struct VolumeLoader::Task {
+  bool opens = false;  // set before the task is shared
   std::mutex mutex;
   Running running;
   bool is_cancelled = false;
@@ -153,6 +154,7 @@ client::ProgressFunction VolumeLoader::Begin(const std::string& what) {
 void VolumeLoader::Load(const std::string& source, bool discard_edits) {
   if (running()) return;
   const client::ProgressFunction progress = Begin("opening " + NameOf(source));
+  task_->opens = true;
   commands_.Do("open", [=, task = task_](client::Client& client) {
     task->Run(source, [&] { return view::Load(client, source, discard_edits, progress); });
   });
@@ -171,6 +173,8 @@ void VolumeLoader::Cancel() {
   const std::lock_guard lock(task_->mutex);
   task_->is_cancelled = true;
 }
+
+bool VolumeLoader::opens() const { return task_ && task_->opens; }
 
 std::optional<VolumeLoader::Running> VolumeLoader::running() const {
   if (!task_) return std::nullopt;

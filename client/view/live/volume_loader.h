@@ -59,6 +59,8 @@ class VolumeLoader {
   void Save(const std::string& file, SaveWhere where, bool overwrite);
   void Cancel();
 
+  // True from the begin of a load until its outcome is taken.
+  bool opens() const;
   // None: nothing runs.
   std::optional<Running> running() const;
   // Returns each outcome once.
