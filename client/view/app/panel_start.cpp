@@ -47,8 +47,12 @@ void ShowStatus(Viewer& viewer) {
   if (const auto fraction = FractionIn(status.text)) {
     ImGui::ProgressBar(static_cast<float>(*fraction), {ImGui::GetContentRegionAvail().x, 0.0f});
   }
-  if (!viewer.files().is_page_kept() || !viewer.feed().volume().lattice()) return;
-  if (ImGui::Button("Show the sample")) viewer.files().ClosePage();
+  if (viewer.files().is_page_kept() && viewer.feed().volume().lattice()) {
+    if (ImGui::Button("Show the sample")) viewer.files().ClosePage();
+  } else {
+    // The buttons below must not move away from the pointer when palpated is there.
+    ImGui::Dummy({0.0f, ImGui::GetFrameHeight()});
+  }
 }
 
 // A button as wide as its column.
