@@ -74,7 +74,8 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   const SliceStrip strip = LayOutSlices(layout.slices, scale);
   const std::optional<int> filling = FillingSlice(viewer, layout);
   // In a slice's place there is no room for the legend.
-  DrawView(viewer, PlaceOfView(filling, layout, strip), !filling, scale);
+  const bool has_legend = !filling && !viewer.files().PageShown();
+  DrawView(viewer, PlaceOfView(filling, layout, strip), has_legend, scale);
   if (viewer.files().PageShown()) {
     const ImVec2 screen = ImGui::GetIO().DisplaySize;
     const float top = layout.view.min.y;

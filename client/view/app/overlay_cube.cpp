@@ -2,6 +2,7 @@
 
 #include "client/view/app/overlays.h"
 #include "client/view/scene/orientation_cube.h"
+#include "client/view/scene/value_window.h"
 
 namespace palpate::view {
 namespace {
@@ -30,7 +31,7 @@ std::optional<Cube> CubeOf(const Viewer& viewer, const Area& view, float scale) 
                          view.min.y + kCubeFromTop * scale + radius_px},
               .radius_px = radius_px,
               .faces = SeenFaces(R_VW),
-              .of_patient = IsOfPatient(*volume.lattice())};
+              .of_patient = IsSeenAsPatient(*volume.lattice())};
 }
 
 Eigen::Vector2d InCube(const Cube& cube, const ImVec2& at) {
@@ -46,13 +47,13 @@ std::optional<SignedAxis> FaceUnderPointer(const Cube& cube) {
 Mat3 UprightOf(const ViewVolume& volume) {
   const Mat3& D_from_I = volume.X_DI()->linear;
   const Mat3& W_from_I = volume.lattice()->X_WI.linear;
-  return IsOfPatient(*volume.lattice()) ? UprightPatient(D_from_I, W_from_I)
-                                        : UprightVolume(D_from_I, W_from_I);
+  return IsSeenAsPatient(*volume.lattice()) ? UprightPatient(D_from_I, W_from_I)
+                                            : UprightVolume(D_from_I, W_from_I);
 }
 
 void LookFrom(Viewer& viewer, const Vec3& direction_U) {
   const ViewVolume& volume = viewer.feed().volume();
-  const SideView side = LookFromSide(direction_U, IsOfPatient(*volume.lattice()));
+  const SideView side = LookFromSide(direction_U, IsSeenAsPatient(*volume.lattice()));
   Camera& camera = viewer.state().camera;
   camera.SetUpright(UprightOf(volume));
   camera.Set(camera.target(), side.azimuth_deg, side.elevation_deg, camera.distance_mm());
@@ -63,7 +64,7 @@ void LookFrom(Viewer& viewer, const Vec3& direction_U) {
 void LookFromKey(Viewer& viewer, int key) {
   const ViewVolume& volume = viewer.feed().volume();
   if (!volume.lattice() || !volume.X_DI()) return;
-  const SignedAxis side_U = SideOfKey(key, IsOfPatient(*volume.lattice()));
+  const SignedAxis side_U = SideOfKey(key, IsSeenAsPatient(*volume.lattice()));
   LookFrom(viewer, side_U.sign * Vec3::Unit(side_U.axis));
 }
 
@@ -110,6 +111,11 @@ void DrawCube(const Viewer& viewer, const Area& view, float scale) {
     list.AddText(ImGui::GetFont(), size, {middle.x - 0.5f * extent.x, middle.y - 0.5f * extent.y},
                  IM_COL32(255, 255, 255, 255), text.c_str());
   }
+  if (!cube->of_patient || IsOfPatient(*viewer.feed().volume().lattice())) return;
+  const char* const text = "sides assumed (LPS)";
+  const ImVec2 extent = ImGui::CalcTextSize(text);
+  list.AddText({cube->middle.x + cube->radius_px - extent.x, cube->middle.y + cube->radius_px},
+               kDim.u32(), text);
 }
 
 }  // namespace palpate::view

@@ -3,6 +3,7 @@
 #include "client/view/app/overlays.h"
 #include "client/view/scene/projection.h"
 #include "client/view/scene/readout.h"
+#include "client/view/scene/value_window.h"
 
 namespace palpate::view {
 namespace {
@@ -134,7 +135,7 @@ std::string Readout(const Viewer& viewer, const Vec3& p_I, const char* between) 
   const ViewVolume& volume = viewer.feed().volume();
   const VolumeLattice& lattice = *volume.lattice();
   return ValueText(volume.Interpolate(p_I), lattice) + between +
-         PlaceText(lattice.X_WI.Apply(p_I), IsOfPatient(lattice));
+         PlaceText(lattice.X_WI.Apply(p_I), IsSeenAsPatient(lattice));
 }
 
 void DrawMeasures(const MeasureState& measure, const MeasurePicture& picture,

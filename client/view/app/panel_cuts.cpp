@@ -4,6 +4,7 @@
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 #include "client/view/scene/cut_rulers.h"
+#include "client/view/scene/value_window.h"
 
 namespace palpate::view {
 namespace {
@@ -12,7 +13,7 @@ namespace {
 constexpr double kSharePerPixel = 0.003;
 
 void EditCrop(CropBox& crop, const VolumeLattice& lattice) {
-  const bool of_patient = IsOfPatient(lattice);
+  const bool of_patient = IsSeenAsPatient(lattice);
   static constexpr std::array<const char*, 3> kOfPatient = {"R to L", "A to P", "I to S"};
   static constexpr std::array<const char*, 3> kOfOthers = {"Crop x", "Crop y", "Crop z"};
   const auto rulers = RulersOf(lattice.X_WI, lattice.size);

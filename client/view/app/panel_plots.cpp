@@ -80,7 +80,8 @@ void DrawAxes(const Area& area, float top) {
   for (const float share : {0.0f, 0.5f, 1.0f}) {
     const float y = max.y - share * area.size.y;
     list.AddLine({area.min.x, y}, {max.x, y}, grid);
-    const std::string value = fmt::format("{:.3g}", share * top);
+    const std::string value =
+        top < 1000.0f ? fmt::format("{:.3g}", share * top) : fmt::format("{:.0f}", share * top);
     TextAt({area.min.x - ImGui::CalcTextSize(value.c_str()).x - 4.0f, y - 0.5f * height}, value,
            kDim.u32());
     const float x = area.min.x + share * area.size.x;

@@ -342,8 +342,8 @@ void SessionPanel(Viewer& viewer, float scale) {
   if (!ImGui::CollapsingHeader("Session")) return;
   BeginAllowed(viewer, client::Role::kOperator);
   RecordPart(viewer, scale);
-  ListPart(viewer, scale);
   ReplayPart(viewer, scale);
+  ListPart(viewer, scale);
   EndAllowed();
 }
 

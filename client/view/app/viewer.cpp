@@ -216,10 +216,7 @@ std::optional<Bounds> Viewer::VolumeBounds() const {
 
 // None: the camera's own.
 std::optional<CameraStart> Viewer::FirstLook() const {
-  // A CT file that states no orientation is upright at least, if its z axis is the patient's.
-  const VolumeLattice& lattice = *feed_.volume().lattice();
-  const bool of_patient = IsOfPatient(lattice) || HasHounsfieldUnits(lattice);
-  if (options_.camera || !of_patient) return options_.camera;
+  if (options_.camera || !IsSeenAsPatient(*feed_.volume().lattice())) return options_.camera;
   return CameraStart{.of_patient = true, .azimuth_deg = 20.0, .elevation_deg = 10.0};
 }
 
