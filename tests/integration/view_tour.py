@@ -130,12 +130,17 @@ def session(tour, conn):
     conn.settings.isovalue = 400.0
     tour.keep("changed-by-another", 1)
     conn.settings.isovalue = 300.0
+    # Room for what is below.
+    window.press("Feel, for everyone")
     window.press("People")
     tour.keep("people")
     window.press("People")
     window.press("Record")
     time.sleep(3)
     tour.keep("recording", 1)
+    window.press("what happened")
+    window.do("type", "here")
+    window.press("Mark")
     window.press("Stop recording")
     time.sleep(2)
     window.press("Replay")
