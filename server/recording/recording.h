@@ -92,6 +92,8 @@ struct RecordedEdit {
   std::vector<RecordedBrick> bricks{};  // at most kBricksPerEdit, sorted by number
 };
 inline constexpr std::size_t kBricksPerEdit = 4096;
+// Of the bricks of one chunk.
+inline constexpr std::uint64_t kMostChunkBytes = kBricksPerEdit * sizeof(Brick);
 
 struct RecordedMarker {
   std::uint64_t tick = 0;    // the first tick after the marker was set

@@ -1,5 +1,6 @@
 #include "server/recording/recording_control.h"
 
+#include <system_error>
 #include <utility>
 
 #include "common/error/error.h"
@@ -8,6 +9,8 @@
 
 namespace palpate {
 namespace {
+
+namespace fs = std::filesystem;
 
 // The memory that the previous volume keeps: its changed bricks, or all bricks if another volume
 // was loaded.
@@ -132,13 +135,31 @@ void RecordingControl::Replay(const std::string& path, const ViewerReplayOptions
     replaying_.store(true);
   }
   const Running running{replaying_};
-  RecordingReader all(paths_.open(path), path);
-  RecordingOutline outline = ReadOutline(all, cancelled);
   RecordingReader reader(paths_.open(path), path);
+  RecordingOutline outline = OutlineOf(path, cancelled);
   const auto progress = [&](const ViewerReplayState& state) {
     report({state, outline.ticks, std::exchange(outline.markers, {})});
   };
   ReplayToViewers(session_, pump_, reader, options, progress, cancelled);
+}
+
+// A viewer that jumps to another place begins a new replay of the same file. Only its first replay
+// waits until the whole file is read.
+RecordingOutline RecordingControl::OutlineOf(const std::string& path,
+                                             const std::function<bool()>& cancelled) {
+  std::error_code error;
+  KnownOutline now{.path = path,
+                   .size_bytes = fs::file_size(path, error),
+                   .modified = fs::last_write_time(path, error)};
+  const bool is_same = now.path == known_.path && now.size_bytes == known_.size_bytes &&
+                       now.modified == known_.modified;
+  if (!error && is_same) return known_.outline;
+  // Memory for one chunk at a time.
+  const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostChunkBytes);
+  RecordingReader reader(paths_.open(path), path);
+  now.outline = ReadOutline(reader, cancelled);
+  known_ = std::move(now);
+  return known_.outline;
 }
 
 void RecordingControl::End() noexcept {

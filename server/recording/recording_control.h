@@ -76,15 +76,22 @@ class RecordingControl final : public SceneListener {
   std::vector<ListedRecording> Recordings() const {
     return FindRecordings(paths_.folders, paths_.open);
   }
-  // Where new recordings belong; empty: clients may save nowhere.
-  std::filesystem::path folder() const {
-    return paths_.folders.empty() ? std::filesystem::path() : paths_.folders.front();
-  }
+  // Where new recordings belong; empty: clients may save nowhere, or the name is not UTF-8.
+  std::filesystem::path folder() const { return FolderForNew(paths_.folders); }
 
   // Closes the recording, if one runs.
   void End() noexcept;
 
  private:
+  // The outline of the last replay's file, and what tells this file from others.
+  struct KnownOutline {
+    std::string path{};
+    std::uintmax_t size_bytes = 0;
+    std::filesystem::file_time_type modified{};
+    RecordingOutline outline{};
+  };
+
+  RecordingOutline OutlineOf(const std::string& path, const std::function<bool()>& cancelled);
   void CheckIdle() const;
   std::shared_ptr<Recorder> recorder() const;
 
@@ -99,6 +106,7 @@ class RecordingControl final : public SceneListener {
   // Held by Start, Stop and the beginning of Replay, so that they take turns.
   std::mutex commands_;
   std::atomic<bool> replaying_{false};
+  KnownOutline known_;  // of the one replay that runs
 
   mutable std::mutex mutex_;  // guards the members below; held only briefly
   std::optional<RecordedScene> scene_;

@@ -26,7 +26,6 @@ constexpr std::chrono::milliseconds kReportPeriod{100};
 constexpr double kAheadMs = 500.0;
 constexpr std::size_t kMaxEventsAhead = 1024;
 constexpr std::size_t kMaxBricksAhead = (std::size_t{128} << 20) / sizeof(Brick);
-constexpr std::uint64_t kMostChunkBytes = kBricksPerEdit * sizeof(Brick);
 // Longer times without ticks are shortened to this time.
 constexpr std::uint64_t kLongestPauseMs = 1000;
 
@@ -195,7 +194,8 @@ class ViewerReplay {
       events_.push_back({.position_ms = read_ms_, .marker = std::move(marker->text)});
     } else if (auto* gap = std::get_if<RecordedGap>(&*chunk)) {
       const std::uint64_t ticks = gap->last_tick - gap->first_tick + 1;
-      read_ms_ += static_cast<double>(std::min(ticks, kLongestPauseMs));
+      // The first tick is shown at once, whatever was lost before it.
+      if (missed_ticks_) read_ms_ += static_cast<double>(std::min(ticks, kLongestPauseMs));
       events_.push_back({.position_ms = read_ms_, .lost_ticks = ticks});
     }
     return true;

@@ -2,6 +2,7 @@
 // daemon, without gRPC.
 #include "server/recording/recording_control.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <malloc.h>
 #include <sys/stat.h>
@@ -124,6 +125,10 @@ class RecordingControlTest : public ::testing::Test, protected testing::RunningS
     return samples;
   }
 
+  std::uint64_t RecordedTicks(const std::string& name) const {
+    RecordingReader reader(File(name));
+    return testing::SamplesIn(testing::ReadAll(reader)).size();
+  }
   ReplayCounts ComputeAgain(const std::string& name,
                             const std::shared_ptr<const VolumeSnapshot>& volume) {
     Replayer replayer([&](const RecordedScene&) { return volume; });
@@ -134,8 +139,16 @@ class RecordingControlTest : public ::testing::Test, protected testing::RunningS
   }
 
   test::TemporaryFolder folder_;
-  RecordingControl control_{session(), pump(),         {Allowed, OpenAllowed, {folder_.path()}},
-                            "test",    SafetyLimits{}, PassivityDevice{}};
+  std::atomic<int> opened_{0};  // files
+  RecordingControl control_{
+      session(),
+      pump(),
+      {Allowed,
+       [this](const std::string& path) { return ++opened_, OpenAllowed(path); },
+       {folder_.path()}},
+      "test",
+      SafetyLimits{},
+      PassivityDevice{}};
   VolumeHash recorded_hash_;
 };
 
@@ -373,6 +386,82 @@ TEST_F(RecordingControlTest, AReplayBeginsAnywhere) {
   }
 }
 
+// Behind lost ticks, too, the first tick is shown at once, however slow the replay is.
+TEST_F(RecordingControlTest, AReplayBeginsBehindLostTicks) {
+  RecordEdits("a");
+  std::vector<TickSample> kept;
+  std::vector<std::uint64_t> behind;  // places of the first ticks after lost ones
+  {
+    RecordingReader reader(File("a"));
+    RecordingWriter writer(CreateRecordingFile(File("gaps"), false), "test");
+    while (const std::optional<RecordedChunk> chunk = reader.Next()) {
+      if (const auto* scene = std::get_if<RecordedScene>(&*chunk)) writer.Append(*scene);
+      if (const auto* edit = std::get_if<RecordedEdit>(&*chunk)) writer.Append(*edit);
+      const auto* const samples = std::get_if<RecordedSamples>(&*chunk);
+      for (std::size_t n = 0; samples && n < samples->size(); ++n) {
+        const TickSample& sample = (*samples)[n];
+        if (sample.tick % 60 < 20) continue;
+        if (sample.tick % 60 == 20) behind.push_back(kept.size());
+        writer.AppendSamples({&sample, 1});
+        kept.push_back(sample);
+      }
+    }
+    writer.AppendEnd();
+  }
+  ASSERT_GE(behind.size(), 3u);
+  behind.insert(behind.begin(), 0);
+  for (const std::uint64_t first : {behind[0], behind[1], behind[behind.size() / 2]}) {
+    const auto viewer = std::make_shared<Collector>();
+    pump().Subscribe(viewer, Pump::Feed::kShown);
+    std::uint64_t place = 0;
+    int reports = 0;
+    Refusal([&] {
+      control_.Replay(
+          File("gaps"), {.speed = 1e-6, .first_tick = first},
+          [&](const ReplayReport& now) {
+            place = now.state.ticks;
+            ++reports;
+          },
+          [&] { return place > first || reports > 300; });
+    });
+    EXPECT_EQ(place, first + 1);
+    const std::vector<TickSample> samples = viewer->Take();
+    EXPECT_TRUE(std::any_of(samples.begin(), samples.end(), [&](const TickSample& sample) {
+      return sample.hip_mm == kept[first].hip_mm && sample.update_ns == kept[first].update_ns;
+    })) << first;
+  }
+}
+
+// The outline of the last file is known: a jump to another place does not read the whole file.
+TEST_F(RecordingControlTest, TheOutlineOfAFileIsReadOnce) {
+  RecordEdits("a");
+  RecordEdits("b");
+  const auto outline_of = [&](const std::string& name, int opened) {
+    std::optional<ReplayReport> first;
+    opened_ = 0;
+    Refusal([&] {
+      control_.Replay(
+          File(name), {},
+          [&](const ReplayReport& now) {
+            if (!first) first = now;
+          },
+          [&] { return first.has_value(); });
+    });
+    EXPECT_EQ(opened_, opened);
+    EXPECT_EQ(first->total_ticks, RecordedTicks(name));
+    EXPECT_EQ(first->markers.size(), name == "a" || name == "b" ? 10u : 0u);
+  };
+  for (const int opened : {2, 1, 1}) outline_of("a", opened);
+  for (const int opened : {2, 1}) outline_of("b", opened);
+  outline_of("a", 2);
+  for (const char* name : {"short", "short"}) {
+    control_.Start(File(name), true);
+    AwaitTicks(100);
+    control_.Stop();
+    outline_of(name, 2);
+  }
+}
+
 TEST_F(RecordingControlTest, RecordingsAreListedByWhatTheyAre) {
   EXPECT_TRUE(control_.Recordings().empty());
   const auto record = [&](const std::string& name, int age_s) {
@@ -399,6 +488,53 @@ TEST_F(RecordingControlTest, RecordingsAreListedByWhatTheyAre) {
   }
   EXPECT_EQ(names, (std::vector<std::string>{"link", "no suffix", "old.palrec", "\xc3\xa4"}));
   EXPECT_EQ(control_.folder(), folder_.path());
+  EXPECT_EQ(FolderForNew({}), "");
+  EXPECT_EQ(FolderForNew({"/\xff", "/a"}), "");
+  EXPECT_EQ(FolderForNew({"/a", "/b"}), "/a");
+}
+
+TEST_F(RecordingControlTest, OfManyFilesTheNewestAreListed) {
+  control_.Start(File("0"), false);
+  control_.Stop();
+  const auto now = std::filesystem::file_time_type::clock::now();
+  std::vector<std::string> names(60);
+  for (std::size_t n = 0; n < names.size(); ++n) {
+    names[n] = std::to_string(n);
+    if (n > 0) std::filesystem::copy_file(File("0"), File(names[n]));
+  }
+  std::shuffle(names.begin(), names.end(), std::mt19937(1));
+  for (std::size_t n = 0; n < names.size(); ++n) {
+    std::filesystem::last_write_time(File(names[n]), now - std::chrono::hours(n));
+  }
+  for (const auto& [recordings, files] :
+       {std::pair(100, 1), std::pair(100, 7), std::pair(3, 7), std::pair(100, 59),
+        std::pair(100, 60), std::pair(20, 1000), std::pair(0, 5)}) {
+    const ListBounds bounds{static_cast<std::size_t>(recordings), static_cast<std::size_t>(files)};
+    std::vector<std::string> listed;
+    for (const ListedRecording& one : FindRecordings({folder_.path()}, OpenAllowed, bounds)) {
+      listed.push_back(one.path.filename());
+    }
+    const std::size_t count = std::min({bounds.recordings, bounds.files, names.size()});
+    EXPECT_EQ(listed, std::vector(names.begin(), names.begin() + static_cast<int>(count)));
+  }
+}
+
+// Some file systems hold times that no calendar has.
+TEST_F(RecordingControlTest, TimesOfFilesAreWithinTheCalendar) {
+  control_.Start(File("a"), false);
+  control_.Stop();
+  for (const std::int64_t time_s : {-1'000'000'000LL, 1'000'000'000LL, 1'000'000'000'000LL}) {
+    const timespec times[2] = {{time_s, 0}, {time_s, 0}};
+    ASSERT_EQ(utimensat(AT_FDCWD, File("a").c_str(), times, 0), 0);
+    const std::int64_t listed_s = control_.Recordings().at(0).modified_s;
+    if (time_s < 0) {
+      EXPECT_EQ(listed_s, 0);
+    } else if (time_s == 1'000'000'000) {
+      EXPECT_EQ(listed_s, time_s);
+    } else {
+      EXPECT_LE(listed_s, 253'402'300'799);
+    }
+  }
 }
 
 TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
