@@ -60,8 +60,8 @@ Reply* RegistrationService::UpdateRegistration(CallContext* context,
                          if (request->has_expected_revision())
                            expected = request->expected_revision();
                          const VolumeState state = session_.Move(change, expected);
-                         const AppliedTick applied = session_.WaitForServo(state.scene_revision);
                          by.Changed("placement");
+                         const AppliedTick applied = session_.WaitForServo(state.scene_revision);
                          *response->mutable_registration() = ToProto(state);
                          response->set_settings_revision(state.settings_revision);
                          response->set_applied_tick(applied.tick);

@@ -25,8 +25,8 @@ Reply* VolumeService::Change(CallContext* context, std::string_view method,
   return calls_.Answer(context, method, request, [=, this](const Admission& by) {
     const std::int64_t received_ns = MonotonicNowNs();
     const EditOutcome outcome = change([context] { return context->IsCancelled(); });
-    const AppliedTick applied = editor_.Wait(outcome);
     if (outcome.changed_voxels > 0) by.Changed("voxels");
+    const AppliedTick applied = editor_.Wait(outcome);
     metrics_.EditFelt(applied.time_ns - received_ns);
     *response = ToProto(outcome, applied);
   });
@@ -47,10 +47,9 @@ EventStream<v1::LoadVolumeResponse>* VolumeService::LoadVolume(
         LoadRequest load = FromProto(*request);
         load.source = paths_.CheckLoad(request->source());
         load.title = request->source();  // as the client named it, without following links
-        AppliedTick applied;
-        const VolumeState state =
-            session_.LoadAndWait(load, ProgressTo(events), cancelled, applied);
+        const VolumeState state = session_.Load(load, ProgressTo(events), cancelled);
         events.admission().Changed("volume");
+        const AppliedTick applied = session_.WaitForServo(state.scene_revision);
         LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", request->source(),
                 state.volume->revision(), applied.tick, state.isovalue);
         v1::LoadVolumeResponse event;

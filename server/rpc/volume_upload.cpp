@@ -31,14 +31,14 @@ Error WithTitle(const std::exception& error, const Upload& upload) {
 }  // namespace
 
 VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
-                                      const LoadCancelled& cancelled, AppliedTick& applied) {
+                                      const LoadCancelled& cancelled) {
   // only this user can enter its folder
   request.source = std::filesystem::canonical(upload.path());
   request.source_stays = false;
   request.title = upload.title();
   const auto quiet = [](std::string_view, double) {};
   try {
-    return session_.LoadAndWait(request, quiet, cancelled, applied);
+    return session_.Load(request, quiet, cancelled);
   } catch (const std::exception& error) {
     throw WithTitle(error, upload);
   }
@@ -109,13 +109,13 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
     upload_->Finish();
     const auto cancelled = [this] { return context_->IsCancelled(); };
     if (cancelled()) throw Error(ErrorKind::kCancelled, "the upload was cancelled");
-    AppliedTick applied;
-    const VolumeState state = service_.LoadUpload(*upload_, options_, cancelled, applied);
+    const VolumeState state = service_.LoadUpload(*upload_, options_, cancelled);
+    admission_.Changed("volume");
+    const AppliedTick applied = service_.session_.WaitForServo(state.scene_revision);
     *response_->mutable_volume() = ToProto(state);
     response_->set_applied_tick(applied.tick);
     response_->set_settings_revision(state.settings_revision);
     response_->set_isovalue(state.isovalue);
-    admission_.Changed("volume");
     LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", upload_->title(),
             state.volume->revision(), applied.tick, state.isovalue);
     End(grpc::Status::OK);

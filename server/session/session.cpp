@@ -380,13 +380,6 @@ void Session::TakeLattice() {
   ++settings_revision_;
 }
 
-VolumeState Session::LoadAndWait(const LoadRequest& request, const LoadProgress& progress,
-                                 const LoadCancelled& cancelled, AppliedTick& applied) {
-  const VolumeState state = Load(request, progress, cancelled);
-  applied = WaitForServo(state.scene_revision);
-  return state;
-}
-
 VolumeState Session::Move(const std::function<Registration(const VolumeState&)>& change,
                           const std::optional<std::uint64_t>& expected_revision, bool keep) {
   const std::lock_guard lock(mutex_);

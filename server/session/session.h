@@ -139,14 +139,10 @@ class Session {
   // nothing if somebody has changed settings. Throws kInvalidArgument.
   void SetInitial(const RenderSettings& settings);
 
-  // Loads and publishes without waiting for the servo. For the start, before the servo runs. Throws
-  // kFailedPrecondition if edits are not saved, unless the request discards them.
+  // Loads and publishes without waiting for the servo. Throws kConflict while another load runs,
+  // and kFailedPrecondition if edits are not saved, unless the request discards them.
   VolumeState Load(const LoadRequest& request, const LoadProgress& progress,
                    const LoadCancelled& cancelled);
-  // Loads with a running servo; `applied` is the first tick with the volume. Throws kConflict while
-  // another load runs.
-  VolumeState LoadAndWait(const LoadRequest& request, const LoadProgress& progress,
-                          const LoadCancelled& cancelled, AppliedTick& applied);
 
   // Blocks other loads as long as the caller holds the lock; for callers that load without Load().
   // Throws kConflict while another load runs.

@@ -106,7 +106,6 @@ TEST_F(SessionTest, BadSettingsToStartWithAreRefused) {
 
 TEST_F(SessionTest, AFailedLoadKeepsTheVolume) {
   const VolumeState before = session().volume();
-  AppliedTick applied;
   for (const LoadRequest& bad :
        {LoadRequest{.source = "builtin:cube"}, LoadRequest{.source = "relative.nrrd"},
         LoadRequest{.source = "builtin:bumps:16", .isovalue = 7.0},
@@ -114,8 +113,7 @@ TEST_F(SessionTest, AFailedLoadKeepsTheVolume) {
         LoadRequest{.source = "builtin:bumps:16", .device_mm_per_volume_mm = 1e-300},
         LoadRequest{.source = "builtin:bumps:16", .device_mm_per_volume_mm = 1e300},
         LoadRequest{.source = "builtin:bumps:16", .spacing_mm = Vec3(0, 1, 1)}}) {
-    EXPECT_EQ(Refusal([&] { session().LoadAndWait(bad, kQuiet, kNever, applied); }),
-              ErrorKind::kInvalidArgument)
+    EXPECT_EQ(Refusal([&] { session().Load(bad, kQuiet, kNever); }), ErrorKind::kInvalidArgument)
         << bad.source;
   }
   EXPECT_EQ(session().volume().volume, before.volume);
@@ -124,11 +122,9 @@ TEST_F(SessionTest, AFailedLoadKeepsTheVolume) {
 
 TEST_F(SessionTest, ACancelledLoadKeepsTheVolume) {
   const VolumeState before = session().volume();
-  AppliedTick applied;
   int asked = 0;
   EXPECT_EQ(Refusal([&] {
-              session().LoadAndWait(
-                  {.source = "builtin:bumps:32"}, kQuiet, [&] { return ++asked > 33; }, applied);
+              session().Load({.source = "builtin:bumps:32"}, kQuiet, [&] { return ++asked > 33; });
             }),
             ErrorKind::kCancelled);
   EXPECT_EQ(session().volume().volume, before.volume);
@@ -136,13 +132,11 @@ TEST_F(SessionTest, ACancelledLoadKeepsTheVolume) {
 
 TEST_F(SessionTest, ALoadChoosesItsIsovalueAnewAndIsSeenAtOneTick) {
   session().Update({.normalized_isovalue = 0.3});
-  AppliedTick applied;
-  const VolumeState state =
-      session().LoadAndWait({.source = "builtin:gyroid:32"}, kQuiet, kNever, applied);
+  const VolumeState state = session().Load({.source = "builtin:gyroid:32"}, kQuiet, kNever);
   EXPECT_EQ(state.volume->revision(), 2u);
   EXPECT_EQ(state.isovalue, state.values->suggested.front().isovalue);
   EXPECT_NEAR(session().settings().settings.normalized_isovalue, 0.5, 1e-12);
-  EXPECT_GT(applied.tick, 0u);
+  EXPECT_GT(session().WaitForServo(state.scene_revision).tick, 0u);
 }
 
 TEST_F(SessionTest, MethodsForComparisonAreRefusedOnHardware) {
