@@ -70,8 +70,10 @@ void Admission::Leave() {
     access->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   }
   if (call.samples_per_s > 0) access->limits_.LeaveSamples(call.caller.name, call.samples_per_s);
-  access->activity_.Left(call.caller, call.peer, call.rule->kind == CallKind::kPoseStream,
-                         MonotonicNowNs());
+  if (call.is_noted) {
+    access->activity_.Left(call.caller, call.peer, call.rule->kind == CallKind::kPoseStream,
+                           MonotonicNowNs());
+  }
   const std::lock_guard lock(access->mutex_);
   access->running_.erase(running_);
 }
@@ -176,10 +178,11 @@ Admission Access::Enter(const Admission::Running& call,
     return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
                   call.rule->method, *problem);
   }
-  activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, MonotonicNowNs());
   Admission admission;
   admission.access_ = this;
   admission.running_ = running_.insert(running_.end(), call);
+  admission.running_->is_noted =
+      activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, MonotonicNowNs());
   return admission;
 }
 

@@ -77,6 +77,7 @@ class Admission {
     std::string peer{};
     std::size_t request_bytes = 0;
     int samples_per_s = 0;  // what TakeSamples has taken
+    bool is_noted = false;  // in the activity
     bool is_answered = false;
     bool ended = false;
     // when the call ends unless its client reads or sends; 0: the daemon does not wait for it

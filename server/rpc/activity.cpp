@@ -26,7 +26,7 @@ bool Activity::IsGone(const Seen& seen, std::int64_t now_ns) {
   return seen.calls == 0 && now_ns - seen.last_ns > kHere_ns;
 }
 
-void Activity::Came(const Identity& identity, const std::string& peer, bool watches,
+bool Activity::Came(const Identity& identity, const std::string& peer, bool watches,
                     std::int64_t now_ns) {
   const std::lock_guard lock(mutex_);
   const std::pair key(peer, identity.name);
@@ -38,7 +38,7 @@ void Activity::Came(const Identity& identity, const std::string& peer, bool watc
   if (found == callers_.end()) {
     std::erase_if(callers_, [&](const auto& one) { return IsGone(one.second, now_ns); });
     // Limits of connections and calls keep them far fewer.
-    if (callers_.size() >= kMostCallers) return;
+    if (callers_.size() >= kMostCallers) return false;
     Seen seen{.caller = {identity, peer, now_ns}, .number = came_++};
     found = callers_.emplace(key, std::move(seen)).first;
   }
@@ -47,13 +47,14 @@ void Activity::Came(const Identity& identity, const std::string& peer, bool watc
   seen.last_ns = now_ns;
   ++seen.calls;
   if (watches) ++seen.pose_streams;
+  return true;
 }
 
 void Activity::Left(const Identity& identity, const std::string& peer, bool watches,
                     std::int64_t now_ns) {
   const std::lock_guard lock(mutex_);
   const auto found = callers_.find({peer, identity.name});
-  if (found == callers_.end()) return;  // one of too many
+  if (found == callers_.end()) return;
   Seen& seen = found->second;
   seen.last_ns = now_ns;
   if (seen.calls > 0) --seen.calls;

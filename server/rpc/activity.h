@@ -44,8 +44,9 @@ class Activity {
     std::int64_t time_ns = 0;
   };
 
-  // A call was admitted. Call Left with the same values when it is over.
-  void Came(const Identity& identity, const std::string& peer, bool watches, std::int64_t now_ns);
+  // A call was admitted. If this returns true, call Left with the same values when the call is
+  // over. False: there are too many callers to remember this one.
+  bool Came(const Identity& identity, const std::string& peer, bool watches, std::int64_t now_ns);
   void Left(const Identity& identity, const std::string& peer, bool watches, std::int64_t now_ns);
   // The thing was changed. `what`: one of a few names.
   void Changed(std::string_view what, std::string by, std::int64_t now_ns);

@@ -76,7 +76,8 @@ TEST(Activity, ConnectionsByTheThousandTakeNoMore) {
   Activity activity;
   for (int n = 0; n < 3 * static_cast<int>(Activity::kMostCallers); ++n) {
     const std::string peer = "ipv4:192.0.2.7:" + std::to_string(n);
-    activity.Came(kAda, peer, false, 0);
+    const bool is_noted = activity.Came(kAda, peer, false, 0);
+    EXPECT_EQ(is_noted, n < 4096);
     if (n % 2 == 0) activity.Left(kAda, peer, false, 0);
     activity.Left(kBob, peer, true, 0);  // who never came
   }
