@@ -23,8 +23,8 @@ from palpate.v1 import device_pb2, device_pb2_grpc
 _SEND_PERIOD_S = 0.008
 _MAX_BUTTONS = (1 << 32) - 1
 _FELT_HZ = 1000.0
-_FELT_BATCH = 20
-_FELT_ON_THE_WAY = 64
+# The daemon loses samples if it cannot send for as long as a batch lasts.
+_FELT_BATCH = 100
 # The path begins when the hand rests at its first point, or rests against what is in its way.
 _REST_MM = 0.02
 _REST_SAMPLES = 100
@@ -155,8 +155,8 @@ class Hand:
             raise InvalidArgument(f"rate_hz is above 0, not {rate:g}")
         times_s = np.arange(len(points_mm)) / rate
         self.move_to(points_mm[0], buttons)
-        # Every sample, also if this program or its machine makes pauses of a second.
-        with PoseStream(self._link, _FELT_HZ, _FELT_BATCH, 1 << 20, _FELT_ON_THE_WAY) as stream:
+        # Every sample, whatever pauses this program makes.
+        with PoseStream(self._link, _FELT_HZ, _FELT_BATCH, 1 << 20) as stream:
             _wait_for_rest(stream, points_mm[0])
             # The stream may be behind. What belongs to the path, the daemon's ticks say.
             first_tick = self._ticks()

@@ -19,8 +19,7 @@ from palpate._tables import Table
 from palpate._values import number, whole
 from palpate.v1 import pose_pb2, pose_pb2_grpc
 
-# So few messages on their way that a slow program gets fresh ones.
-_FRESH = 4
+_MAX_UNACKNOWLEDGED = 4
 # As in palpate/v1/pose.proto.
 _MAX_RATE_HZ = 1000
 _MAX_BATCH = 256
@@ -247,14 +246,13 @@ class PoseStream:
     Example: with conn.poses() as stream: print(next(stream).hip_mm)
     """
 
-    def __init__(self, link: Link, rate_hz: float, batch: int, waiting: int,
-                 unacknowledged: int = _FRESH) -> None:
+    def __init__(self, link: Link, rate_hz: float, batch: int, waiting: int) -> None:
         rate = number("rate_hz", rate_hz)
         if not 0 < rate <= _MAX_RATE_HZ:
             raise InvalidArgument(f"rate_hz is above 0 to {_MAX_RATE_HZ}, not {rate:g}")
         waiting = whole("waiting", waiting, 1, _MAX_WAITING)
         start = pose_pb2.StreamPosesStart(rate_hz=rate, batch=whole("batch", batch, 1, _MAX_BATCH),
-                                          max_unacknowledged=unacknowledged)
+                                          max_unacknowledged=_MAX_UNACKNOWLEDGED)
         link.check_open()
         self._link = link
         self._is_open = True
