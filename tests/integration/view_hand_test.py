@@ -123,10 +123,13 @@ class ViewHand(Led, unittest.TestCase):
         if not self.window.shows(FORCE_PLOT):
             self.window.do("key", "d")
         before = self.plot()
+        # Without the plots, the view has its middle where the pointer goes.
+        self.window.do("key", "d")
         self.take()
         self.conn.recording.start(path)
         self.check_touch()
         self.conn.recording.stop()
+        self.window.do("key", "d")
         self.assertFalse(np.array_equal(before, self.plot()))
         self.replay(path)
 

@@ -4,7 +4,7 @@ import unittest
 
 import numpy as np
 from support import DaemonTest, wait_until
-from view_support import Screen, Window
+from view_support import RIGHT, Screen, Window
 
 
 class ViewSession(DaemonTest):
@@ -15,6 +15,8 @@ class ViewSession(DaemonTest):
                              self.daemon.socket)
         self.addCleanup(self.window.end)
         self.window.wait_for_title("Palpate: builtin:gyroid:48")
+        # Room for the whole panel of the session.
+        self.window.press("Feel, for everyone", within=RIGHT)
 
     def type(self, text):
         for letter in text:

@@ -4,7 +4,7 @@ import numpy as np
 import palpate
 from secured import SecuredDaemon
 from support import DaemonTest, wait_until
-from view_support import Screen, Window
+from view_support import RIGHT, Screen, Window
 
 
 class SharedWindow(DaemonTest):
@@ -22,14 +22,6 @@ class SharedWindow(DaemonTest):
                             "--token-file", cls.daemon.tokens["operator"], "--no-overlay")
         cls.addClassCleanup(cls.window.end)
         cls.window.wait_for_title("Palpate: builtin:sphere:48")
-
-    def open(self, *names):
-        """Shows what is below the first of these headings or tabs that is there."""
-        for name in names:
-            if self.window.shows(name):
-                self.window.press(name)
-                return
-        self.fail(f"no {names}")
 
     def isovalue_is(self, value):
         return wait_until(lambda: abs(self.conn.settings.isovalue - value) < 1e-9)
@@ -122,7 +114,7 @@ class SharedWindow(DaemonTest):
         def view():
             return np.asarray(self.window.picture("s"))
 
-        self.open("Crop and cut", "Cut")
+        self.window.tab("Cut")
         # On and off again: by then all of the volume is here.
         pictures = []
 
@@ -140,7 +132,7 @@ class SharedWindow(DaemonTest):
         self.assertTrue(wait_until(lambda: np.array_equal(view(), whole)))
 
     def test_who_is_here_and_who_changed_what(self):
-        self.open("People")
+        self.window.press("People", within=RIGHT)
         for text in ("token operator (you)", "token editor", "watches"):
             self.window.find(text)
         self.conn.settings.stiffness_n_per_mm = 0.625
