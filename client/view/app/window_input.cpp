@@ -83,12 +83,16 @@ void WindowInput::ReleaseKeys() {
 
 void WindowInput::ShowTyped() {
   ImGuiIO& io = ImGui::GetIO();
+  bool is_first = true;
   while (!typed_.empty() && typed_.front().after <= shown_) {
     const Typed typed = typed_.front();
+    // A frame has ctrl, or it has not. Ctrl may be up again when the frame begins.
+    if (!std::exchange(is_first, false) && typed.ctrl != io.KeyCtrl) return;
     // The second press of a key gets a frame of its own, after one without it.
     if (typed.key >= 0 && (io.KeysDown[typed.key] || io.KeysDownDuration[typed.key] >= 0.0f))
       return;
     typed_.pop_front();
+    io.KeyCtrl = typed.ctrl;
     if (typed.key < 0) {
       io.AddInputCharacter(typed.character);
     } else {
@@ -122,8 +126,12 @@ std::vector<KeyPress> WindowInput::TakeKeys() {
 // Uses the letter printed on the key, so that ctrl+Z works on every keyboard layout.
 void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, int modifiers) {
   if (action != GLFW_PRESS) return;
-  if (key >= 0 && key < IM_ARRAYSIZE(ImGuiIO::KeysDown)) Of(window).Wait({.key = key});
-  KeyPress press{.key = {}, .ctrl = (modifiers & GLFW_MOD_CONTROL) != 0};
+  const bool ctrl = (modifiers & GLFW_MOD_CONTROL) != 0;
+  if (key >= 0 && key < IM_ARRAYSIZE(ImGuiIO::KeysDown)) {
+    const bool is_ctrl = key == GLFW_KEY_LEFT_CONTROL || key == GLFW_KEY_RIGHT_CONTROL;
+    Of(window).Wait({.key = key, .ctrl = ctrl || is_ctrl});
+  }
+  KeyPress press{.key = {}, .ctrl = ctrl};
   switch (key) {
     case GLFW_KEY_ESCAPE:
       if (!Of(window).IsForTextField()) Of(window).stop_();

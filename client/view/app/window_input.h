@@ -62,6 +62,7 @@ class WindowInput {
   // one. What is typed after a click waits for the click, which may open a text field.
   struct Typed {
     int key = -1;
+    bool ctrl = false;  // was held with the key
     unsigned character = 0;
     std::uint64_t after = 0;  // the number of pointer events before it
   };
