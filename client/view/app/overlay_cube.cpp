@@ -1,6 +1,7 @@
 #include <array>
 
 #include "client/view/app/overlays.h"
+#include "client/view/app/theme.h"
 #include "client/view/scene/orientation_cube.h"
 #include "client/view/scene/value_window.h"
 
