@@ -55,8 +55,6 @@ class Tour:
 def without_daemon(tour, screen):
     tour.open(screen, "--socket", str(tour.folder / "none.sock"))
     tour.keep("start", 4)
-    tour.window.press("Type a path\N{HORIZONTAL ELLIPSIS}")
-    tour.keep("start-path")
     tour.window.end()
 
 
