@@ -46,10 +46,13 @@ grpc::Status Edit(const std::shared_ptr<grpc::Channel>& channel) {
   grpc::ClientContext context;
   v1::EditVolumeRequest request;
   request.set_frame(v1::EDIT_FRAME_INDEX);
-  request.set_operation(v1::EDIT_OPERATION_SET);
-  request.set_value(3.0);
+  request.set_operation(v1::EDIT_OPERATION_ADD);
+  request.set_value(0.01);
   request.mutable_sphere()->set_radius(3.0);
-  request.mutable_sphere()->mutable_center()->set_x(8.0);
+  v1::Vector3& center = *request.mutable_sphere()->mutable_center();
+  center.set_x(8.0);
+  center.set_y(8.0);
+  center.set_z(8.0);
   v1::EditVolumeResponse response;
   return v1::VolumeService::NewStub(channel)->EditVolume(&context, request, &response);
 }
@@ -78,7 +81,10 @@ TEST(UnconfirmedChange, IsNotedLikeAnyOther) {
     calls.push_back(std::async(std::launch::async, call, channel));
     EXPECT_TRUE(test::Eventually([&] { return IsNoted(channel, what); })) << what;
   }
-  for (auto& call : calls) EXPECT_EQ(call.get().error_code(), grpc::StatusCode::UNAVAILABLE);
+  for (auto& call : calls) {
+    const grpc::Status status = call.get();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE) << status.error_message();
+  }
 }
 
 }  // namespace
