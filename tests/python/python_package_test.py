@@ -90,14 +90,14 @@ class Readme(unittest.TestCase):
         # What names a daemon or a file that are not here, in the words of those that are.
         blocks = [block.replace("/data/head.nrrd", "builtin:sphere:64") for block in examples()[1:]
                   if "lab.example" not in block]
-        self.assertEqual(len(blocks), 4)
+        self.assertEqual(len(blocks), 5)
         with Daemon() as daemon, daemon.connect() as conn:
             conn.recording.start(daemon.folder / "trial-7.palrec")
             conn.recording.mark("here")
             next(conn.poses(100, 10))
             conn.recording.stop()
             said = run([sys.executable, "-c", "import palpate\nconn = palpate.connect()\n"
-                        + "".join(blocks)], cwd=daemon.folder,
+                        "path_mm = [(0, 55, 0), (5, 55, 0)]\n" + "".join(blocks)], cwd=daemon.folder,
                        env=os.environ | {"PALPATE_SOCKET": daemon.socket, "PALPATE_SERVER": ""})
         self.assertIn("['here']", said)
 
@@ -116,10 +116,10 @@ class Documented(unittest.TestCase):
     def test_what_is_called_says_its_arguments_its_errors_and_an_example(self):
         called = [(held, "", held) for held in (palpate.connect, palpate.open_recording,
                                                 palpate.profiles)]
-        for held in (palpate.Connection, palpate.Device, palpate.Edits, palpate.LiveVolume,
-                     palpate.PoseStream, palpate.Poses, palpate.Recording, palpate.RecordingFile,
-                     palpate.RecordedEdit, palpate.RecordedTicks, palpate.Series, palpate.Settings,
-                     palpate.Volume, palpate.VolumeAccess):
+        for held in (palpate.Connection, palpate.Device, palpate.Edits, palpate.Hand,
+                     palpate.LiveVolume, palpate.PoseStream, palpate.Poses, palpate.Recording,
+                     palpate.RecordingFile, palpate.RecordedEdit, palpate.RecordedTicks,
+                     palpate.Series, palpate.Settings, palpate.Volume, palpate.VolumeAccess):
             called += [(getattr(held, part), inspect.getdoc(held), f"{held.__name__}.{part}")
                        for part in dir(held) if not part.startswith("_")
                        and inspect.isroutine(getattr(held, part))]
