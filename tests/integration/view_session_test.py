@@ -112,6 +112,18 @@ class ViewSession(DaemonTest):
         self.assertEqual(self.state().path, str(self.daemon.folder / "again-2.palrec"))
         self.assertEqual((self.daemon.folder / "again.palrec").stat().st_size, size)
 
+    def test_the_window_outlives_a_daemon_that_ends_while_it_records(self):
+        self.name("cut")
+        self.window.press("Record")
+        self.becomes(lambda: self.window.shows("Stop recording"))
+        self.daemon.end()
+        self.window.wait_for_title("Palpate: reconnecting")
+        self.daemon.start()
+        self.window.wait_for_title("Palpate: builtin:gyroid:48")
+        # It asks once a second.
+        self.becomes(lambda: self.window.shows("not recording"))
+        self.assertIsNone(self.window.process.poll())
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -23,6 +23,9 @@ class SharedWindow(DaemonTest):
         cls.addClassCleanup(cls.window.end)
         cls.window.wait_for_title("Palpate: builtin:sphere:48")
 
+    def setUp(self):
+        self.window.tab("Surface")
+
     def isovalue_is(self, value):
         return wait_until(lambda: abs(self.conn.settings.isovalue - value) < 1e-9)
 

@@ -148,7 +148,8 @@ class InAWindow(DaemonTest):
         self.from_menu("Type a path\N{HORIZONTAL ELLIPSIS}")
         self.window.find("Open a path")
         # The field has the keyboard.
-        self.window.do("key", "ctrl+a", "type", "builtin:gyroid:384\n")
+        self.window.do("key", "ctrl+a", "type", "builtin:gyroid:384")
+        self.window.do("key", "Return")
         self.window.press("Cancel")
         self.window.find("loading was cancelled")
         self.assertEqual(self.source(), "builtin:sphere:48")
