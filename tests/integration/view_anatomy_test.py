@@ -7,7 +7,7 @@ as scene/slice_view.h says it.
 import numpy as np
 from support import DaemonTest, nrrd, wait_until
 from text_in_picture import likeness_of, places_of
-from view_support import Screen, Window
+from view_support import LEFT, Screen, Window
 
 # Tall slices: there is empty ground at their left and right.
 SIZE = np.array((10, 8, 30))
@@ -137,6 +137,25 @@ class OfPatient(DaemonTest):
         self.assertTrue(wait_until(lambda: self.shows(text)))
         self.window.do("key", "Delete")
         self.assertTrue(wait_until(lambda: not self.shows(text)))
+        self.window.do("key", "m")
+
+    def test_a_saved_view_is_removed_while_there_are_distances(self):
+        self.window.tab("Look")
+        for heading in ("Distances", "Saved views"):
+            self.window.press(heading, within=LEFT)
+        self.window.do("key", "m")
+        a, b = self.coronal.pixel_of((1, 3)), self.coronal.pixel_of((8, 25))
+        self.window.click(*a)
+        self.window.click(*b)
+        distance = f"1: {np.hypot(a[0] - b[0], a[1] - b[1]) / self.coronal.px_per_mm:.1f} mm"
+        self.window.press("Save the view", within=LEFT)
+        _, y = self.window.find("View 1", within=LEFT)
+        self.window.press("Remove", within=(0, y - 12, 306, y + 12))
+        self.assertTrue(wait_until(lambda: not self.window.shows("View 1", within=LEFT)))
+        # The distance is still there, and goes by its own button.
+        _, y = self.window.find(distance, within=LEFT)
+        self.window.press("Remove", within=(0, y - 12, 306, y + 12))
+        self.assertTrue(wait_until(lambda: not self.window.shows(distance, within=LEFT)))
         self.window.do("key", "m")
 
     def grays(self, pane):

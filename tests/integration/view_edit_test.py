@@ -224,7 +224,9 @@ class Filtering(ViewEdit):
         before = self.values()
         first = self.revision()
         self.window.tab("Edit")
-        self.window.press("gaussian", within=LEFT)
+        # The button that undoes a filter has its name, too.
+        _, y = self.window.find("Kind", within=LEFT)
+        self.window.press("gaussian", within=(0, y - 12, 300, y + 12))
         self.window.press("median", within=LEFT)
         self.window.press("Apply the filter")
         self.assertTrue(wait_until(lambda: self.revision() == first + 1))

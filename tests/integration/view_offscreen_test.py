@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import re
 import signal
 import subprocess
 import tempfile
@@ -22,7 +23,15 @@ def begin_endless(test, daemon):
          "64x64", "--screenshot", daemon.folder / "never.png"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     test.addCleanup(process.kill)
-    test.assertTrue(wait_until(lambda: len(os.listdir(f"/proc/{process.pid}/task")) > 3))
+
+    def is_under_way():
+        # Libraries start threads of their own, before signals are taken.
+        status = pathlib.Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
+        caught = int(re.search(r"^SigCgt:\s*(\w+)$", status, re.MULTILINE)[1], 16)
+        return (caught >> (signal.SIGTERM - 1) & 1
+                and len(os.listdir(f"/proc/{process.pid}/task")) > 3)
+
+    test.assertTrue(wait_until(is_under_way))
     return process
 
 
