@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "client/view/live/brush.h"
+#include "client/view/live/history.h"
 #include "tests/support/live_view.h"
 #include "tests/support/restarted_daemon.h"
 
@@ -76,9 +77,38 @@ class ViewBrush : public ::testing::Test {
     }
     brush_.End();
   }
+  // As the viewer does: the history has strokes among other steps.
+  void NoteStrokes() {
+    for (const Brush::BegunStroke& stroke : brush_.TakeBegun()) {
+      newest_ = stroke.number;
+      history_.Add({.name = stroke.name,
+                    .go =
+                        [this, number = stroke.number](bool forward) {
+                          forward ? brush_.Redo(number, feed_->commands(), {})
+                                  : brush_.Undo(number, feed_->commands(), {});
+                        },
+                    .lasts = brush_.LastsOf(stroke.number)});
+    }
+  }
+  bool CanUndo() {
+    NoteStrokes();
+    return !history_.undo_name().empty();
+  }
+  bool CanRedo() {
+    NoteStrokes();
+    return !history_.redo_name().empty();
+  }
+  bool Undo() {
+    NoteStrokes();
+    return history_.Undo();
+  }
+  bool Redo() {
+    NoteStrokes();
+    return history_.Redo();
+  }
   void ExpectVoxels(const Bricks& expected) { EXPECT_EQ(CountDifferent(Voxels(), expected), 0u); }
   void ExpectUndoneTo(const Bricks& expected) {
-    brush_.Undo(feed_->commands());
+    EXPECT_TRUE(Undo());
     ExpectVoxels(expected);
   }
   // Nothing else runs until it is let go.
@@ -92,37 +122,38 @@ class ViewBrush : public ::testing::Test {
   test::RestartedDaemon daemon_;
   std::unique_ptr<LiveFeed> feed_;
   Brush brush_;
+  History history_;
+  std::uint64_t newest_ = 0;  // the stroke that was noted last
   BrushOptions options_;
 };
 
 TEST_F(ViewBrush, AStrokeIsTakenBackByOneUndo) {
   const Bricks loaded = Voxels();
-  EXPECT_FALSE(brush_.CanUndo() || brush_.CanRedo());
+  EXPECT_FALSE(CanUndo() || CanRedo());
   DrawLine(16, 20);
   const Bricks one = Voxels();
   EXPECT_GT(CountDifferent(loaded, one), 300u);
-  EXPECT_TRUE(brush_.CanUndo());
+  EXPECT_TRUE(CanUndo());
   DrawLine(30, 28);
   const Bricks two = Voxels();
   EXPECT_GT(CountDifferent(one, two), 300u);
 
   ExpectUndoneTo(one);
-  EXPECT_TRUE(brush_.CanUndo() && brush_.CanRedo());
+  EXPECT_TRUE(CanUndo() && CanRedo());
   ExpectUndoneTo(loaded);
-  EXPECT_FALSE(brush_.CanUndo());
-  ExpectUndoneTo(loaded);
-  EXPECT_NE(feed_->commands().problem(), "");
+  EXPECT_FALSE(CanUndo());
+  EXPECT_FALSE(Undo());
 
-  brush_.Redo(feed_->commands());
+  EXPECT_TRUE(Redo());
   ExpectVoxels(one);
-  brush_.Redo(feed_->commands());
+  EXPECT_TRUE(Redo());
   ExpectVoxels(two);
-  EXPECT_FALSE(brush_.CanRedo());
+  EXPECT_FALSE(CanRedo());
   ExpectUndoneTo(one);
   // What is drawn now takes the place of what was taken back.
   DrawLine(24, 36);
   EXPECT_TRUE(Settle(*feed_));
-  EXPECT_FALSE(brush_.CanRedo());
+  EXPECT_FALSE(CanRedo());
   ExpectUndoneTo(one);
 }
 
@@ -166,7 +197,7 @@ TEST_F(ViewBrush, WaitingEditsAreMadeOneAfterTheOther) {
   EXPECT_EQ(volume.Value({10, 10, 8}), drawn);
   EXPECT_EQ(volume.Value({36, 36, 8}), drawn);
   EXPECT_NE(volume.Value({23, 23, 4}), drawn);
-  brush_.Undo(feed_->commands());
+  EXPECT_TRUE(Undo());
   EXPECT_TRUE(Settle(*feed_));
   EXPECT_EQ(volume.Value({10, 10, 8}), drawn);
   EXPECT_NE(volume.Value({36, 36, 8}), drawn);
@@ -179,13 +210,13 @@ TEST_F(ViewBrush, AHandThatRestsSendsNothing) {
   EXPECT_EQ(Revision(), once);
   brush_.End();
   // A stroke that changes nothing is none.
-  EXPECT_TRUE(brush_.CanUndo());
+  EXPECT_TRUE(CanUndo());
   MoveTo(Vec3(20, 24, 24));
   brush_.End();
   EXPECT_EQ(Revision(), once);
-  brush_.Undo(feed_->commands());
+  EXPECT_TRUE(Undo());
   EXPECT_GT(Revision(), once);
-  EXPECT_FALSE(brush_.CanUndo());
+  EXPECT_FALSE(CanUndo());
 }
 
 TEST_F(ViewBrush, NothingOfAnotherClientIsTakenBack) {
@@ -195,10 +226,10 @@ TEST_F(ViewBrush, NothingOfAnotherClientIsTakenBack) {
   EXPECT_TRUE(Settle(*feed_));
   ASSERT_TRUE(EditBy(other, 30).changed);
   const Bricks both = Voxels();
-  EXPECT_TRUE(brush_.CanUndo());
+  EXPECT_TRUE(CanUndo());
   ExpectUndoneTo(both);
   EXPECT_NE(feed_->commands().problem(), "");
-  EXPECT_FALSE(brush_.CanUndo() || brush_.CanRedo());
+  EXPECT_FALSE(CanUndo() || CanRedo());
 
   // Found by the next stroke, which is taken back alone.
   DrawLine(16, 34);
@@ -208,7 +239,7 @@ TEST_F(ViewBrush, NothingOfAnotherClientIsTakenBack) {
   DrawLine(30, 34);
   EXPECT_GT(CountDifferent(Voxels(), before), 0u);
   ExpectUndoneTo(before);
-  EXPECT_FALSE(brush_.CanUndo());
+  EXPECT_FALSE(CanUndo());
 }
 
 // For a history of all that the user does, which has strokes among other steps.
@@ -261,7 +292,8 @@ TEST_F(ViewBrush, OfADaemonThatWasStartedAgainNothingIsTakenBack) {
   brush_.End();
   const std::uint64_t edited = Revision();
   ASSERT_EQ(edited, loaded + 1);
-  EXPECT_TRUE(brush_.CanUndo());
+  EXPECT_TRUE(CanUndo());
+  const std::uint64_t stroke = newest_;
   const std::uint64_t killed = daemon_id();
   const std::uint64_t losses = feed_->losses();
   daemon_.Kill();
@@ -277,12 +309,13 @@ TEST_F(ViewBrush, OfADaemonThatWasStartedAgainNothingIsTakenBack) {
   // Also before the volume has come again.
   ASSERT_TRUE(Follow(*feed_, [&] { return feed_->losses() > losses; }));
   Frame();
-  brush_.Undo(feed_->commands());
+  brush_.Undo(stroke, feed_->commands(), {});
   // Until the volume is the new daemon's, whose revisions say the same again.
   ASSERT_TRUE(Follow(*feed_, [&] { return daemon_id() != 0 && daemon_id() != killed; }));
   const Bricks of_other = Voxels();
-  EXPECT_FALSE(brush_.CanUndo());
-  ExpectUndoneTo(of_other);
+  EXPECT_FALSE(CanUndo());
+  brush_.Undo(stroke, feed_->commands(), {});
+  ExpectVoxels(of_other);
   EXPECT_NE(feed_->commands().problem(), "");
   DrawLine(16, 20);
   EXPECT_GT(CountDifferent(Voxels(), of_other), 0u);
@@ -293,14 +326,14 @@ TEST_F(ViewBrush, OfADaemonThatWasStartedAgainNothingIsTakenBack) {
 TEST_F(ViewBrush, AnUndoWithoutAnAnswerEndsTheHistory) {
   DrawLine(16, 20);
   EXPECT_TRUE(Settle(*feed_));
-  ASSERT_TRUE(brush_.CanUndo());
+  ASSERT_TRUE(CanUndo());
   daemon_.Hang();
-  brush_.Undo(feed_->commands());
+  EXPECT_TRUE(Undo());
   EXPECT_TRUE(Follow(*feed_, [&] { return !feed_->commands().busy(); }));
   EXPECT_EQ(feed_->commands().problem().rfind("undo of a stroke: ", 0), 0u);
   daemon_.Continue();
   ASSERT_TRUE(Settle(*feed_));
-  EXPECT_FALSE(brush_.CanUndo() || brush_.CanRedo());
+  EXPECT_FALSE(CanUndo() || CanRedo());
 }
 
 // The pointer left the surface, or went on far behind: one stroke, with a gap.

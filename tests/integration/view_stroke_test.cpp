@@ -127,7 +127,7 @@ class ViewStroke : public ::testing::TestWithParam<const char*> {
     brush_.Follow(volume(), feed_->losses());
   }
   void UndoTo(const Bricks& loaded) {
-    brush_.Undo(feed_->commands());
+    brush_.Undo(brush_.TakeBegun().back().number, feed_->commands(), {});
     EXPECT_TRUE(Settle(*feed_));
     Frame();
     EXPECT_EQ(BricksOf(volume()), loaded);

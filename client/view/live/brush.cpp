@@ -30,8 +30,8 @@ client::Edit EditOf(const BrushOptions& options) {
 class Brush::History {
  public:
   struct Wanted {
-    std::uint64_t stroke = 0;  // 0: the last
-    ChangedBy changed_by{};    // may be empty
+    std::uint64_t stroke = 0;
+    ChangedBy changed_by{};  // may be empty
   };
 
   // Begins anew after a reconnection: a restarted daemon counts its revisions anew.
@@ -95,14 +95,6 @@ class Brush::History {
     if (undo_.empty() || undo_.back().number != stroke) undo_.push_back({stroke, 0});
     ++undo_.back().edits;
   }
-  bool CanUndo() const {
-    const std::lock_guard lock(mutex_);
-    return !undo_.empty();
-  }
-  bool CanRedo() const {
-    const std::lock_guard lock(mutex_);
-    return !redo_.empty();
-  }
 
   void Undo(client::Client& client, const Wanted& wanted) {
     Move(undo_, redo_, client, wanted, [&] { return client.Undo(revision()); });
@@ -132,8 +124,7 @@ class Brush::History {
   void Move(Strokes& from, Strokes& to, client::Client& client, const Wanted& wanted,
             const Step& step) {
     std::unique_lock lock(mutex_);
-    const bool is_there =
-        !from.empty() && (wanted.stroke == 0 || from.back().number == wanted.stroke);
+    const bool is_there = !from.empty() && from.back().number == wanted.stroke;
     if (!is_there) throw Error(ErrorKind::kConflict, "no stroke is left");
     const std::uint64_t number = from.back().number;
     const std::uint64_t connection = connection_;
@@ -247,19 +238,11 @@ std::function<bool()> Brush::LastsOf(std::uint64_t number) const {
   return [history = history_, number] { return history->Lasts(number); };
 }
 
-bool Brush::CanUndo() const { return history_->CanUndo(); }
-
-void Brush::Undo(Commands& commands) { Undo(0, commands, {}); }
-
 void Brush::Undo(std::uint64_t number, Commands& commands, ChangedBy changed_by) {
   commands.Do("undo of a stroke",
               [history = history_, wanted = History::Wanted{number, std::move(changed_by)}](
                   client::Client& client) { history->Undo(client, wanted); });
 }
-
-bool Brush::CanRedo() const { return history_->CanRedo(); }
-
-void Brush::Redo(Commands& commands) { Redo(0, commands, {}); }
 
 void Brush::Redo(std::uint64_t number, Commands& commands, ChangedBy changed_by) {
   commands.Do("redo of a stroke",

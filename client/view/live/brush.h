@@ -72,12 +72,6 @@ class Brush {
   // for people, such as "filter".
   std::function<void(const client::EditResult&)> OtherStroke(std::string name = "filter");
 
-  // True if there is a finished stroke whose edits changed something.
-  bool CanUndo() const;
-  void Undo(Commands& commands);  // the last stroke
-  bool CanRedo() const;
-  void Redo(Commands& commands);
-
   // True if an edit of a stroke waits for its answer.
   bool is_waiting() const;
 
@@ -91,7 +85,7 @@ class Brush {
   // False if the stroke changed nothing, or was forgotten. The function may be called later, on any
   // thread.
   std::function<bool()> LastsOf(std::uint64_t number) const;
-  // As Undo and Redo, if the last stroke is this one; an error of the commands otherwise.
+  // Undoes or redoes this stroke if it is the last one; an error of the commands otherwise.
   // `changed_by`: names who changed the voxels last, for the error; called on the commands' thread.
   using ChangedBy = std::function<std::string(client::Client&)>;
   void Undo(std::uint64_t number, Commands& commands, ChangedBy changed_by);
