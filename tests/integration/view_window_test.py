@@ -290,7 +290,7 @@ class ViewPanels(OneWindow):
             lambda: self.bar_is((22, 92, 48)) and not self.dot_is_red()))
 
     def dot_is_red(self):
-        dot = np.asarray(self.window.picture())[8:32, 8:30].reshape(-1, 3).astype(int)
+        dot = np.asarray(self.window.picture())[8:32, 8:110].reshape(-1, 3).astype(int)
         return bool(((dot[:, 0] > 200) & (dot[:, 1] < 150)).any())
 
     def forces_are(self, state):
@@ -352,7 +352,7 @@ class ViewWindowAtItsLimits(unittest.TestCase):
         picture = window.picture()
         self.assertEqual(picture.size, (640, 400))
         # The connection's green dot, and the red of the emergency stop.
-        left = np.asarray(picture)[8:32, 8:30].reshape(-1, 3).astype(int)
+        left = np.asarray(picture)[8:32, 8:110].reshape(-1, 3).astype(int)
         self.assertTrue(((left[:, 1] > 180) & (left[:, 0] < 120)).any())
         right = np.asarray(picture)[8:32, 470:].reshape(-1, 3).astype(int)
         self.assertGreater(int(((right[:, 0] > 150) & (right[:, 1] < 60)).sum()), 1000)
