@@ -188,7 +188,9 @@ class ViewerReplay {
       }
       edits_.push_back(std::move(*edit));
     } else if (auto* scene = std::get_if<RecordedScene>(&*chunk)) {
-      events_.push_back({.position_ms = read_ms_, .edits = std::exchange(edits_, {})});
+      // Of the next sample on. Before the first sample, at once.
+      const double position_ms = missed_ticks_ ? read_ms_ + 1.0 : read_ms_;
+      events_.push_back({.position_ms = position_ms, .edits = std::exchange(edits_, {})});
       events_.back().scene = std::move(*scene);
     } else if (auto* marker = std::get_if<RecordedMarker>(&*chunk)) {
       events_.push_back({.position_ms = read_ms_, .marker = std::move(marker->text)});
