@@ -197,8 +197,8 @@ TEST_F(CutHandles, OfAPlaneThatIsOffThereIsNone) {
     for (ClipPlane& plane : scene.cuts.planes) plane.on = false;
     const Projection projection(RandomCamera(), kViewSize);
     for (int n = 0; n < 200; ++n) {
-      const auto handle =
-          HandleAt(scene, projection, Vector2d(Random(0, kViewSize.width), Random(0, kViewSize.height)));
+      const auto handle = HandleAt(
+          scene, projection, Vector2d(Random(0, kViewSize.width), Random(0, kViewSize.height)));
       EXPECT_TRUE(!handle || handle->kind == CutHandle::Kind::kFace);
     }
   }

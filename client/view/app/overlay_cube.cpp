@@ -32,7 +32,7 @@ std::optional<Cube> CubeOf(const Viewer& viewer, const Area& view, float scale) 
                          view.min.y + kCubeFromTop * scale + radius_px},
               .radius_px = radius_px,
               .faces = SeenFaces(R_VW),
-              .of_patient = IsSeenAsPatient(*volume.lattice())};
+              .of_patient = viewer.state().overlay.letters && IsSeenAsPatient(*volume.lattice())};
 }
 
 Eigen::Vector2d InCube(const Cube& cube, const ImVec2& at) {
