@@ -58,10 +58,13 @@ class Led:
         seen = {}
 
         def rests():
-            before, seen["pose"] = seen.get("pose"), self.pose()
-            return (before is not None and before.contact[-1] and seen["pose"].contact[-1] and
-                    seen["pose"].tick[-1] >= before.tick[-1] + 100 and
-                    np.linalg.norm(seen["pose"].hip_mm[-1] - before.hip_mm[-1]) < 0.02)
+            now = seen["pose"] = self.pose()
+            before = seen.setdefault("before", now)
+            if now.tick[-1] < before.tick[-1] + 100:
+                return False
+            seen["before"] = now
+            return (before.contact[-1] and now.contact[-1] and
+                    np.linalg.norm(now.hip_mm[-1] - before.hip_mm[-1]) < 0.02)
 
         self.assertTrue(wait_until(rests), f"the hand does not come to rest at {place}")
         return seen["pose"]
@@ -154,7 +157,7 @@ class ViewHand(Led, unittest.TestCase):
         leader = self.leader()
         other.do("mousemove", *MIDDLE)
         other.do("key", "g")
-        self.assertTrue(wait_until(lambda: other.shows("given back")))
+        self.assertTrue(wait_until(lambda: other.shows("give it back")))
         self.assertEqual(self.leader(), leader)
 
 
