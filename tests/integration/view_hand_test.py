@@ -5,6 +5,7 @@ import os
 import pathlib
 import re
 import subprocess
+import time
 import unittest
 
 import numpy as np
@@ -156,8 +157,14 @@ class ViewHand(Led, unittest.TestCase):
         self.take()
         leader = self.leader()
         other.do("mousemove", *MIDDLE)
-        other.do("key", "g")
-        self.assertTrue(wait_until(lambda: other.shows("give it back")))
+
+        def is_refused():
+            # Each picture replaces the line by one of its own, so the line must be there first.
+            other.do("key", "g")
+            time.sleep(2)
+            return other.shows("wait until they give it back")
+
+        self.assertTrue(wait_until(is_refused))
         self.assertEqual(self.leader(), leader)
 
 
