@@ -24,6 +24,7 @@
 #include "server/client_files/path_policy.h"
 #include "server/device/explore_script.h"
 #include "server/recording/replayer.h"
+#include "tests/support/recording_control_rig.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"
 #include "tests/support/scene_rig.h"
@@ -37,120 +38,9 @@ using testing::Carve;
 using testing::kNever;
 using testing::Refusal;
 
-const ReplayReports kUnwatched = [](const ReplayReport&) {};
-
-// All that a viewer, or a tool, gets.
-class Collector final : public SampleSink {
- public:
-  void OnSample(const TickSample& sample) override {
-    const std::lock_guard lock(mutex_);
-    samples_.push_back(sample);
-  }
-  std::vector<TickSample> Take() {
-    const std::lock_guard lock(mutex_);
-    return std::exchange(samples_, {});
-  }
-
- private:
-  std::mutex mutex_;
-  std::vector<TickSample> samples_;
-};
-
-std::filesystem::path Allowed(const std::string& path) {
-  if (path.find("forbidden") != std::string::npos) {
-    throw Error(ErrorKind::kPermissionDenied, "not there");
-  }
-  return path;
-}
-
-std::unique_ptr<std::istream> OpenAllowed(const std::string& path) {
-  return PathPolicy({.load_folders = {"/"}}).OpenToLoad(Allowed(path));
-}
-
-class RecordingControlTest : public ::testing::Test, protected testing::RunningSession {
- protected:
-  RecordingControlTest() : RunningSession({}, Exploring()) {}
-  void SetUp() override {
-    Load("builtin:gyroid:32");
-    Start();
-    AwaitTicks(20);
-  }
-  void TearDown() override { RunningSession::Stop(); }
-
-  static std::unique_ptr<StylusScript> Exploring() {
-    const DeviceSpec spec = SimulatedDeviceSpec();
-    return std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1);
-  }
-  std::string File(const std::string& name) const { return (folder_.path() / name).string(); }
-  void Edit(std::mt19937_64& random) {
-    session().store().Edit([&](const auto& present) { return Carve(*present, random); });
-  }
-  VolumeHash LiveHash() const { return HashVolume(*volume()); }
-
-  // Some hundred ticks with edits; the volume is as before afterwards. Returns its samples.
-  std::vector<TickSample> RecordEdits(const std::string& name, bool restore = true) {
-    const auto before = volume();
-    control_.Start(File(name), false);
-    std::mt19937_64 random(1);
-    AwaitTicks(100);
-    for (int n = 0; n < 10; ++n) {
-      session().Update({.normalized_isovalue = 0.4 + 0.02 * n,
-                        .flags = {{&HapticSettings::passivity_control, n % 2 == 1}}});
-      session().SetForcesOff(n == 5);
-      Edit(random);
-      AwaitTicks(30);
-      control_.Mark("edit " + std::to_string(n));
-    }
-    recorded_hash_ = LiveHash();
-    AwaitTicks(100);
-    const RecordingStatus stopped = control_.Stop();
-    EXPECT_FALSE(stopped.error);
-    EXPECT_EQ(stopped.counts.bytes, std::filesystem::file_size(File(name)));
-    // Computed again it is the same, though several threads have made it.
-    const ReplayCounts counts = ComputeAgain(name, before);
-    EXPECT_EQ(counts.ticks, stopped.counts.ticks);
-    EXPECT_EQ(counts.differing + counts.differing_keyframes + counts.without_volume, 0u);
-    // The scene may be newer than the tick at which it began.
-    EXPECT_LE(counts.without_start + counts.without_scene,
-              (1 + counts.gaps) * (kKeyframeTicks + 2));
-    EXPECT_GT(counts.edits, 5u);
-    EXPECT_EQ(counts.markers, 10u);
-    if (restore) {
-      session().store().Edit(
-          [&](const auto& present) { return present->bricks().ChangesTo(before->bricks()); });
-    }
-    RecordingReader reader(File(name));
-    const std::vector<TickSample> samples = testing::SamplesIn(testing::ReadAll(reader));
-    EXPECT_TRUE(reader.complete());
-    return samples;
-  }
-
-  std::uint64_t RecordedTicks(const std::string& name) const {
-    RecordingReader reader(File(name));
-    return testing::SamplesIn(testing::ReadAll(reader)).size();
-  }
-  ReplayCounts ComputeAgain(const std::string& name,
-                            const std::shared_ptr<const VolumeSnapshot>& volume) {
-    Replayer replayer([&](const RecordedScene&) { return volume; });
-    RecordingReader reader(File(name));
-    while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
-    EXPECT_TRUE(reader.complete()) << reader.stopped_because();
-    return replayer.counts();
-  }
-
-  test::TemporaryFolder folder_;
-  std::atomic<int> opened_{0};  // files
-  RecordingControl control_{
-      session(),
-      pump(),
-      {Allowed,
-       [this](const std::string& path) { return ++opened_, OpenAllowed(path); },
-       {folder_.path()}},
-      "test",
-      SafetyLimits{},
-      PassivityDevice{}};
-  VolumeHash recorded_hash_;
-};
+using testing::Collector;
+using testing::kUnwatched;
+using RecordingControlTest = testing::RecordingControlRig;
 
 TEST_F(RecordingControlTest, OneAtATimeAndOnlyWhereAllowed) {
   EXPECT_FALSE(control_.status().running);
@@ -459,81 +349,6 @@ TEST_F(RecordingControlTest, TheOutlineOfAFileIsReadOnce) {
     AwaitTicks(100);
     control_.Stop();
     outline_of(name, 2);
-  }
-}
-
-TEST_F(RecordingControlTest, RecordingsAreListedByWhatTheyAre) {
-  EXPECT_TRUE(control_.Recordings().empty());
-  const auto record = [&](const std::string& name, int age_s) {
-    control_.Start(File(name), false);
-    control_.Stop();
-    std::filesystem::last_write_time(
-        File(name), std::filesystem::file_time_type::clock::now() - std::chrono::seconds(age_s));
-  };
-  record("old.palrec", 1000);
-  record("no suffix", 10);
-  std::filesystem::copy_file(File("no suffix"), File("forbidden"));
-  std::ofstream(File("a.palrec")) << "not one, whatever its name";
-  std::ofstream(File("empty.palrec")).flush();
-  record("\xc3\xa4", 2000);
-  for (const char* name : {"\xff", "\xc3", "\xed\xa0\x80", "a\nb"}) record(name, 0);
-  std::filesystem::create_directory(File("folder.palrec"));
-  std::filesystem::create_symlink("no suffix", File("link"));
-  std::filesystem::create_symlink("nowhere", File("broken"));
-  EXPECT_EQ(mkfifo(File("pipe").c_str(), 0600), 0);
-  std::vector<std::string> names;
-  for (const ListedRecording& listed : control_.Recordings()) {
-    EXPECT_EQ(listed.size_bytes, std::filesystem::file_size(listed.path));
-    names.push_back(listed.path.filename());
-  }
-  EXPECT_EQ(names, (std::vector<std::string>{"link", "no suffix", "old.palrec", "\xc3\xa4"}));
-  EXPECT_EQ(control_.folder(), folder_.path());
-  EXPECT_EQ(FolderForNew({}), "");
-  EXPECT_EQ(FolderForNew({"/\xff", "/a"}), "");
-  EXPECT_EQ(FolderForNew({"/a", "/b"}), "/a");
-}
-
-TEST_F(RecordingControlTest, OfManyFilesTheNewestAreListed) {
-  control_.Start(File("0"), false);
-  control_.Stop();
-  const auto now = std::filesystem::file_time_type::clock::now();
-  std::vector<std::string> names(60);
-  for (std::size_t n = 0; n < names.size(); ++n) {
-    names[n] = std::to_string(n);
-    if (n > 0) std::filesystem::copy_file(File("0"), File(names[n]));
-  }
-  std::shuffle(names.begin(), names.end(), std::mt19937(1));
-  for (std::size_t n = 0; n < names.size(); ++n) {
-    std::filesystem::last_write_time(File(names[n]), now - std::chrono::hours(n));
-  }
-  for (const auto& [recordings, files] :
-       {std::pair(100, 1), std::pair(100, 7), std::pair(3, 7), std::pair(100, 59),
-        std::pair(100, 60), std::pair(20, 1000), std::pair(0, 5)}) {
-    const ListBounds bounds{static_cast<std::size_t>(recordings), static_cast<std::size_t>(files)};
-    std::vector<std::string> listed;
-    for (const ListedRecording& one : FindRecordings({folder_.path()}, OpenAllowed, bounds)) {
-      listed.push_back(one.path.filename());
-    }
-    const std::size_t count = std::min({bounds.recordings, bounds.files, names.size()});
-    EXPECT_EQ(listed, std::vector(names.begin(), names.begin() + static_cast<int>(count)));
-  }
-}
-
-// Some file systems hold times that no calendar has.
-TEST_F(RecordingControlTest, TimesOfFilesAreWithinTheCalendar) {
-  control_.Start(File("a"), false);
-  control_.Stop();
-  for (const std::int64_t time_s : {-1'000'000'000LL, 1'000'000'000LL, 1'000'000'000'000LL}) {
-    const timespec times[2] = {{time_s, 0}, {time_s, 0}};
-    ASSERT_EQ(utimensat(AT_FDCWD, File("a").c_str(), times, 0), 0);
-    const std::int64_t listed_s = control_.Recordings().at(0).modified_s;
-    if (time_s < 0) {
-      EXPECT_EQ(listed_s, 0);
-    } else if (time_s == 1'000'000'000) {
-      EXPECT_EQ(listed_s, time_s);
-    } else {
-      EXPECT_LE(listed_s, 253'402'300'799);
-    }
   }
 }
 
