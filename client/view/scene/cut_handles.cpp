@@ -112,6 +112,7 @@ std::optional<double> DistanceToArrow(const Arrow& arrow, const Projection& proj
 struct RimPoint {
   double away_px = 0.0;
   Vec3 p_D = Vec3::Zero();
+  Vector2d px = Vector2d::Zero();
 };
 
 std::optional<RimPoint> NearestOnRim(const Arrow& plane, const Projection& projection,
@@ -121,7 +122,7 @@ std::optional<RimPoint> NearestOnRim(const Arrow& plane, const Projection& proje
     const auto px = projection.PixelOf(p_D);
     if (!px) continue;
     const double away_px = (*px - at_px).norm();
-    if (!nearest || away_px < nearest->away_px) nearest = RimPoint{away_px, p_D};
+    if (!nearest || away_px < nearest->away_px) nearest = RimPoint{away_px, p_D, *px};
   }
   return nearest;
 }
@@ -243,9 +244,10 @@ CutDrag::CutDrag(const CutHandle& handle, const CutScene& scene, const Projectio
   const std::optional<RimPoint> point = NearestOnRim(arrow, projection, at_px);
   const Vec3 rim_D = point ? point->p_D : RimOf(arrow, radius_mm_)[0];
   is_near_ = (rim_D - origin_D_).dot(projection.eye_D() - origin_D_) >= radius_mm_ * radius_mm_;
-  // The point of the sphere at the pointer, which may be pixels beside the rim: nothing turns
-  // before the pointer moves.
-  taken_D_ = DirectionAt(projection, at_px);
+  // The pointer may be pixels beside the rim. It stays as many pixels beside it, so nothing turns
+  // before the pointer moves, and the rim does not run away from it.
+  beside_px_ = point ? Vector2d(at_px - point->px) : Vector2d(Vector2d::Zero());
+  taken_D_ = DirectionAt(projection, at_px - beside_px_);
 }
 
 // Where the pointer's ray meets the sphere; beside the sphere, the nearest point of its outline.
@@ -263,7 +265,7 @@ Vec3 CutDrag::DirectionAt(const Projection& projection, const Vector2d& at_px) c
 CutScene CutDrag::At(const Projection& projection, const Vector2d& at_px) const {
   CutScene scene = begun_;
   if (handle_.kind == CutHandle::Kind::kRim) {
-    Turn(DirectionAt(projection, at_px), scene);
+    Turn(DirectionAt(projection, at_px - beside_px_), scene);
     return scene;
   }
   const double moved_mm =

@@ -84,8 +84,9 @@ class CutDrag {
   double taken_mm_ = 0.0;         // along the arrow
   // Of a rim: a sphere about the origin, on which the taken point moves.
   double radius_mm_ = 0.0;
-  Vec3 taken_D_ = Vec3::UnitX();  // direction from the origin
-  bool is_near_ = true;           // on the side of the eye
+  Vec3 taken_D_ = Vec3::UnitX();                         // direction from the origin
+  Eigen::Vector2d beside_px_ = Eigen::Vector2d::Zero();  // of the pointer from the rim
+  bool is_near_ = true;                                  // on the side of the eye
 };
 
 // Adds the edges of the crop box.
