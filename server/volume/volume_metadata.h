@@ -28,6 +28,9 @@ struct VolumeMetadata {
   bool is_level_set = false;
   int frames = 1;             // number of frames in the source; the volume is one of them
   std::string unit;           // "HU", ...; empty: not stated
+  // Where +x, +y and +z of W point in the patient: three of L, R, P, A, S, I. "LPS" if the file
+  // states an orientation, because W is LPS then. Empty: unknown.
+  std::string patient_axes;
   std::string original_type;  // "uint8", "int16", "float64", ...
   std::string source;         // file name, folder name or builtin name
   // Assumptions and omissions of the import, in the words shown to clients. Not saved in files.
