@@ -2,6 +2,10 @@
 // units and frames are the caller's. Any thread.
 #pragma once
 
+#include <google/protobuf/generated_enum_reflection.h>
+
+#include <optional>
+
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
 #include "palpate/v1/geometry.pb.h"
@@ -13,6 +17,14 @@ namespace palpate {
 template <class Proto, class Enum>
 constexpr Proto EnumToProto(Enum value) {
   return static_cast<Proto>(static_cast<int>(value) + 1);
+}
+
+// None for 0, and for a number of another version.
+template <class Enum, class Proto>
+std::optional<Enum> EnumFromProto(Proto value) {
+  const bool is_known =
+      value != 0 && google::protobuf::GetEnumDescriptor<Proto>()->FindValueByNumber(value);
+  return is_known ? std::optional(static_cast<Enum>(static_cast<int>(value) - 1)) : std::nullopt;
 }
 
 v1::Vector3 ToProto(const Vec3& vector);

@@ -63,15 +63,13 @@ decltype(VolumeEdit::shape) ShapeOf(const v1::EditVolumeRequest& request) {
   }
 }
 
+static_assert(EnumToProto<v1::EditFrame>(EditFrame::kIndex) == v1::EDIT_FRAME_INDEX);
+static_assert(EnumToProto<v1::EditOperation>(EditOperation::kPaint) == v1::EDIT_OPERATION_PAINT);
+static_assert(EnumToProto<v1::FilterKind>(FilterKind::kResample) == v1::FILTER_KIND_RESAMPLE);
+
 EditFrame FrameOf(v1::EditFrame frame) {
-  switch (frame) {
-    case v1::EDIT_FRAME_WORLD:
-      return EditFrame::kWorld;
-    case v1::EDIT_FRAME_INDEX:
-      return EditFrame::kIndex;
-    default:
-      Refuse("the edit has no known frame: give EDIT_FRAME_WORLD or EDIT_FRAME_INDEX");
-  }
+  if (const auto known = EnumFromProto<EditFrame>(frame)) return *known;
+  Refuse("the edit has no known frame: give EDIT_FRAME_WORLD or EDIT_FRAME_INDEX");
 }
 
 EditFrame FrameOf(const v1::EditVolumeRequest& request) {
@@ -83,24 +81,10 @@ EditFrame FrameOf(const v1::EditVolumeRequest& request) {
 }
 
 FilterKind KindOf(v1::FilterKind kind) {
-  switch (kind) {
-    case v1::FILTER_KIND_GAUSSIAN:
-      return FilterKind::kGaussian;
-    case v1::FILTER_KIND_MEAN:
-      return FilterKind::kMean;
-    case v1::FILTER_KIND_MEDIAN:
-      return FilterKind::kMedian;
-    case v1::FILTER_KIND_OFFSET:
-      return FilterKind::kOffset;
-    case v1::FILTER_KIND_MEAN_CURVATURE:
-      return FilterKind::kMeanCurvature;
-    case v1::FILTER_KIND_RESAMPLE:
-      return FilterKind::kResample;
-    default:
-      Refuse(
-          "the filter has no known kind: give gaussian, mean, median, offset, mean-curvature or "
-          "resample");
-  }
+  if (const auto known = EnumFromProto<FilterKind>(kind)) return *known;
+  Refuse(
+      "the filter has no known kind: give gaussian, mean, median, offset, mean-curvature or "
+      "resample");
 }
 
 // Numbers above the range of int are refused later, as too large.
@@ -109,20 +93,8 @@ int Int(std::uint32_t number) {
 }
 
 EditOperation OperationOf(v1::EditOperation operation) {
-  switch (operation) {
-    case v1::EDIT_OPERATION_ADD:
-      return EditOperation::kAdd;
-    case v1::EDIT_OPERATION_SUBTRACT:
-      return EditOperation::kSubtract;
-    case v1::EDIT_OPERATION_SET:
-      return EditOperation::kSet;
-    case v1::EDIT_OPERATION_SMOOTH:
-      return EditOperation::kSmooth;
-    case v1::EDIT_OPERATION_PAINT:
-      return EditOperation::kPaint;
-    default:
-      Refuse("the edit has no known operation: give add, subtract, set, smooth or paint");
-  }
+  if (const auto known = EnumFromProto<EditOperation>(operation)) return *known;
+  Refuse("the edit has no known operation: give add, subtract, set, smooth or paint");
 }
 
 std::uint32_t Count(std::int64_t number) { return static_cast<std::uint32_t>(number); }
