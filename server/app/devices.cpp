@@ -1,6 +1,8 @@
 #include "server/app/devices.h"
 
 #include <algorithm>
+#include <chrono>
+#include <mutex>
 
 #include "common/error/error.h"
 #include "server/device/explore_script.h"
@@ -152,6 +154,22 @@ std::vector<ListedDevice> ListDevices(const DeviceConfig& config) {
   AppendUsb(falcon.spec(), falcon.match().ids, none, devices);
   devices.push_back(ListedOpenHaptics(config));
   return devices;
+}
+
+std::function<std::vector<ListedDevice>()> DeviceListOf(const DeviceConfig& config) {
+  struct Known {
+    std::mutex mutex{};
+    std::vector<ListedDevice> devices{};
+    std::chrono::steady_clock::time_point until{};
+  };
+  return [&config, known = std::make_shared<Known>()] {
+    const std::lock_guard lock(known->mutex);
+    if (std::chrono::steady_clock::now() >= known->until) {
+      known->devices = ListDevices(config);
+      known->until = std::chrono::steady_clock::now() + std::chrono::seconds(1);
+    }
+    return known->devices;
+  };
 }
 
 std::uint32_t StopButtons(const DeviceConfig& config, const DeviceSpec& spec) {

@@ -1,8 +1,9 @@
 // Makes devices by their configuration names, and lists the devices that the daemon can drive.
 //
-// Threads: MakeDevice on main; ListDevices on any ordinary thread.
+// Threads: MakeDevice on main; ListDevices and what DeviceListOf returns on any ordinary thread.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -26,6 +27,10 @@ std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtim
 
 // Returns the configured device and all other devices of this machine. Opens none of them.
 std::vector<ListedDevice> ListDevices(const DeviceConfig& config);
+
+// The same, at most once a second: it loads the vendor's library and searches the USB, beside the
+// servo. Borrows `config`.
+std::function<std::vector<ListedDevice>()> DeviceListOf(const DeviceConfig& config);
 
 // Returns the buttons that stop the forces while all of them are held. Throws Error if the device
 // lacks one of the buttons.

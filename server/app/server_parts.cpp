@@ -40,7 +40,7 @@ ServerParts::ServerParts(const LoadedConfig& loaded, const DaemonPaths& paths,
            loaded.config.security},
           {parts.session, parts.editor, parts.series, parts.recording, instrument.pump,
            *instrument.device, HandOf(instrument), instrument.servo, instrument.inbox,
-           instrument.forces, [&loaded] { return ListDevices(loaded.config.device); },
+           instrument.forces, DeviceListOf(loaded.config.device),
            service_metrics_}),
       state_metrics_(std::make_shared<StateMetrics>(
           MeasuredParts{instrument.servo, *instrument.device, instrument.forces, parts.recording,
