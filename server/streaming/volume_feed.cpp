@@ -161,9 +161,10 @@ std::optional<VolumeMessage> VolumeFeed::Step(const VolumeNow& now, Clock::time_
 
 void VolumeFeed::LetGo(const VolumeNow& now, Clock::time_point time) {
   if (!transfer_ || transfer_->volume->revision() == now.volume->revision()) return;
+  if (!old_since_) old_since_ = time;
   if (transfer_->volume->loaded_revision() != now.volume->loaded_revision()) {
     transfer_.reset();
-  } else if (time - progress_ > kStall) {
+  } else if (time - progress_ > kStall || time - *old_since_ > kLongestOld) {
     KeepPartial();
     transfer_.reset();
   }
@@ -215,6 +216,7 @@ void VolumeFeed::Begin(const VolumeNow& now) {
   // values.
   transfer_ = Transfer{};
   transfer_->volume = now.volume;
+  old_since_.reset();
   background_hash_ = now.background_hash ? now.background_hash : BackgroundHashOf(*now.volume);
   if (loaded_revision_ != now.volume->loaded_revision()) {
     transfer_->phase = Phase::kLattice;

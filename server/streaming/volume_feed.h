@@ -56,6 +56,9 @@ class VolumeFeed {
   static constexpr std::size_t kBytesPerMessage = std::size_t{128} << 10;
   // After a pause longer than this, the feed releases an old volume.
   static constexpr std::chrono::seconds kStall{2};
+  // The feed releases an old volume after this time, also while the subscriber reads: the bricks
+  // of old volumes count against the memory of those who edit.
+  static constexpr std::chrono::seconds kLongestOld{30};
 
   // Errors: kInvalidArgument if the window is out of range, or if resume_from names a revision
   // that this daemon has not reached yet.
@@ -133,6 +136,8 @@ class VolumeFeed {
   std::uint64_t sent_ = 0;
   std::uint64_t acknowledged_ = 0;
   Clock::time_point progress_;  // of the last message or acknowledgement
+  // When LetGo first found that the volume being sent is old; none: it is not.
+  std::optional<Clock::time_point> old_since_;
 };
 
 }  // namespace palpate

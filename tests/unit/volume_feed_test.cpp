@@ -449,6 +449,25 @@ TEST_F(VolumeFeedTest, WhoReadsNothingHoldsAnOldVolumeForTwoSeconds) {
   EXPECT_EQ(counts_.lattices, 1);
 }
 
+// A message just before two seconds are over, again and again.
+TEST_F(VolumeFeedTest, WhoReadsVerySlowlyHoldsAnOldVolumeForThirtySeconds) {
+  Load(Vec3i(256, 64, 64), Varied);
+  VolumeFeed feed = MakeFeed({}, 1);
+  Pass(feed, false);
+  const std::weak_ptr<const VolumeSnapshot> first = data_.volume();
+  kept_.clear();
+  data_.RandomEdit(random_);
+  const auto end = time_ + VolumeFeed::kLongestOld + VolumeFeed::kStall;
+  while (time_ < end) {
+    feed.LetGo(Now(), time_);
+    time_ += VolumeFeed::kStall - std::chrono::milliseconds(100);
+    feed.Acknowledge(number_, time_);
+    EXPECT_TRUE(Pass(feed, false));
+  }
+  feed.LetGo(Now(), time_);
+  EXPECT_TRUE(IsFreed(first));
+}
+
 // A message every three seconds, while somebody edits all the time: each belongs to a revision of
 // its own.
 TEST_F(VolumeFeedTest, WhoReadsVerySlowlyGetsThereAllTheSame) {
