@@ -18,8 +18,6 @@ namespace {
 constexpr std::size_t kMostBricks = 4096;
 constexpr std::size_t kMostTiles = 65536;
 constexpr std::uint64_t kMostTileBricks = std::uint64_t{1} << 20;
-// Constant bricks that may lie idle.
-constexpr std::size_t kMostConstants = 4096;
 
 void Require(bool holds, const char* what) {
   if (holds) return;
@@ -162,8 +160,13 @@ void VolumeMirror::Put(BrickRun run, const TypedBrickPtr& brick) {
   AddTo(changes_.bricks, run);
 }
 
-// One object for all tiles of a value.
+// One object for all tiles of a value. Values that no brick has any more are forgotten, also if the
+// daemon never completes a revision.
 const TypedBrickPtr& VolumeMirror::ConstantBrick(float value) {
+  if (constants_.size() > most_constants_) {
+    std::erase_if(constants_, [](const auto& held) { return held.second.use_count() == 1; });
+    most_constants_ = std::max(kLeastConstants, 2 * constants_.size());
+  }
   TypedBrickPtr& brick = constants_[std::bit_cast<std::uint32_t>(value)];
   if (!brick) {
     const LeafType type = Holds(lattice_->type, value) ? lattice_->type : LeafType::kFloat;
@@ -180,9 +183,6 @@ void VolumeMirror::Take(const VolumeComplete& complete) {
     throw Error(ErrorKind::kInternal,
                 "the copy of the volume is not that of the daemon at revision " +
                     std::to_string(complete.revision.volume_revision) + ": fetch it anew");
-  }
-  if (constants_.size() > kMostConstants) {
-    std::erase_if(constants_, [](const auto& held) { return held.second.use_count() == 1; });
   }
   resume_ = complete.revision;
   content_hash_ = hash;

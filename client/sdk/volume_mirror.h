@@ -78,7 +78,9 @@ class VolumeMirror {
   std::optional<VolumePlacement> placement_;
   BrickMap bricks_;
   TypedBrickPtr background_;
+  static constexpr std::size_t kLeastConstants = 4096;
   std::unordered_map<std::uint32_t, TypedBrickPtr> constants_;  // by the bits of the value
+  std::size_t most_constants_ = kLeastConstants;                // until they are looked through
   ContentHash hash_;  // of bricks_, less that of a volume of background
   std::optional<VolumeRevision> resume_;
   bool is_complete_ = false;
