@@ -161,6 +161,16 @@ class HandTest(DaemonTest):
             finally:
                 daemon.process.send_signal(signal.SIGCONT)
 
+    def test_a_daemon_that_stands_still_takes_no_hand(self):
+        with Daemon(self.volume) as daemon, daemon.connect() as conn, \
+                mock.patch("palpate._hand._TAKE_TIMEOUT_S", 0.5):
+            daemon.stand_still()
+            try:
+                with self.assertRaises(palpate.Unavailable):
+                    conn.device.lead((0, 0, 0))
+            finally:
+                daemon.process.send_signal(signal.SIGCONT)
+
     def test_a_hand_that_the_daemon_took_back_says_so(self):
         with self.conn.device.lead() as hand:
             request = hand._targets.request

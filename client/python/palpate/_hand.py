@@ -35,6 +35,8 @@ _NEAR_MM = 0.5
 # Longer than the hand is behind the target.
 _LAST_S = 0.1
 _FINISH_TIMEOUT_S = 1.0
+# The daemon answers at the first tick that follows the target.
+_TAKE_TIMEOUT_S = 10.0
 
 
 class _Targets:
@@ -101,7 +103,11 @@ class Hand:
         _leading.add(self)
         self._thread.start()
         try:
-            is_taken = self._news.get()
+            is_taken = self._news.get(timeout=_TAKE_TIMEOUT_S)
+        except queue.Empty:
+            self.close()
+            raise Unavailable(f"palpated at {link.name} did not take the hand: its haptic loop "
+                              "does not tick; look at its log, or start it again") from None
         except BaseException:
             self.close()
             raise
