@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <memory>
 #include <string>
@@ -19,8 +20,7 @@
 
 #include "common/error/error.h"
 #include "server/app/unread_log.h"
-#include "server/realtime/tick_timer.h"
-#include "server/security/refusal_log.h"
+#include "server/log/log.h"
 
 namespace palpate {
 namespace {
@@ -71,21 +71,14 @@ class OneLineFlag final : public spdlog::custom_flag_formatter {
   }
 };
 
-// Any client can make gRPC log texts of its choice, at any rate. This function limits gRPC's lines
-// and replaces bytes that are not ASCII.
+// Any client can make gRPC log texts of its choice. Bytes that are not ASCII are replaced.
 void LogOfGrpc(gpr_log_func_args* said) {
-  // Never destroyed: gRPC's threads may outlive main.
-  static auto& lines = *new RefusalLog;
-  const auto left_out = lines.Take("gRPC", MonotonicNowNs());
-  if (!left_out) return;
-  std::string text;
-  for (const char c : std::string_view(said->message)) {
-    text += static_cast<unsigned char>(c) < 0x80 ? std::string(1, c) : "?";
-  }
-  const auto level =
-      said->severity == GPR_LOG_SEVERITY_ERROR ? spdlog::level::warn : spdlog::level::debug;
-  spdlog::log(level, "gRPC: {}{}", text,
-              *left_out == 0 ? "" : fmt::format(" (and {} more since)", *left_out));
+  std::string text = said->message;
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');
+  LogOfClient(
+      said->severity == GPR_LOG_SEVERITY_ERROR ? LogLevel::kWarning : LogLevel::kDebug, "gRPC",
+      "gRPC: {}", text);
 }
 
 }  // namespace

@@ -16,13 +16,11 @@
 
 #include "common/error/error.h"
 #include "server/log/log.h"
-#include "server/realtime/tick_timer.h"
 
 namespace palpate {
 namespace {
 
 constexpr int kWaiting = 256;
-constexpr std::int64_t kBetweenLinesNs = 10'000'000'000;
 // Waits this long if no file number is free, to avoid a busy loop.
 constexpr int kPauseMs = 100;
 // The time that gRPC waits for silent peers.
@@ -125,7 +123,10 @@ void Acceptor::Accept(std::size_t listener) {
   const int kept = peer.ss_family == AF_UNIX ? kKeptForSocket : 0;
   if (fd >= first_refused_file_ + kept) {
     close(fd);
-    SayRefused(peer.ss_family == AF_UNIX ? "the socket" : AddressOf(PeerName(peer)));
+    // One budget for all, because a flood may come from many addresses.
+    LogOfClient(LogLevel::kWarning, "connections",
+                "refused a connection from {}: too many are open; see limits.connections",
+                peer.ss_family == AF_UNIX ? "the socket" : PeerName(peer));
     return;
   }
   if (peer.ss_family != AF_UNIX) {
@@ -142,15 +143,6 @@ void Acceptor::Accept(std::size_t listener) {
   connection.listener_fd = listeners_[listener];
   connection.fd = fd;
   sinks_[listener]->HandleNewConnection(&connection);
-}
-
-void Acceptor::SayRefused(const std::string& peer) {
-  ++refused_;
-  if (last_line_ns_ != 0 && MonotonicNowNs() - last_line_ns_ < kBetweenLinesNs) return;
-  last_line_ns_ = MonotonicNowNs();
-  LogWarning("refused {}, the last from {}: too many are open; see limits.connections",
-             std::to_string(refused_) + (refused_ == 1 ? " connection" : " connections"), peer);
-  refused_ = 0;
 }
 
 }  // namespace palpate

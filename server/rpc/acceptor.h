@@ -11,7 +11,6 @@
 #include <grpcpp/grpcpp.h>
 
 #include <atomic>
-#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
@@ -53,7 +52,6 @@ class Acceptor {
  private:
   void Run();
   void Accept(std::size_t listener);
-  void SayRefused(const std::string& peer);
 
   const int first_refused_file_;
   ConnectionWatch& watch_;
@@ -62,8 +60,6 @@ class Acceptor {
   std::vector<std::string> names_;  // the listeners' names, for messages
   std::vector<Sink> sinks_;
   int wake_fd_ = -1;
-  std::uint64_t refused_ = 0;
-  std::int64_t last_line_ns_ = 0;
   std::thread thread_;
 };
 

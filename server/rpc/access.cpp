@@ -1,8 +1,8 @@
 #include "server/rpc/access.h"
 
+#include <grpc/grpc.h>
 #include <grpc/grpc_security_constants.h>
 
-#include <algorithm>
 #include <iterator>
 #include <utility>
 
@@ -33,10 +33,11 @@ std::string AuthorizationOf(const std::multimap<grpc::string_ref, grpc::string_r
 Credentials TlsCredentialsOf(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata,
                              const grpc::AuthContext& context) {
   // On the server's side, OpenSSL leaves the first certificate out of the chain.
+  std::string chain = Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME)) +
+                      Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_CHAIN_PROPERTY_NAME));
   return {.transport = Transport::kTls,
           .certificate_chain =
-              Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME)) +
-              Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_CHAIN_PROPERTY_NAME)),
+              chain.empty() ? nullptr : std::make_shared<const std::string>(std::move(chain)),
           .authorization = AuthorizationOf(metadata)};
 }
 
@@ -58,15 +59,15 @@ std::string RoleProblem(const Identity& identity, Role least) {
 // The name of the method without its service.
 std::string_view NameOf(std::string_view method) { return method.substr(method.rfind('/') + 1); }
 
-std::int64_t After(std::chrono::nanoseconds time) { return MonotonicNowNs() + time.count(); }
-
 }  // namespace
 
 void Admission::Leave() {
   Access* const access = std::exchange(access_, nullptr);
   if (!access) return;
   const Running& call = *running_;
-  if (!call.is_answered) {
+  if (call.answer_bytes) {
+    access->unread_.Sent(call.peer, *call.answer_bytes);
+  } else {
     access->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   }
   if (call.samples_per_s > 0) access->limits_.LeaveSamples(call.caller.name, call.samples_per_s);
@@ -74,11 +75,10 @@ void Admission::Leave() {
     access->activity_.Left(call.caller, call.peer, call.rule->kind == CallKind::kPoseStream,
                            MonotonicNowNs());
   }
-  const std::lock_guard lock(access->mutex_);
+  const std::lock_guard lock(access->running_mutex_);
   access->running_.erase(running_);
 }
 
-// Does not take the lock: Review holds it while it ends streams.
 grpc::Status Admission::TakeSamples(int samples_per_s) {
   if (!access_) return grpc::Status::OK;
   Running& call = *running_;
@@ -86,8 +86,7 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
   if (const auto problem =
           access_->limits_.EnterSamples(call.caller.name, is_local, samples_per_s)) {
     return access_
-        ->Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
-                 call.rule->method, *problem)
+        ->Refuse(call, call.rule->method, {grpc::StatusCode::RESOURCE_EXHAUSTED, *problem})
         .status();
   }
   call.samples_per_s = samples_per_s;
@@ -100,22 +99,20 @@ void Admission::Changed(std::string_view what) const {
   if (access_) access_->activity_.Changed(what, Who(), MonotonicNowNs());
 }
 
-void Admission::Answered() {
-  if (!access_) return;
-  running_->is_answered = true;
-  access_->limits_.Leave(running_->caller.name, running_->rule->kind, running_->request_bytes);
-  SetPatience(After(access_->options_.read_patience), "it does not read its answer");
+bool Admission::Answered(std::size_t answer_bytes) {
+  if (!access_) return true;
+  Running& call = *running_;
+  access_->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
+  const std::int64_t now_ns = MonotonicNowNs();
+  access_->unread_.Waits(call.peer, answer_bytes, now_ns);
+  call.answer_bytes = answer_bytes;
+  return !access_->unread_.IsAbove(call.peer, now_ns);
 }
 
-void Admission::WaitForMore(bool begins) {
+void Admission::MustSendBy(std::int64_t time_ns) const {
   if (!access_) return;
-  SetPatience(begins ? After(access_->options_.send_patience) : 0, "it sends nothing");
-}
-
-void Admission::SetPatience(std::int64_t ends_ns, const char* with) const {
-  const std::lock_guard lock(access_->mutex_);
-  running_->patience_ends_ns = ends_ns;
-  running_->patience_with = with;
+  const std::lock_guard lock(access_->running_mutex_);
+  running_->must_send_by_ns = time_ns;
 }
 
 grpc::Status Admission::Failed(const std::exception& error) const {
@@ -125,120 +122,140 @@ grpc::Status Admission::Failed(const std::exception& error) const {
   const bool is_loading = known && known->kind() == ErrorKind::kLoading;
   const bool is_logged = !is_loading && (call.rule->kind == CallKind::kTransfer ||
                                          call.rule->least >= Role::kOperator);
-  const auto left_out =
-      is_logged ? access_->refusals_.Take(call.caller.name, MonotonicNowNs()) : std::nullopt;
-  if (left_out) {
-    LogWarning("{} of {} at {} failed: {}{}", NameOf(call.rule->method), call.caller.name,
-               call.peer, error.what(), LeftOutInWords(*left_out));
+  if (is_logged) {
+    LogOfClient(LogLevel::kWarning, call.caller.name, "{} of {} at {} failed: {}",
+                NameOf(call.rule->method), call.caller.name, call.peer, error.what());
   }
   return ToStatus(error);
 }
 
-std::shared_ptr<const Policy> Access::policy() const {
-  const std::lock_guard lock(mutex_);
-  return policy_;
+Access::Judgement Access::Judge(const grpc::ServerContextBase& context, std::string_view method,
+                                const PolicyBoard::Reading& policy) const {
+  Judgement judgement;
+  Admission::Running& call = judgement.call;
+  call.rule = FindMethodRule(method);
+  call.peer = context.peer();
+  Recognised who = policy->Recognise(CredentialsOf(context, call.peer), now_());
+  if (!who.identity) {
+    judgement.refusal = {grpc::StatusCode::UNAUTHENTICATED, who.problem};
+    return judgement;
+  }
+  call.caller = *std::move(who.identity);
+  call.credentials = std::move(who.kept);
+  if (!call.rule || call.caller.role < call.rule->least) {
+    judgement.refusal = {grpc::StatusCode::PERMISSION_DENIED,
+                         RoleProblem(call.caller, call.rule ? call.rule->least : Role::kAdmin)};
+  }
+  return judgement;
+}
+
+bool Access::May(const grpc::ServerContextBase& context, std::string_view method) const {
+  return Judge(context, method, PolicyBoard::Reading(policy_)).refusal.ok();
 }
 
 Admission Access::Admit(grpc::ServerContextBase* context, std::string_view method,
                         std::size_t request_bytes) {
-  const std::string peer = context->peer();
-  Admission::Running call{context, FindMethodRule(method), CredentialsOf(*context, peer), {},
-                          peer,    request_bytes};
   while (true) {
-    const std::shared_ptr<const Policy> judge = policy();
-    const Recognised who = judge->Recognise(call.credentials, now_());
-    if (!who.identity) {
-      return Refuse(grpc::StatusCode::UNAUTHENTICATED, peer, "a stranger", method, who.problem);
-    }
-    call.caller = *who.identity;
-    if (!call.rule || who.identity->role < call.rule->least) {
-      return Refuse(grpc::StatusCode::PERMISSION_DENIED, peer, call.caller.name, method,
-                    RoleProblem(*who.identity, call.rule ? call.rule->least : Role::kAdmin));
-    }
-    // Replaces the token by its hash, so that the token is not kept.
-    call.credentials.token_sha256_hex = who.token_sha256_hex;
-    if (!who.token_sha256_hex.empty()) call.credentials.authorization.clear();
-    Admission admission = Enter(call, judge);
-    if (admission.access_ && connections_ && call.credentials.transport == Transport::kTls) {
-      connections_->Admitted(peer, call.credentials);
-    }
-    if (admission.access_ || !admission.ok()) return admission;
+    const PolicyBoard::Reading policy(policy_);
+    auto [call, refusal] = Judge(*context, method, policy);
+    if (!refusal.ok()) return Refuse(call, method, refusal);
+    call.context = context;
+    call.request_bytes = request_bytes;
+    if (std::optional<Admission> admission = Enter(call, policy)) return *std::move(admission);
     // The policy was replaced in the meantime: judge again.
   }
 }
 
-Admission Access::Enter(const Admission::Running& call,
-                        const std::shared_ptr<const Policy>& judge) {
+std::optional<Admission> Access::Enter(const Admission::Running& call,
+                                       const PolicyBoard::Reading& policy) {
   const CallKind kind = call.rule->kind;
-  std::unique_lock lock(mutex_);
-  if (judge != policy_) return Admission();
-  if (const auto problem =
-          limits_.Enter(call.caller.name, kind, call.request_bytes, MonotonicNowNs())) {
-    lock.unlock();  // writing to a log that nobody reads blocks
-    return Refuse(grpc::StatusCode::RESOURCE_EXHAUSTED, call.peer, call.caller.name,
-                  call.rule->method, *problem);
+  const std::int64_t now_ns = MonotonicNowNs();
+  std::optional<std::string> problem;
+  if (kind != CallKind::kStop && unread_.IsAbove(call.peer, now_ns)) {
+    problem = std::to_string(UnreadLimit::kMostBytes >> 10) +
+              " KiB of answers wait for this connection: read them before you go on";
+  } else {
+    problem = limits_.Enter(call.caller.name, kind, call.request_bytes, now_ns);
+  }
+  if (problem) {
+    return Refuse(call, call.rule->method, {grpc::StatusCode::RESOURCE_EXHAUSTED, *problem});
   }
   Admission admission;
   admission.access_ = this;
-  admission.running_ = running_.insert(running_.end(), call);
+  {
+    const std::lock_guard lock(running_mutex_);
+    admission.running_ = running_.insert(running_.end(), call);
+  }
+  // Else the review that follows a new policy finds the call in the list.
+  if (!policy.IsInForce()) return std::nullopt;
   admission.running_->is_noted =
-      activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, MonotonicNowNs());
+      activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, now_ns);
+  if (connections_ && call.credentials.transport == Transport::kTls) {
+    connections_->Admitted(call.peer, call.credentials);
+  }
   return admission;
 }
 
 void Access::SetPolicy(std::shared_ptr<const Policy> policy) {
-  {
-    const std::lock_guard lock(mutex_);
-    policy_ = std::move(policy);
-  }
+  policy_.Replace(std::move(policy));
   Review();
 }
 
+// Ends calls without the lock: an end writes to the connection, and may call back.
 void Access::Review() {
-  std::vector<std::string> lines;
-  {
-    const std::lock_guard lock(mutex_);
-    const auto refused = [this](const Admission::Running& call) {
-      return !call.ended && !WhyEnd(call).empty();
-    };
-    // Searches from the start after each call: ending a call may remove it from the list.
-    for (auto at = running_.begin(); at != running_.end();) {
-      at = std::find_if(running_.begin(), running_.end(), refused);
-      if (at == running_.end()) break;
-      lines.push_back("ended " + std::string(at->rule->method) + " of " + at->caller.name + " at " +
-                      at->peer + ": " + WhyEnd(*at));
-      at->ended = true;
-      at->context->TryCancel();
-    }
-  }
-  for (const std::string& line : lines) LogWarning("{}", line);
-  if (!connections_) return;
-  const std::shared_ptr<const Policy> judge = policy();
-  const auto recognises = [&](const Credentials& credentials) {
-    return judge->Recognise(credentials, now_()).identity.has_value();
+  const PolicyBoard::Reading policy(policy_);
+  const auto identity_of = [&](const Credentials& credentials) {
+    return policy->Recognise(credentials, now_()).identity;
   };
-  connections_->ForgetUnless(recognises);
-}
-
-std::string Access::WhyEnd(const Admission::Running& call) const {
-  if (!Holds(call)) return "it is no longer allowed";
-  const bool is_over = call.patience_ends_ns != 0 && MonotonicNowNs() > call.patience_ends_ns;
-  return is_over ? call.patience_with : "";
-}
-
-bool Access::Holds(const Admission::Running& call) const {
-  const Recognised who = policy_->Recognise(call.credentials, now_());
-  return who.identity && who.identity->role >= call.rule->least;
-}
-
-Admission Access::Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
-                         std::string_view method, const std::string& problem) {
-  if (const auto left_out = refusals_.Take(peer, MonotonicNowNs())) {
-    LogWarning("refused {} at {} to call {}: {}{}", who, peer, method, problem,
-               LeftOutInWords(*left_out));
+  for (const End& end : MarkEnds(Judged(identity_of))) {
+    grpc_call_cancel(end.call, nullptr);
+    grpc_call_unref(end.call);
+    LogOfClient(LogLevel::kWarning, end.whose, "{}", end.line);
   }
-  return Admission(
-      grpc::Status(code, "palpated refuses " + std::string(NameOf(method)) + ": " + problem));
+  if (connections_) connections_->ForgetUnless([&](const auto& one) { return !!identity_of(one); });
+}
+
+// Verifying a chain of certificates takes long, so it happens once for all calls, and without the
+// lock.
+Access::Identities Access::Judged(const IdentityOf& identity_of) const {
+  Identities judged;
+  {
+    const std::lock_guard lock(running_mutex_);
+    for (const Admission::Running& call : running_) judged.try_emplace(call.credentials);
+  }
+  for (auto& [credentials, identity] : judged) identity = identity_of(credentials);
+  return judged;
+}
+
+std::vector<Access::End> Access::MarkEnds(const Identities& judged) {
+  std::vector<End> ends;
+  const std::lock_guard lock(running_mutex_);
+  const std::int64_t now_ns = MonotonicNowNs();
+  for (Admission::Running& call : running_) {
+    const auto found = judged.find(call.credentials);
+    if (call.ended || found == judged.end()) continue;
+    const bool holds = found->second && found->second->role >= call.rule->least;
+    const bool is_late = call.must_send_by_ns != 0 && now_ns > call.must_send_by_ns;
+    if (holds && !is_late) continue;
+    call.ended = true;
+    // Stays valid without the lock, also if the call is over in the meantime.
+    grpc_call_ref(call.context->c_call());
+    ends.push_back({call.context->c_call(), call.caller.name,
+                    "ended " + std::string(call.rule->method) + " of " + call.caller.name + " at " +
+                        call.peer + ": " +
+                        (holds ? "it sends too slowly" : "it is no longer allowed")});
+  }
+  return ends;
+}
+
+Admission Access::Refuse(const Admission::Running& call, std::string_view method,
+                         const grpc::Status& problem) const {
+  LogOfClient(LogLevel::kWarning, call.peer, "refused {} at {} to call {}: {}",
+              call.caller.name.empty() ? "a stranger" : call.caller.name, call.peer, method,
+              problem.error_message());
+  return Admission(grpc::Status(
+      problem.error_code(),
+      "palpated refuses " + std::string(NameOf(method)) + ": " + problem.error_message()));
 }
 
 }  // namespace palpate

@@ -8,6 +8,8 @@
 // role that is too low PERMISSION_DENIED, too much use RESOURCE_EXHAUSTED. Each refusal says what
 // to do, and is logged with its peer.
 //
+// The emergency stop asks May, acts, and is admitted afterwards: May waits for nothing.
+//
 // Threads: any. Ownership: outlives the server and all admissions.
 #pragma once
 
@@ -21,15 +23,18 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "server/rpc/activity.h"
 #include "server/rpc/connection_watch.h"
 #include "server/security/identity_limits.h"
 #include "server/security/policy.h"
-#include "server/security/refusal_log.h"
+#include "server/security/policy_board.h"
+#include "server/security/unread_limit.h"
 
 namespace palpate {
 
@@ -49,11 +54,12 @@ class Admission {
   // Call it once, before a stream of poses begins. Returns OK, or refuses too many samples per
   // second.
   grpc::Status TakeSamples(int samples_per_s);
-  // The call's work is done: it no longer counts against its caller's limits, and its client has
-  // read_patience to read the answer.
-  void Answered();
-  // While an upload waits for its client: the client has send_patience to send more.
-  void WaitForMore(bool begins);
+  // The call's work is done, and gRPC has its answer of these bytes: the call no longer counts
+  // against its caller's limits. The answer counts against its connection until the call is over.
+  // False: the connection has more unread than it may.
+  bool Answered(std::size_t answer_bytes);
+  // Ends the call if its client has not sent more by then, ns of the monotonic clock; 0: never.
+  void MustSendBy(std::int64_t time_ns) const;
   const Identity& caller() const { return running_->caller; }  // of an admitted call
   // "local socket", "token ada at ipv4:192.0.2.7:51544"; of an admitted call.
   std::string Who() const;
@@ -76,21 +82,19 @@ class Admission {
     Identity caller{};
     std::string peer{};
     std::size_t request_bytes = 0;
-    int samples_per_s = 0;  // what TakeSamples has taken
-    bool is_noted = false;  // in the activity
-    bool is_answered = false;
+    int samples_per_s = 0;                      // what TakeSamples has taken
+    bool is_noted = false;                      // in the activity
+    std::optional<std::size_t> answer_bytes{};  // of a call that is answered
+    // Guarded by Access::running_mutex_.
+    std::int64_t must_send_by_ns = 0;
     bool ended = false;
-    // when the call ends unless its client reads or sends; 0: the daemon does not wait for it
-    std::int64_t patience_ends_ns = 0;
-    const char* patience_with = "";
   };
-  void SetPatience(std::int64_t ends_ns, const char* with) const;
 
   explicit Admission(grpc::Status status = {}) : status_(std::move(status)) {}
 
   grpc::Status status_;
   Access* access_ = nullptr;  // null: not admitted, or over
-  std::list<Running>::iterator running_;
+  std::list<Running>::iterator running_{};
 };
 
 class Access {
@@ -103,39 +107,57 @@ class Access {
                   std::function<CertificateTime()> now = std::chrono::system_clock::now)
       : options_(limits), limits_(limits), connections_(connections), now_(std::move(now)) {}
 
+  // Whether the caller may make this call, whatever it uses. Takes no lock, and logs nothing.
+  bool May(const grpc::ServerContextBase& context, std::string_view method) const;
   // `method`: as in MethodRules. request_bytes: held until the call is answered.
   Admission Admit(grpc::ServerContextBase* context, std::string_view method,
                   std::size_t request_bytes = 0);
 
   const Activity& activity() const { return activity_; }
+  const LimitOptions& limits() const { return options_; }
 
-  // Applies from the next call on. Running calls that the new policy refuses end now.
+  // Applies from the next call on. Running calls that the new policy refuses end now. One thread at
+  // a time.
   void SetPolicy(std::shared_ptr<const Policy> policy);
-  // Ends running calls whose certificate has expired, and calls whose client lets the daemon wait.
-  // Call it every two seconds.
+  // Ends running calls whose certificate has expired, and those that have not sent in time. Call it
+  // every second.
   void Review();
 
  private:
   friend class Admission;
+  struct Judgement {
+    Admission::Running call{};
+    grpc::Status refusal{};  // with the bare problem
+  };
 
-  std::shared_ptr<const Policy> policy() const;
-  bool Holds(const Admission::Running& call) const;
-  // Why a call must end; empty: it may continue.
-  std::string WhyEnd(const Admission::Running& call) const;
-  Admission Refuse(grpc::StatusCode code, const std::string& peer, const std::string& who,
-                   std::string_view method, const std::string& problem);
-  // Returns an admission with neither access nor refusal if `judge` is no longer the policy.
-  Admission Enter(const Admission::Running& call, const std::shared_ptr<const Policy>& judge);
+  struct End {
+    grpc_call* call;  // holds a reference
+    std::string whose, line;
+  };
+  using Identities = std::map<Credentials, std::optional<Identity>>;
+  using IdentityOf = std::function<std::optional<Identity>(const Credentials&)>;
+
+  Judgement Judge(const grpc::ServerContextBase& context, std::string_view method,
+                  const PolicyBoard::Reading& policy) const;
+  Admission Refuse(const Admission::Running& call, std::string_view method,
+                   const grpc::Status& problem) const;
+  // None if the policy is no longer in force.
+  std::optional<Admission> Enter(const Admission::Running& call,
+                                 const PolicyBoard::Reading& policy);
+
+  // Of the credentials of all running calls.
+  Identities Judged(const IdentityOf& identity_of) const;
+  // Marks the calls that must end.
+  std::vector<End> MarkEnds(const Identities& judged);
 
   const LimitOptions options_;
   IdentityLimits limits_;
+  UnreadLimit unread_;
   ConnectionWatch* const connections_;
   const std::function<CertificateTime()> now_;
-  RefusalLog refusals_;
   Activity activity_;
-  // Recursive: TryCancel may end a call on the same thread, which locks it again.
-  mutable std::recursive_mutex mutex_;
-  std::shared_ptr<const Policy> policy_ = std::make_shared<Policy>();
+  PolicyBoard policy_;
+  mutable std::mutex running_mutex_;  // nothing else is locked, called or written under it
   std::list<Admission::Running> running_;
 };
 

@@ -2,9 +2,8 @@
 // gRPC, which sends it when the client reads it.
 //
 // A service's method returns Answer for one answer, Stream for several:
-//   return calls_.Answer(context, "/palpate.v1.XService/Y", *request, [=, this](const Admission&) {
-//     *response = ...;
-//   });
+//   return calls_.Answer(context, "/palpate.v1.XService/Y", *request, *response,
+//                        [=, this](const Admission&) { *response = ...; });
 // The work runs on a thread of CallThreads. It throws to fail; common/wire/status.h makes the
 // status.
 //
@@ -54,7 +53,9 @@ class EventStream final : public grpc::ServerWriteReactor<Event> {
   // Call it once, after the last event. This object may be gone afterwards.
   void End(const grpc::Status& status) {
     const std::lock_guard lock(mutex_);
-    admission_.Answered();
+    std::size_t bytes = 0;
+    for (const Event& event : waiting_) bytes += event.ByteSizeLong();
+    admission_.Answered(bytes);
     if (waiting_.empty()) {
       this->Finish(status);
     } else {
@@ -112,18 +113,19 @@ class Calls {
   // work: void(const Admission&)
   template <class Work>
   Reply* Answer(CallContext* context, std::string_view method,
-                const google::protobuf::Message& request, Work work) {
+                const google::protobuf::Message& request,
+                const google::protobuf::Message& response, Work work) {
     auto* const call = new UnaryCall(access_.Admit(context, method, request.ByteSizeLong()));
     if (!call->admission.ok()) {
       call->Finish(call->admission.status());
       return call;
     }
-    threads_.Run(method, [this, method, call, work = std::move(work)] {
+    threads_.Run(method, [this, method, call, &response, work = std::move(work)] {
       const grpc::Status status = StatusOf(call->admission, [&] {
         RequireVolume(method);
         work(std::as_const(call->admission));
       });
-      call->admission.Answered();
+      call->admission.Answered(response.ByteSizeLong());
       call->Finish(status);
     });
     return call;

@@ -13,7 +13,6 @@
 
 #include "server/log/log.h"
 #include "server/realtime/thread_setup.h"
-#include "server/realtime/tick_timer.h"
 #include "server/security/connection_limits.h"
 
 namespace palpate {
@@ -147,15 +146,18 @@ void ConnectionWatch::Run() {
   while (true) {
     changed_.wait(lock, [this] { return stop_ || HasStrangers(); });
     if (changed_.wait_for(lock, kReviewTime, [this] { return stop_; })) return;
-    const std::vector<std::string> lines = Review();
+    const std::vector<Cut> cuts = Review();
     lock.unlock();
-    for (const std::string& line : lines) LogWarning("{}", line);
+    for (const Cut& cut : cuts) {
+      LogOfClient(LogLevel::kWarning, cut.peer, "cut off {}: {}", cut.peer,
+                  ReasonFor(cut.sent_too_much));
+    }
     lock.lock();
   }
 }
 
 // Only shuts connections down. The next review notices their end and removes them.
-std::vector<std::string> ConnectionWatch::Review() {
+std::vector<ConnectionWatch::Cut> ConnectionWatch::Review() {
   DropEnded(/*of_all=*/false);
   std::vector<const Connections::value_type*> by_age;
   for (const auto& one : connections_) {
@@ -167,16 +169,13 @@ std::vector<std::string> ConnectionWatch::Review() {
   for (const auto* const one : by_age) {
     bounded.push_back({one->second.prefix, one->second.received_bytes});
   }
-  std::vector<std::string> lines;
+  std::vector<Cut> cuts;
   for (const ConnectionCut& cut : CutsAmong(bounded, kStrangerBounds)) {
     const auto& [peer, connection] = *by_age[cut.connection];
     shutdown(connection.fd, SHUT_RDWR);
-    if (const auto left_out = log_budget_.Take(peer, MonotonicNowNs())) {
-      lines.push_back("cut off " + peer + ": " + ReasonFor(cut.sent_too_much) +
-                      LeftOutInWords(*left_out));
-    }
+    cuts.push_back({peer, cut.sent_too_much});
   }
-  return lines;
+  return cuts;
 }
 
 }  // namespace palpate

@@ -26,7 +26,6 @@
 #include <vector>
 
 #include "server/security/policy.h"
-#include "server/security/refusal_log.h"
 
 namespace palpate {
 
@@ -68,13 +67,16 @@ class ConnectionWatch {
   bool HasStrangers() const;
   // Drops ended connections, of strangers or of all.
   void DropEnded(bool of_all);
-  std::vector<std::string> Review();
+  struct Cut {
+    std::string peer;
+    bool sent_too_much;
+  };
+  std::vector<Cut> Review();
 
   const int first_file_;
   std::mutex mutex_;
   Connections connections_;
   std::uint64_t entered_ = 0;
-  RefusalLog log_budget_;
   bool stop_ = false;
   std::condition_variable changed_;
   std::thread thread_;

@@ -11,7 +11,6 @@
 #include "common/wire/force_words.h"
 #include "common/wire/status.h"
 #include "server/log/log.h"
-#include "server/realtime/tick_timer.h"
 #include "server/rpc/device_messages.h"
 #include "server/safety/names.h"
 
@@ -47,6 +46,11 @@ Error NoTick(ForceCommand command, bool holds) {
                                        std::string(NameOf(command)) + " forces " +
                                        (holds ? "holds from its next tick on" : "was taken back") +
                                        "; look at palpated's log, or end it"};
+}
+
+grpc::Status NotRead() {
+  return {grpc::StatusCode::RESOURCE_EXHAUSTED,
+          "forces are stopped; read the answers that wait for this connection"};
 }
 
 template <typename Response>
@@ -85,9 +89,10 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
     }
   }
 
+  // A stop is never refused, so the answers of a flood of stops are bounded here.
   void End(const grpc::Status& status) {
-    admission_.Answered();
-    Finish(status);
+    const bool is_room = admission_.Answered(response_.ByteSizeLong());
+    Finish(is_room ? status : NotRead());
   }
 
   Admission admission_;
@@ -103,7 +108,7 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
 
 Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest* request,
                                 v1::GetDeviceResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.DeviceService/GetDevice", *request,
+  return calls_.Answer(context, "/palpate.v1.DeviceService/GetDevice", *request, *response,
                        [=, this](const Admission& admission) {
                          *response->mutable_device() = palpate::ToProto(device_.spec());
                          *response->mutable_caller() = palpate::ToProto(admission.caller());
@@ -131,7 +136,7 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
 
 Reply* DeviceService::ListDevices(CallContext* context, const v1::ListDevicesRequest* request,
                                   v1::ListDevicesResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.DeviceService/ListDevices", *request,
+  return calls_.Answer(context, "/palpate.v1.DeviceService/ListDevices", *request, *response,
                        [=, this](const Admission&) {
                          const std::vector<ListedDevice> devices = list_();
                          for (const ListedDevice& device : devices) {
@@ -144,7 +149,7 @@ Reply* DeviceService::ListDevices(CallContext* context, const v1::ListDevicesReq
 
 Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesRequest* request,
                                    v1::EnableForcesResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.DeviceService/EnableForces", *request,
+  return calls_.Answer(context, "/palpate.v1.DeviceService/EnableForces", *request, *response,
                        [=, this](const Admission& by) {
                          CheckName(request->device());
                          const ForceTick forces = Command(ForceCommand::kEnable);
@@ -156,7 +161,7 @@ Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesR
 
 Reply* DeviceService::DisableForces(CallContext* context, const v1::DisableForcesRequest* request,
                                     v1::DisableForcesResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.DeviceService/DisableForces", *request,
+  return calls_.Answer(context, "/palpate.v1.DeviceService/DisableForces", *request, *response,
                        [=, this](const Admission& by) {
                          const ForceTick forces = Command(ForceCommand::kDisable);
                          Note(ForceCommand::kDisable, by);
@@ -166,14 +171,17 @@ Reply* DeviceService::DisableForces(CallContext* context, const v1::DisableForce
 
 Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesRequest*,
                                  v1::StopForcesResponse* response) {
-  Admission admission = calls_.access().Admit(context, "/palpate.v1.DeviceService/StopForces");
+  constexpr char kMethod[] = "/palpate.v1.DeviceService/StopForces";
+  Access& access = calls_.access();
+  // First of all: what follows may wait for a lock, for memory or for the log.
+  if (access.May(*context, kMethod)) servo_.forces().Set(ForceCommand::kStop);
+  Admission admission = access.Admit(context, kMethod);
   if (!admission.ok()) {
     // DefaultReactor is called once: a second call would return another reactor.
     Reply* const refused = context->DefaultReactor();
     refused->Finish(admission.status());
     return refused;
   }
-  servo_.forces().Set(ForceCommand::kStop);
   Note(ForceCommand::kStop, admission);
   return new StopAnswer(std::move(admission), forces_, FirstTickThatKnows(servo_), *response);
 }
@@ -182,7 +190,7 @@ Reply* DeviceService::CalibrateDevice(CallContext* context,
                                       const v1::CalibrateDeviceRequest* request,
                                       v1::CalibrateDeviceResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.DeviceService/CalibrateDevice", *request, [=, this](const Admission&) {
+      context, "/palpate.v1.DeviceService/CalibrateDevice", *request, *response, [=, this](const Admission&) {
         const DeviceHealth health = device_.health();
         if (health.connection != DeviceConnection::kStreaming) {
           throw Error(
@@ -207,7 +215,7 @@ LeadHandReactor* DeviceService::LeadHand(CallContext* context) {
                             device_.spec().kind + "`: set [device] kind = \"simulated\""});
   }
   const std::uint32_t buttons = (1U << device_.spec().button_count) - 1;
-  return LeadHandWith({*hand_, servo_, forces_, buttons, hand_lines_}, std::move(admission));
+  return LeadHandWith({*hand_, servo_, forces_, buttons}, std::move(admission));
 }
 
 void DeviceService::CheckName(const std::string& name) const {
@@ -249,11 +257,8 @@ void DeviceService::Note(ForceCommand command, const Admission& by) {
      : command == ForceCommand::kEnable ? enabled_by_
                                         : disabled_by_) = by.Who();
   }
-  // A viewer may stop forces as often as it likes; the log must not fill.
-  const auto left_out = lines_.Take(by.caller().name, MonotonicNowNs());
-  if (!left_out) return;
-  Log(is_stop ? LogLevel::kWarning : LogLevel::kInfo, "forces: {}, by {}{}",
-      is_stop ? "emergency stop" : NameOf(command), by.Who(), LeftOutInWords(*left_out));
+  LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, by.caller().name,
+              "forces: {}, by {}", is_stop ? "emergency stop" : NameOf(command), by.Who());
 }
 
 std::string DeviceService::SetBy(const ForceTick& forces) const {

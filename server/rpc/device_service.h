@@ -2,7 +2,8 @@
 // and lead the simulated hand.
 //
 // No command to the forces takes a lock of the session or waits longer than a second. The emergency
-// stop also needs no thread for calls: gRPC's own threads, which never wait, carry it out. So it
+// stop also needs no thread for calls: gRPC's own threads, which never wait, carry it out. Once its
+// sender is recognised, the stop is set before anything takes a lock, allocates or logs. So it
 // works whatever else the daemon does.
 #pragma once
 
@@ -16,7 +17,6 @@
 #include "server/rpc/calls.h"
 #include "server/rpc/lead_hand.h"
 #include "server/samples/force_watch.h"
-#include "server/security/refusal_log.h"
 #include "server/servo/servo_loop.h"
 
 namespace palpate {
@@ -69,8 +69,6 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   const ForceWatch& forces_;
   DeviceList list_;
 
-  RefusalLog lines_;
-  RefusalLog hand_lines_;
   mutable std::mutex mutex_;  // guards the members below
   std::string enabled_by_, disabled_by_, stopped_by_;
 };

@@ -13,7 +13,6 @@
 #include "common/error/error.h"
 #include "common/wire/status.h"
 #include "server/log/log.h"
-#include "server/realtime/tick_timer.h"
 
 namespace palpate {
 namespace {
@@ -125,24 +124,24 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
   void NoteTaken() {
     admission_.Changed("hand");
     // Whoever takes the hand again and again must not fill the log.
-    const auto left_out = parts_.lines.Take(admission_.caller().name, MonotonicNowNs());
-    if (!left_out) return;
-    LogInfo("hand: led by {}{}", who_, LeftOutInWords(*left_out));
+    const bool is_logged =
+        LogOfClient(LogLevel::kInfo, admission_.caller().name, "hand: led by {}", who_);
     const std::lock_guard lock(mutex_);
-    is_logged_ = true;
+    is_logged_ = is_logged;
   }
 
   void End(const grpc::Status& status) {
     const std::lock_guard lock(mutex_);
     FinishOnce(status, "");
   }
-  // The alarm then logs the end: here, whoever reviews all calls may wait for this thread.
+  // The alarm then logs the end, without the lock.
   void FinishOnce(const grpc::Status& status, const char* why) {
     if (finished_) return;
     finished_ = true;
     why_ = why;
     if (lead_ != 0) parts_.hand.GiveBack(lead_);
     if (alarm_) alarm_->Cancel();
+    admission_.Answered(0);
     Finish(status);
   }
 

@@ -12,7 +12,6 @@
 #include "server/device/led_hand.h"
 #include "server/rpc/access.h"
 #include "server/samples/force_watch.h"
-#include "server/security/refusal_log.h"
 #include "server/servo/servo_loop.h"
 
 namespace palpate {
@@ -25,7 +24,6 @@ struct LeadHandParts {
   const ServoLoop& servo;
   const ForceWatch& forces;
   std::uint32_t buttons;  // those that the device has
-  RefusalLog& lines;      // of the log
 };
 
 // `admission`: of an admitted call.

@@ -1,5 +1,7 @@
 #include "server/rpc/recording_service.h"
 
+#include <utility>
+
 #include "common/error/error.h"
 #include "common/wire/status.h"
 #include "server/log/log.h"
@@ -41,7 +43,7 @@ v1::ReplayResponse ToProto(const ReplayReport& report) {
 Reply* RecordingService::StartRecording(CallContext* context,
                                         const v1::StartRecordingRequest* request,
                                         v1::StartRecordingResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RecordingService/StartRecording", *request,
+  return calls_.Answer(context, "/palpate.v1.RecordingService/StartRecording", *request, *response,
                        [=, this](const Admission& by) {
                          const RecordingStatus status =
                              control_.Start(request->path(), request->overwrite());
@@ -55,7 +57,7 @@ Reply* RecordingService::StopRecording(CallContext* context,
                                        const v1::StopRecordingRequest* request,
                                        v1::StopRecordingResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.RecordingService/StopRecording", *request,
+      context, "/palpate.v1.RecordingService/StopRecording", *request, *response,
       [=, this](const Admission& by) {
         const RecordingStatus status = control_.Stop();
         by.Changed("recording");
@@ -72,21 +74,21 @@ Reply* RecordingService::StopRecording(CallContext* context,
 Reply* RecordingService::GetRecording(CallContext* context, const v1::GetRecordingRequest* request,
                                       v1::GetRecordingResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.RecordingService/GetRecording", *request,
+      context, "/palpate.v1.RecordingService/GetRecording", *request, *response,
       [=, this](const Admission&) { *response->mutable_recording() = ToProto(control_.status()); });
 }
 
 Reply* RecordingService::Mark(CallContext* context, const v1::MarkRequest* request,
                               v1::MarkResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.RecordingService/Mark", *request,
+      context, "/palpate.v1.RecordingService/Mark", *request, *response,
       [=, this](const Admission&) { response->set_time_ns(control_.Mark(request->text())); });
 }
 
 Reply* RecordingService::ListRecordings(CallContext* context,
                                         const v1::ListRecordingsRequest* request,
                                         v1::ListRecordingsResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RecordingService/ListRecordings", *request,
+  return calls_.Answer(context, "/palpate.v1.RecordingService/ListRecordings", *request, *response,
                        [=, this](const Admission&) {
                          for (const ListedRecording& recording : control_.Recordings()) {
                            v1::RecordedFile& to = *response->add_recordings();
@@ -104,14 +106,19 @@ EventStream<v1::ReplayResponse>* RecordingService::Replay(CallContext* context,
       context, "/palpate.v1.RecordingService/Replay",
       [=, this](auto& events, const auto& cancelled) {
         std::uint64_t ticks = 0;
+        bool is_logged = false;
         const auto report = [&](const ReplayReport& now) {
+          // Only now the path is known to be allowed.
+          if (!std::exchange(is_logged, true)) {
+            LogInfo("replaying {} to viewers, from tick {}", request->path(),
+                    request->first_tick());
+          }
           ticks = now.state.ticks;
           events.Send(ToProto(now));
         };
         const ViewerReplayOptions options = {
             .speed = request->speed() == 0.0 ? 1.0 : request->speed(),
             .first_tick = request->first_tick()};
-        LogInfo("replaying {} to viewers, from tick {}", request->path(), options.first_tick);
         control_.Replay(request->path(), options, report, cancelled);
         LogInfo("replayed {} to tick {}", request->path(), ticks);
       });

@@ -38,7 +38,7 @@ RegistrationUpdate UpdateOf(const v1::UpdateRegistrationRequest& request) {
 Reply* RegistrationService::GetRegistration(CallContext* context,
                                             const v1::GetRegistrationRequest* request,
                                             v1::GetRegistrationResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RegistrationService/GetRegistration", *request,
+  return calls_.Answer(context, "/palpate.v1.RegistrationService/GetRegistration", *request, *response,
                        [=, this](const Admission&) {
                          const VolumeState state = session_.volume();
                          *response->mutable_registration() = ToProto(state);
@@ -49,7 +49,7 @@ Reply* RegistrationService::GetRegistration(CallContext* context,
 Reply* RegistrationService::UpdateRegistration(CallContext* context,
                                                const v1::UpdateRegistrationRequest* request,
                                                v1::UpdateRegistrationResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RegistrationService/UpdateRegistration", *request,
+  return calls_.Answer(context, "/palpate.v1.RegistrationService/UpdateRegistration", *request, *response,
                        [=, this](const Admission& by) {
                          const RegistrationUpdate update = UpdateOf(*request);
                          const auto change = [&](const VolumeState& state) {

@@ -9,15 +9,8 @@ namespace palpate {
 namespace {
 
 FreeSide SideOf(v1::FreeSide side) {
-  switch (side) {
-    case v1::FREE_SIDE_BELOW:
-      return FreeSide::kBelow;
-    case v1::FREE_SIDE_ABOVE:
-      return FreeSide::kAbove;
-    default:
-      throw Error(ErrorKind::kInvalidArgument,
-                  "unknown free_side: give FREE_SIDE_BELOW or FREE_SIDE_ABOVE");
-  }
+  if (const auto known = EnumFromProto<FreeSide>(side)) return *known;
+  Refuse("unknown free_side: give FREE_SIDE_BELOW or FREE_SIDE_ABOVE");
 }
 
 // The fields of haptic settings have the names of the tables in settings.h. Returns null if no
@@ -46,7 +39,7 @@ bool TakeListed(const v1::RenderSettings& in, std::string_view name, SettingsUpd
 void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate& update) {
   const auto* field = Field(name);
   if (field && !in.GetReflection()->HasField(in, field)) {
-    throw Error(ErrorKind::kInvalidArgument, "update_mask names " + name + ", which has no value");
+    Refuse("update_mask names " + name + ", which has no value");
   }
   if (name == "isovalue") {
     update.isovalue = in.isovalue();
@@ -57,14 +50,14 @@ void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate&
   } else if (name == "method") {
     update.method = FromProto(in.method());
   } else if (!TakeListed(in, name, update)) {
-    throw Error(ErrorKind::kInvalidArgument, "update_mask names an unknown field: " + name);
+    Refuse("update_mask names an unknown field: " + name);
   }
 }
 
 }  // namespace
 
 v1::FreeSide ToProto(FreeSide side) {
-  return side == FreeSide::kAbove ? v1::FREE_SIDE_ABOVE : v1::FREE_SIDE_BELOW;
+  return EnumToProto<v1::FreeSide>(side);
 }
 
 v1::RenderSettings ToProto(const RenderSettings& settings) {
@@ -89,7 +82,7 @@ SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request) {
     Take(request.settings(), name, update);
   }
   if (request.update_mask().paths().empty()) {
-    throw Error(ErrorKind::kInvalidArgument, "update_mask is empty: name the fields to change");
+    Refuse("update_mask is empty: name the fields to change");
   }
   if (request.has_expected_revision()) update.expected_revision = request.expected_revision();
   return update;
@@ -97,7 +90,7 @@ SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request) {
 
 Reply* RenderService::GetSettings(CallContext* context, const v1::GetSettingsRequest* request,
                                   v1::GetSettingsResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RenderService/GetSettings", *request,
+  return calls_.Answer(context, "/palpate.v1.RenderService/GetSettings", *request, *response,
                        [=, this](const Admission&) {
                          const SettingsState state = session_.settings();
                          *response->mutable_settings() = ToProto(state.settings);
@@ -107,7 +100,7 @@ Reply* RenderService::GetSettings(CallContext* context, const v1::GetSettingsReq
 
 Reply* RenderService::UpdateSettings(CallContext* context, const v1::UpdateSettingsRequest* request,
                                      v1::UpdateSettingsResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RenderService/UpdateSettings", *request,
+  return calls_.Answer(context, "/palpate.v1.RenderService/UpdateSettings", *request, *response,
                        [=, this](const Admission& by) {
                          const std::int64_t received_ns = MonotonicNowNs();
                          const SettingsApplied result = session_.Update(FromProto(*request));

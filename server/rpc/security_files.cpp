@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::chrono::seconds kBetweenLooks{2};
+constexpr std::chrono::seconds kBetweenLooks{1};
 
 // A text that changes whenever the file changes.
 std::string StampOf(const std::filesystem::path& path) {

@@ -22,7 +22,7 @@ class SecurityFiles {
   SecurityFiles(Access& access, TlsFiles* tls) : access_(access), tls_(tls) {}
   ~SecurityFiles() { Stop(); }
 
-  // Reads the files, and checks every two seconds whether they have changed. Errors: Error; then
+  // Reads the files, and checks every second whether they have changed. Errors: Error; then
   // nothing has started.
   void Start(const PolicyOptions& policy, const TlsOptions& pair);
   void Stop();

@@ -68,14 +68,14 @@ EventStream<v1::LoadSeriesResponse>* SeriesService::LoadSeries(
 Reply* SeriesService::GetSeries(CallContext* context, const v1::GetSeriesRequest* request,
                                 v1::GetSeriesResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.SeriesService/GetSeries", *request,
+      context, "/palpate.v1.SeriesService/GetSeries", *request, *response,
       [=, this](const Admission&) { *response->mutable_series() = ToProto(player_.state()); });
 }
 
 Reply* SeriesService::ControlSeries(CallContext* context, const v1::ControlSeriesRequest* request,
                                     v1::ControlSeriesResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.SeriesService/ControlSeries", *request, [=, this](const Admission& by) {
+      context, "/palpate.v1.SeriesService/ControlSeries", *request, *response, [=, this](const Admission& by) {
         *response->mutable_series() = ToProto(player_.Control(ControlOf(*request)));
         by.Changed("series");
       });

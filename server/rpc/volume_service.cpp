@@ -22,7 +22,7 @@ VolumeEditor::Revision Expected(const Request& request) {
 Reply* VolumeService::Change(CallContext* context, std::string_view method,
                              const google::protobuf::Message& request,
                              v1::EditVolumeResponse* response, const EditChange& change) {
-  return calls_.Answer(context, method, request, [=, this](const Admission& by) {
+  return calls_.Answer(context, method, request, *response, [=, this](const Admission& by) {
     const std::int64_t received_ns = MonotonicNowNs();
     const EditOutcome outcome = change([context] { return context->IsCancelled(); });
     if (outcome.changed_voxels > 0) by.Changed("voxels");
@@ -35,7 +35,7 @@ Reply* VolumeService::Change(CallContext* context, std::string_view method,
 Reply* VolumeService::GetVolume(CallContext* context, const v1::GetVolumeRequest* request,
                                 v1::GetVolumeResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.VolumeService/GetVolume", *request,
+      context, "/palpate.v1.VolumeService/GetVolume", *request, *response,
       [=, this](const Admission&) { *response->mutable_volume() = ToProto(session_.volume()); });
 }
 

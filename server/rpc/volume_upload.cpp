@@ -1,5 +1,6 @@
 // VolumeService::UploadVolume.
 
+#include <chrono>
 #include <optional>
 #include <string>
 #include <utility>
@@ -7,6 +8,7 @@
 #include "common/error/error.h"
 #include "common/wire/status.h"
 #include "server/log/log.h"
+#include "server/realtime/tick_timer.h"
 #include "server/rpc/volume_messages.h"
 #include "server/rpc/volume_service.h"
 
@@ -15,6 +17,8 @@ namespace {
 
 constexpr char kMethod[] = "/palpate.v1.VolumeService/UploadVolume";
 constexpr std::size_t kMostBytesPerMessage = 1 << 20;
+// Of each send_patience: an upload holds memory of the budget. 140 kbit/s at 30 s.
+constexpr std::size_t kLeastBytes = 512 << 10;
 
 // Replaces the file's path by the upload's title: the client does not know the path.
 Error WithTitle(const std::exception& error, const Upload& upload) {
@@ -56,8 +60,9 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   }
 
   void OnReadDone(bool ok) override {
+    patience_ns_ -= MonotonicNowNs() - read_began_ns_;
+    admission_.MustSendBy(0);
     service_.calls_.threads().Run(kMethod, [this, ok] {
-      admission_.WaitForMore(false);
       try {
         ok ? Take() : Load();
       } catch (const std::exception& error) {
@@ -69,9 +74,15 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   void OnDone() override { delete this; }
 
  private:
+  // Only the client's own time counts: not what the daemon needs to write the bytes.
   void ReadMore() {
-    admission_.WaitForMore(true);
+    read_began_ns_ = MonotonicNowNs();
+    admission_.MustSendBy(read_began_ns_ + patience_ns_);
     StartRead(&message_);
+  }
+
+  std::int64_t Patience() const {
+    return std::chrono::nanoseconds(service_.calls_.access().limits().send_patience).count();
   }
 
   void Take() {
@@ -83,6 +94,11 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
         Refuse("a message of an upload holds at most 1 MiB of data");
       }
       upload_->Append(message_.data());
+      sent_bytes_ += message_.data().size();
+    }
+    if (sent_bytes_ >= kLeastBytes) {
+      sent_bytes_ = 0;
+      patience_ns_ = Patience();
     }
     ReadMore();
   }
@@ -124,7 +140,7 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   // The upload's file and its claim go before the answer, not when the client has read it.
   void End(const grpc::Status& status) {
     upload_.reset();
-    admission_.Answered();
+    admission_.Answered(response_->ByteSizeLong());
     Finish(status);
   }
 
@@ -135,6 +151,9 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   v1::UploadVolumeRequest message_;
   LoadRequest options_;
   std::optional<Upload> upload_;
+  std::int64_t read_began_ns_ = 0;
+  std::int64_t patience_ns_ = Patience();  // with a client that sends too slowly
+  std::size_t sent_bytes_ = 0;             // since it was whole
 };
 
 grpc::ServerReadReactor<v1::UploadVolumeRequest>* VolumeService::UploadVolume(

@@ -17,7 +17,7 @@ namespace palpate {
 namespace {
 
 // The most verified chains that are remembered. If there are more, all are forgotten.
-constexpr std::size_t kMostVerified = 1024;
+constexpr std::size_t kMostVerified = 256;
 constexpr std::size_t kMostFileBytes = 1 << 20;
 
 template <auto kFree>
@@ -211,20 +211,23 @@ ClientAuthority::ClientAuthority(const std::filesystem::path& ca_file)
   }
 }
 
-ClientAuthority::Verdict ClientAuthority::Check(const std::string& chain_pem,
-                                                CertificateTime now) const {
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = verified_.find(chain_pem);
+ClientAuthority::Verdict ClientAuthority::Check(const Chain& chain, CertificateTime now) const {
+  if (chain->size() > kLongestChain) {
+    return {.problem = "its chain of certificates is longer than 32 KiB"};
+  }
+  // The emergency stop passes here, so nobody waits for the lock.
+  if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) {
+    const auto found = verified_.find(*chain);
     if (found != verified_.end() && now <= found->second.valid_until) return found->second;
   }
-  Verdict verdict = Verify(chain_pem, now);
-  const std::lock_guard lock(mutex_);
-  verified_.erase(chain_pem);
+  Verdict verdict = Verify(*chain, now);
   // A refusal is not remembered: the certificate may become valid when the clock is set.
-  if (verdict.problem.empty()) {
+  if (!verdict.problem.empty()) return verdict;
+  verdict.chain = chain;
+  if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) {
+    verified_.erase(*chain);
     if (verified_.size() >= kMostVerified) verified_.clear();
-    verified_.emplace(chain_pem, verdict);
+    verified_.emplace(*chain, verdict);
   }
   return verdict;
 }

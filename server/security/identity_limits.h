@@ -12,8 +12,8 @@
 #include <optional>
 #include <string>
 
+#include "server/log/rate_limit.h"
 #include "server/security/methods.h"
-#include "server/security/rate_limit.h"
 
 namespace palpate {
 
@@ -27,9 +27,7 @@ struct LimitOptions {
   int pose_samples_per_s = 32'000;
   int volume_streams = 64;
   int transfers = 8;
-  // A call whose client neither reads its answer nor sends the rest of its upload ends then. Unread
-  // answers take memory and count against no limit.
-  std::chrono::milliseconds read_patience{10'000};
+  // An upload whose client sends less than 512 KiB in so much time ends.
   std::chrono::milliseconds send_patience{30'000};
 };
 

@@ -53,17 +53,15 @@ Recognised Policy::Recognise(const Credentials& credentials, CertificateTime now
           "over TLS only");
     }
     if (credentials.transport == Transport::kSocket) {
-      return {.identity = Identity{"local socket", options_.socket_role}};
+      return {.identity = Identity{"local socket", options_.socket_role}, .kept = credentials};
     }
-    return {.identity = Identity{"loopback", options_.loopback_role}};
+    return {.identity = Identity{"loopback", options_.loopback_role}, .kept = credentials};
   }
   // If a token came, only the token counts: a client with a wrong token must learn about it.
   if (!credentials.authorization.empty() || !credentials.token_sha256_hex.empty()) {
     return ByToken(credentials, now);
   }
-  if (!credentials.certificate_chain.empty()) {
-    return ByCertificate(credentials.certificate_chain, now);
-  }
+  if (credentials.certificate_chain) return ByCertificate(credentials, now);
   return Stranger("neither a token nor a certificate came: give one of them");
 }
 
@@ -83,12 +81,13 @@ Recognised Policy::ByToken(const Credentials& credentials, CertificateTime now) 
   if (found->expires && now >= *found->expires) {
     return Stranger("its token expired at " + ToText(*found->expires) + kAskForToken);
   }
-  return {Identity{"token " + found->name, found->role}, {}, found->sha256_hex};
+  return {.identity = Identity{"token " + found->name, found->role},
+          .kept = {.transport = Transport::kTls, .token_sha256_hex = found->sha256_hex}};
 }
 
-Recognised Policy::ByCertificate(const std::string& chain, CertificateTime now) const {
+Recognised Policy::ByCertificate(const Credentials& credentials, CertificateTime now) const {
   if (!authority_) return Stranger("certificates of clients are not accepted here: send a token");
-  const ClientAuthority::Verdict verdict = authority_->Check(chain, now);
+  const ClientAuthority::Verdict verdict = authority_->Check(credentials.certificate_chain, now);
   if (!verdict.problem.empty()) {
     return Stranger(verdict.problem + ": ask the operator for a new certificate");
   }
@@ -98,7 +97,10 @@ Recognised Policy::ByCertificate(const std::string& chain, CertificateTime now) 
         std::find(verdict.names.begin(), verdict.names.end(), client.san) != verdict.names.end();
     if (is_named && (!best || client.role > best->role)) best = &client;
   }
-  if (best) return {.identity = Identity{"certificate " + best->san, best->role}};
+  if (best) {
+    return {.identity = Identity{"certificate " + best->san, best->role},
+            .kept = {.transport = Transport::kTls, .certificate_chain = verdict.chain}};
+  }
   std::string names;
   for (const std::string& name : verdict.names) names += (names.empty() ? "" : ", ") + name;
   return Stranger("its certificate's names (" + (names.empty() ? "none" : names) +

@@ -1,9 +1,10 @@
 // Decides who a client is and which role it has.
 //
 // Threads: a policy is made once and then only read, from any thread. When files or settings
-// change, a new policy replaces it.
+// change, a new policy replaces it (policy_board.h). Recognise never waits.
 #pragma once
 
+#include <compare>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -37,19 +38,21 @@ enum class Transport { kSocket, kPlain, kTls };
 // The credentials that came with a call.
 struct Credentials {
   Transport transport = Transport::kPlain;
-  std::string certificate_chain{};  // PEM; empty: none
-  std::string authorization{};      // the header; empty: none
+  // PEM; null: none. Calls with the same chain share it: a chain may have 32 KiB.
+  std::shared_ptr<const std::string> certificate_chain{};
+  std::string authorization{};  // the header; empty: none
   // Replaces the header for a call that was already admitted: the hash that found its token. So the
   // token itself is not kept.
   std::string token_sha256_hex{};
 
-  bool operator==(const Credentials&) const = default;
+  auto operator<=>(const Credentials&) const = default;
 };
 
 struct Recognised {
   std::optional<Identity> identity{};  // none: a stranger
   std::string problem{};               // why the client is a stranger
-  std::string token_sha256_hex{};      // of the token, if a token was used
+  // What stands for the credentials when the client is judged again.
+  Credentials kept{};
 };
 
 class Policy {
@@ -67,7 +70,7 @@ class Policy {
 
  private:
   Recognised ByToken(const Credentials& credentials, CertificateTime now) const;
-  Recognised ByCertificate(const std::string& chain, CertificateTime now) const;
+  Recognised ByCertificate(const Credentials& credentials, CertificateTime now) const;
 
   PolicyOptions options_;
   std::shared_ptr<const ClientAuthority> authority_;  // null: certificates are not accepted

@@ -2,8 +2,10 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <memory>
 #include <string>
+#include <thread>
 
 #include "palpate/v1/volume.grpc.pb.h"
 #include "tests/support/patience.h"
@@ -29,7 +31,10 @@ class IdleClientTest : public ::testing::Test {
 };
 
 // Its claim on the memory budget would keep others from loading.
-TEST_F(IdleClientTest, AnUploadThatStandsStillEndsAndGivesItsClaimBack) {
+class IdleUpload : public IdleClientTest, public ::testing::WithParamInterface<bool> {};
+
+TEST_P(IdleUpload, EndsAndGivesItsClaimBack) {
+  const bool drips = GetParam();
   const std::uint64_t before = ClaimedBytes();
   const auto stub = v1::VolumeService::NewStub(
       grpc::CreateChannel("unix:" + socket_, grpc::InsecureChannelCredentials()));
@@ -38,14 +43,18 @@ TEST_F(IdleClientTest, AnUploadThatStandsStillEndsAndGivesItsClaimBack) {
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
   v1::UploadVolumeResponse response;
   const auto call = stub->UploadVolume(&context, &response);
-  v1::UploadVolumeRequest start;
-  start.mutable_start()->set_name("head.nrrd");
-  start.mutable_start()->set_size_bytes(1 << 20);
-  ASSERT_TRUE(call->Write(start));
+  v1::UploadVolumeRequest message;
+  message.mutable_start()->set_name("head.nrrd");
+  message.mutable_start()->set_size_bytes(1 << 20);
+  ASSERT_TRUE(call->Write(message));
   ASSERT_TRUE(test::Eventually([&] { return ClaimedBytes() > before; }));
+  message.set_data("x");
+  while (drips && call->Write(message)) std::this_thread::sleep_for(std::chrono::milliseconds(20));
   EXPECT_EQ(call->Finish().error_code(), grpc::StatusCode::CANCELLED);
   EXPECT_TRUE(test::Eventually([&] { return ClaimedBytes() == before; }));
 }
+
+INSTANTIATE_TEST_SUITE_P(StandsStillOrDrips, IdleUpload, ::testing::Bool());
 
 }  // namespace
 }  // namespace palpate

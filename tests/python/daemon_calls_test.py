@@ -150,7 +150,7 @@ class Loads(CallsTest):
         unread = client.volume.LoadVolume(volume_pb2.LoadVolumeRequest(source="builtin:sphere:64"))
         self.addCleanup(unread.cancel)
         self.assertTrue(wait_until(
-            lambda: any("it does not read its answer" in line for line in self.daemon.said), 120))
+            lambda: any("loaded builtin:sphere:64" in line for line in self.daemon.said), 120))
 
         def loads():
             try:

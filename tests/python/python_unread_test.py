@@ -2,18 +2,22 @@
 
 import contextlib
 import socket
+import time
 import unittest
 
 import grpc
 
+import palpate
 from palpate.v1 import (device_pb2, device_pb2_grpc, recording_pb2, registration_pb2, render_pb2,
                         render_pb2_grpc, series_pb2, volume_pb2)
 from secured import SecuredDaemon, stop_forces, wait_for
 from support import PATIENCE_S, Daemon
-from wire import Unreading
+from wire import DATA, Unreading, frame
 
 CONNECTIONS = 4
 CALLS = 100  # on each connection, which allows no more at once
+LEAD_HAND = b"/palpate.v1.DeviceService/LeadHand"
+HANDS = 8  # calls that lead the hand, or wait for it, of one identity
 MANY_CALLS = "[limits]\ncalls_per_s = 100000\n"
 FILES = (device_pb2, recording_pb2, registration_pb2, render_pb2, series_pb2, volume_pb2)
 
@@ -71,13 +75,33 @@ class Unread(unittest.TestCase):
                 lambda: over_loopback(daemon),
                 lambda: grpc.insecure_channel(f"127.0.0.1:{daemon.port}"))
 
-    def test_unread_answers_are_dropped_after_ten_seconds(self):
+    def test_who_reads_nothing_gets_no_more_on_that_connection(self):
         with SecuredDaemon(MANY_CALLS) as daemon, contextlib.ExitStack() as stack:
-            attack(stack, lambda: over_tls(daemon, "viewer"),
-                   "/palpate.v1.VolumeService/GetVolume")
-            wait_for(lambda: any("does not read" in line for line in daemon.said),
-                     "the end of a call")
+            attacker = stack.enter_context(contextlib.closing(over_tls(daemon, "viewer")))
+            attacker.call(b"/palpate.v1.VolumeService/GetVolume", CALLS // 2)
+            time.sleep(1.5)  # longer than the daemon's patience
+            attacker.call(b"/palpate.v1.VolumeService/GetVolume", CALLS // 2, first=CALLS + 1)
+            # A refusal needs no window.
+            attacker.read_until(b"of answers wait for this connection")
             self.check_honest(stack.enter_context(daemon.channel(daemon.tokens["viewer"])))
+
+    def test_who_led_the_hand_and_reads_nothing_keeps_no_place(self):
+        target = device_pb2.LeadHandRequest()
+        target.target_mm.x = 1.0
+        message = target.SerializeToString()
+        with SecuredDaemon() as daemon, contextlib.ExitStack() as stack, \
+                daemon.connect() as local:
+            for _ in range(HANDS):
+                attacker = stack.enter_context(contextlib.closing(over_tls(daemon, "operator")))
+                attacker.begin_call(1, is_whole=True, more=attacker.more, path=LEAD_HAND)
+                attacker.send(frame(DATA, 0, 1,
+                                    b"\0" + len(message).to_bytes(4, "big") + message))
+                wait_for(lambda: local.device.info().hand_led_by, "the hand to be led")
+                wait_for(lambda: not local.device.info().hand_led_by, "the end of silence")
+            conn = stack.enter_context(palpate.connect(
+                daemon.address, tls_ca=str(daemon.authority.ca),
+                token_file=str(daemon.tokens["operator"])))
+            conn.device.lead((0, 10, 0)).close()
 
 
 if __name__ == "__main__":

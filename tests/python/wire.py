@@ -91,7 +91,7 @@ class Unreading(Stranger):
         self.more = () if token is None else (
             (b"authorization", b"Bearer " + token.read_bytes().strip()),)
 
-    def call(self, path, count):
-        for stream in range(1, 2 * count, 2):
+    def call(self, path, count, first=1):
+        for stream in range(first, first + 2 * count, 2):
             self.begin_call(stream, is_whole=True, more=self.more, path=path)
             self.send(frame(DATA, END_STREAM, stream, bytes(5)))

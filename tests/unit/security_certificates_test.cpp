@@ -17,6 +17,10 @@ namespace {
 const auto kNow = std::chrono::system_clock::now() + std::chrono::minutes(1);
 constexpr std::chrono::hours kDay{24};
 
+ClientAuthority::Chain Shared(std::string pem) {
+  return std::make_shared<const std::string>(std::move(pem));
+}
+
 class CertificatesTest : public ::testing::Test, protected test::Certificates {
  protected:
   void SetUp() override {
@@ -89,32 +93,38 @@ TEST_F(CertificatesTest, AKeyThatOthersReadIsRefused) {
 TEST_F(CertificatesTest, ClientsAreJudgedByTheirAuthority) {
   const ClientAuthority lab(In("lab.pem"));
   Issue("lab", "good", "DNS:a.example,URI:spiffe://lab/b,email:c@example,IP:10.0.0.1");
-  const auto good = lab.Check(Read("good.pem"), kNow);
+  const auto good = lab.Check(Shared(Read("good.pem")), kNow);
   EXPECT_EQ(good.problem, "");
   EXPECT_EQ(good.names, (std::vector<std::string>{"a.example", "spiffe://lab/b", "c@example"}));
-  // Known already, and expired since.
-  EXPECT_EQ(lab.Check(Read("good.pem"), kNow).problem, "");
-  EXPECT_NE(lab.Check(Read("good.pem"), kNow + 11 * kDay).problem.find("expired"),
+  // Known already: all calls share one copy. And expired since.
+  const auto again = lab.Check(Shared(Read("good.pem")), kNow);
+  EXPECT_EQ(again.problem, "");
+  EXPECT_EQ(again.chain, good.chain);
+  EXPECT_NE(lab.Check(Shared(Read("good.pem")), kNow + 11 * kDay).problem.find("expired"),
             std::string::npos);
-  EXPECT_EQ(lab.Check(Read("good.pem"), kNow).problem, "");
+  EXPECT_EQ(lab.Check(Shared(Read("good.pem")), kNow).problem, "");
 
   MakeAuthority("other");
   Issue("other", "fake", "DNS:a.example");
-  EXPECT_NE(lab.Check(Read("fake.pem"), kNow).problem, "");
+  EXPECT_NE(lab.Check(Shared(Read("fake.pem")), kNow).problem, "");
   // Its own authority along with it proves nothing.
-  EXPECT_NE(lab.Check(Read("fake.pem") + Read("other.pem"), kNow).problem, "");
-  EXPECT_NE(lab.Check(Read("fake.pem") + Read("lab.pem"), kNow).problem, "");
+  EXPECT_NE(lab.Check(Shared(Read("fake.pem") + Read("other.pem")), kNow).problem, "");
+  EXPECT_NE(lab.Check(Shared(Read("fake.pem") + Read("lab.pem")), kNow).problem, "");
   // A genuine one behind a fake one: the first is the client's.
-  EXPECT_NE(lab.Check(Read("fake.pem") + Read("good.pem"), kNow).problem, "");
+  EXPECT_NE(lab.Check(Shared(Read("fake.pem") + Read("good.pem")), kNow).problem, "");
   Issue("lab", "web", "DNS:a.example", 10, "serverAuth");
-  EXPECT_NE(lab.Check(Read("web.pem"), kNow).problem.find("purpose"), std::string::npos);
+  EXPECT_NE(lab.Check(Shared(Read("web.pem")), kNow).problem.find("purpose"), std::string::npos);
   // A client may not issue for others.
   Issue("good", "child", "DNS:a.example");
-  EXPECT_NE(lab.Check(Read("child.pem") + Read("good.pem"), kNow).problem, "");
+  EXPECT_NE(lab.Check(Shared(Read("child.pem") + Read("good.pem")), kNow).problem, "");
   for (const std::string& bad : {std::string(), std::string("-----BEGIN CERTIFICATE-----\n"),
                                  Read("good.pem").substr(0, 200), std::string(100'000, 'A')}) {
-    EXPECT_NE(lab.Check(bad, kNow).problem, "");
+    EXPECT_NE(lab.Check(Shared(bad), kNow).problem, "");
   }
+  // Good, but each call would keep it all.
+  std::string endless = Read("good.pem");
+  while (endless.size() <= ClientAuthority::kLongestChain) endless += Read("lab.pem");
+  EXPECT_NE(lab.Check(Shared(endless), kNow).problem.find("32 KiB"), std::string::npos);
   EXPECT_THROW(ClientAuthority(In("good.key")), Error);
   EXPECT_THROW(ClientAuthority(In("absent")), Error);
 }
@@ -124,7 +134,7 @@ TEST_F(CertificatesTest, APolicyKnowsNamesLetterForLetter) {
                        .clients = {{"a.example", Role::kViewer}, {"b.example", Role::kOperator}}});
   const auto recognised = [&](const std::string& san) {
     Issue("lab", "client", san);
-    return policy.Recognise({.transport = Transport::kTls, .certificate_chain = Read("client.pem")},
+    return policy.Recognise({.transport = Transport::kTls, .certificate_chain = Shared(Read("client.pem"))},
                             kNow);
   };
   EXPECT_EQ(recognised("DNS:a.example").identity->role, Role::kViewer);
@@ -152,7 +162,7 @@ TEST_F(CertificatesTest, FilesThatAreReadAgainAreJudgedOneByOne) {
   };
   const auto knows_certificate = [&](const Policy& policy) {
     return policy
-        .Recognise({.transport = Transport::kTls, .certificate_chain = Read("server.pem")}, kNow)
+        .Recognise({.transport = Transport::kTls, .certificate_chain = Shared(Read("server.pem"))}, kNow)
         .identity.has_value();
   };
   const Policy first(options);
@@ -181,7 +191,7 @@ TEST_F(CertificatesTest, APolicyTrustsNothingItWasNotTold) {
   const std::string chain = Read("server.pem");
   EXPECT_FALSE(none.Recognise({.transport = Transport::kTls}, kNow).identity);
   EXPECT_FALSE(
-      none.Recognise({.transport = Transport::kTls, .certificate_chain = chain}, kNow).identity);
+      none.Recognise({.transport = Transport::kTls, .certificate_chain = Shared(chain)}, kNow).identity);
   EXPECT_FALSE(
       none.Recognise({.transport = Transport::kTls, .authorization = "Bearer "}, kNow).identity);
   // A token without TLS was heard by others; also on the socket.
