@@ -14,7 +14,7 @@ namespace palpate::client {
 struct ConnectedCaller {
   std::string identity{};  // "token or-2", "local socket"
   Role role = Role::kUnknown;
-  std::string peer{};  // "ipv4:192.0.2.7:51544"; empty: the local socket
+  std::string peer{};  // "ipv4:192.0.2.7"; empty: the local socket
   double connected_s = 0.0;
   bool watches = false;  // receives poses
   bool is_you = false;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/log/line_budget.h"
+
 namespace palpate {
 
 std::string PeerInWords(const std::string& peer) {
@@ -29,7 +31,7 @@ bool Activity::IsGone(const Seen& seen, std::int64_t now_ns) {
 bool Activity::Came(const Identity& identity, const std::string& peer, bool watches,
                     std::int64_t now_ns) {
   const std::lock_guard lock(mutex_);
-  const std::pair key(peer, identity.name);
+  const std::pair key(AddressOf(peer), identity.name);
   auto found = callers_.find(key);
   if (found != callers_.end() && IsGone(found->second, now_ns)) {
     callers_.erase(found);
@@ -37,9 +39,8 @@ bool Activity::Came(const Identity& identity, const std::string& peer, bool watc
   }
   if (found == callers_.end()) {
     std::erase_if(callers_, [&](const auto& one) { return IsGone(one.second, now_ns); });
-    // Limits of connections and calls keep them far fewer.
     if (callers_.size() >= kMostCallers) return false;
-    Seen seen{.caller = {identity, peer, now_ns}, .number = came_++};
+    Seen seen{.caller = {identity, key.first, now_ns}, .number = came_++};
     found = callers_.emplace(key, std::move(seen)).first;
   }
   Seen& seen = found->second;
@@ -53,7 +54,7 @@ bool Activity::Came(const Identity& identity, const std::string& peer, bool watc
 void Activity::Left(const Identity& identity, const std::string& peer, bool watches,
                     std::int64_t now_ns) {
   const std::lock_guard lock(mutex_);
-  const auto found = callers_.find({peer, identity.name});
+  const auto found = callers_.find({AddressOf(peer), identity.name});
   if (found == callers_.end()) return;
   Seen& seen = found->second;
   seen.last_ns = now_ns;

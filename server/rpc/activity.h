@@ -1,11 +1,11 @@
 // Who uses the daemon, and who changed what last.
 //
-// A caller is an identity on a connection (gRPC's peer). All clients on the local socket have one
-// peer and are one caller. A caller is here while one of its calls runs, and for kHere after its
-// last one.
+// A caller is an identity at an address, on however many connections; all clients on the local
+// socket are one caller. A caller is here while one of its calls runs, and for kHere after its last
+// one. Beyond kMostCallers, further ones are not remembered.
 //
-// Threads: any. Memory: a few hundred bytes for each caller that is here, at most kMostCallers, and
-// for each thing that can be changed. Errors: none.
+// Threads: any. Memory: a few hundred bytes for each caller that is here, and for each thing that
+// can be changed. Errors: none.
 #pragma once
 
 #include <chrono>
@@ -30,11 +30,11 @@ std::string PeerInWords(const std::string& peer);
 class Activity {
  public:
   static constexpr std::chrono::seconds kHere{10};
-  static constexpr std::size_t kMostCallers = 4096;
+  static constexpr std::size_t kMostCallers = 64;
 
   struct Caller {
     Identity identity{};  // with the role of its newest call
-    std::string peer{};   // as gRPC names it
+    std::string address{};  // as gRPC names it, without the port
     std::int64_t came_ns = 0;
     bool watches = false;  // has a stream of poses
   };
@@ -64,7 +64,7 @@ class Activity {
     int pose_streams = 0;
     std::int64_t last_ns = 0;
   };
-  using Callers = std::map<std::pair<std::string, std::string>, Seen>;  // by peer and name
+  using Callers = std::map<std::pair<std::string, std::string>, Seen>;  // by address and name
 
   static bool IsGone(const Seen& seen, std::int64_t now_ns);
 

@@ -40,7 +40,7 @@ class ActivityTest(unittest.TestCase):
         next(self.enterContext(self.ada.poses()))
         seen = callers()
         self.assertEqual(seen["token operator"].role, palpate.Role.OPERATOR)
-        self.assertIn("127.0.0.1:", seen["token operator"].peer)
+        self.assertEqual(seen["token operator"].peer, "ipv4:127.0.0.1")
         self.assertFalse(seen["token operator"].is_you)
         self.assertTrue(seen["local socket"].is_you)
         self.assertEqual(seen["local socket"].peer, "")

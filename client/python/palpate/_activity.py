@@ -12,7 +12,7 @@ class ConnectedCaller:
 
     identity: such as "token or-2"; all programs on the daemon's socket are one "local socket"
     role: what the caller may do
-    peer: where it calls from, such as "ipv4:192.0.2.7:51544"; empty: the local socket
+    peer: where it calls from, such as "ipv4:192.0.2.7"; empty: the local socket
     connected_s: how long ago it came, s
     watches: it receives poses
     is_you: it is this connection
