@@ -27,8 +27,9 @@ std::string Quotable(std::string text) {
 
 std::string ToText(const NrrdHeader& header) {
   const Mat3& linear = header.X_WI.linear;
-  std::string text =
-      "NRRD0005\ntype: " + header.type + "\ndimension: 3\nspace: left-posterior-superior\nsizes:";
+  std::string text = "NRRD0005\ntype: " + header.type + "\ndimension: 3\n" +
+                     (header.is_lps ? "space: left-posterior-superior" : "space dimension: 3") +
+                     "\nsizes:";
   for (const int count : header.size) text += " " + std::to_string(count);
   text += "\nspace directions:";
   for (int axis = 0; axis < 3; ++axis) text += " " + Text(linear.col(axis));

@@ -1,6 +1,6 @@
-// The header of an NRRD file of one volume, in LPS. The voxels follow: x fastest, little-endian.
+// The header of an NRRD file of one volume. The voxels follow: x fastest, little-endian.
 //
-// Frames: I voxel indices, W world (mm, LPS). Pure; any thread. Format: teem.sourceforge.net/nrrd.
+// Frames: I voxel indices, W world (mm). Pure; any thread. Format: teem.sourceforge.net/nrrd.
 #pragma once
 
 #include <string>
@@ -14,6 +14,7 @@ struct NrrdHeader {
   std::string encoding;  // of the voxels: "raw", "gzip"
   Vec3i size = Vec3i::Zero();
   AffineMap X_WI;
+  bool is_lps = true;  // W is the patient's LPS; otherwise the file does not say what W is
   std::string unit{};  // of the values; empty: none
 };
 

@@ -136,6 +136,8 @@ void CopyOwnEntries(const openvdb::GridBase& grid, VolumeMetadata* metadata) {
     const auto entry = grid.getMetadata<openvdb::StringMetadata>(name);
     if (entry) *text = entry->value();
   }
+  const auto axes = grid.getMetadata<openvdb::StringMetadata>("palpate_patient_axes");
+  if (axes && IsPatientAxes(axes->value())) metadata->patient_axes = axes->value();
   const auto frames = grid.getMetadata<openvdb::Int32Metadata>("palpate_frames");
   if (frames) metadata->frames = frames->value();
 }

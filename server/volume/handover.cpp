@@ -46,6 +46,7 @@ VolumeMetadata MetadataOfHeader(const HandoverHeader& header) {
   }
   metadata.value_min = header.value_min;
   metadata.value_max = header.value_max;
+  metadata.patient_axes = TextOf(header.patient_axes);
   metadata.unit = TextOf(header.unit);
   metadata.original_type = TextOf(header.original_type);
   metadata.source = TextOf(header.source);
@@ -186,6 +187,7 @@ HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type)
   }
   header.value_min = metadata.value_min;
   header.value_max = metadata.value_max;
+  PutText(metadata.patient_axes, header.patient_axes);
   PutText(metadata.unit, header.unit);
   PutText(metadata.original_type, header.original_type);
   PutText(metadata.source, header.source);

@@ -101,6 +101,7 @@ void WriteNrrd(const std::filesystem::path& path, const VolumeSnapshot& volume,
                               .encoding = "gzip",
                               .size = metadata.size,
                               .X_WI = metadata.WorldFromIndex(),
+                              .is_lps = metadata.patient_axes == "LPS",
                               .unit = metadata.unit});
   header.close();
   GzipTail tail(path);

@@ -1,5 +1,5 @@
-// Writes volumes as NRRD: one file, of the smallest leaf type that holds all voxels, gzip, frame
-// LPS in mm.
+// Writes volumes as NRRD: one file, of the smallest leaf type that holds all voxels, gzip, lengths
+// in mm. The header names a space (LPS) only if the volume's is known.
 //
 // Any thread; not for real-time code.
 #pragma once

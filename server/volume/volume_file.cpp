@@ -58,6 +58,10 @@ void InsertMetadata(const VolumeMetadata& metadata, openvdb::MetaMap* map) {
   map->insertMeta("palpate_value_max", openvdb::DoubleMetadata(metadata.value_max));
   map->insertMeta("palpate_frames", openvdb::Int32Metadata(metadata.frames));
   map->insertMeta("palpate_unit", openvdb::StringMetadata(metadata.unit));
+  // Only if known, as in files of older versions.
+  if (!metadata.patient_axes.empty()) {
+    map->insertMeta("palpate_patient_axes", openvdb::StringMetadata(metadata.patient_axes));
+  }
   map->insertMeta("palpate_original_type", openvdb::StringMetadata(metadata.original_type));
   map->insertMeta("palpate_source", openvdb::StringMetadata(metadata.source));
 }

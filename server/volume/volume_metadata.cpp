@@ -50,6 +50,9 @@ void CheckVolumeMetadata(const VolumeMetadata& metadata) {
       !(metadata.value_min < metadata.value_max)) {
     Refuse("all voxels have the same value (constant volume); there is nothing to feel");
   }
+  if (!metadata.patient_axes.empty() && !IsPatientAxes(metadata.patient_axes)) {
+    Refuse("the patient's axes are not three of L, R, P, A, S, I, one of each pair");
+  }
   if (metadata.frames < 1) Refuse("the number of frames is not positive; correct the file");
   for (const std::string* text : {&metadata.unit, &metadata.original_type, &metadata.source}) {
     if (text->size() > kLongestText) Refuse("a text of the metadata is too long");

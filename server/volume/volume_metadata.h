@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -26,8 +27,8 @@ struct VolumeMetadata {
   // The values are signed distances from a surface at 0, negative inside. All space beyond the
   // lattice is outside.
   bool is_level_set = false;
-  int frames = 1;             // number of frames in the source; the volume is one of them
-  std::string unit;           // "HU", ...; empty: not stated
+  int frames = 1;    // number of frames in the source; the volume is one of them
+  std::string unit;  // "HU", ...; empty: not stated
   // Where +x, +y and +z of W point in the patient: three of L, R, P, A, S, I. "LPS" if the file
   // states an orientation, because W is LPS then. Empty: unknown.
   std::string patient_axes;
@@ -56,8 +57,16 @@ inline constexpr double kGreatestSpacingMm = 1e6;
 // The most bytes of unit, original type and source.
 inline constexpr std::size_t kLongestText = 4096;
 
-// Throws Error(kInvalidArgument) with one clear line if size, spacing, frame or range are invalid
-// for a volume.
+// True for three letters that name a direction along each of the patient's axes, such as "LPS".
+inline bool IsPatientAxes(std::string_view axes) {
+  const auto has = [axes](char one, char other) {
+    return (axes.find(one) == axes.npos) != (axes.find(other) == axes.npos);
+  };
+  return axes.size() == 3 && has('L', 'R') && has('P', 'A') && has('S', 'I');
+}
+
+// Throws Error(kInvalidArgument) with one clear line if size, spacing, frame, range or patient axes
+// are invalid for a volume.
 void CheckVolumeMetadata(const VolumeMetadata& metadata);
 
 }  // namespace palpate

@@ -79,6 +79,7 @@ void ExpectSame(const VolumeSnapshot& a, const VolumeSnapshot& b) {
   EXPECT_TRUE(m.origin_W_mm.isApprox(n.origin_W_mm, 1e-14));
   EXPECT_TRUE(m.direction.isApprox(n.direction, 1e-14));
   EXPECT_EQ(m.unit, n.unit);
+  EXPECT_EQ(m.patient_axes, n.patient_axes);
 }
 
 VolumeSnapshot WithMetadata(const VolumeSnapshot& volume, const VolumeMetadata& metadata) {
@@ -89,7 +90,12 @@ TEST_F(VolumeExportTest, LoadsAgainBitForBit) {
   unsigned seed = 0;
   for (const char* name : kNames) {
     for (const Vec3i& size : {Vec3i(2, 2, 2), Vec3i(33, 40, 17), Vec3i(8, 64, 9)}) {
-      const auto volume = ObliqueVolume(size, ++seed);
+      auto volume = ObliqueVolume(size, ++seed);
+      if (seed % 2) {
+        VolumeMetadata metadata = volume->metadata();
+        metadata.patient_axes = "LPS";
+        volume = std::make_shared<VolumeSnapshot>(metadata, volume->bricks(), 1, 1);
+      }
       Save(*volume, Path(name), true);
       const auto loaded = Loaded(Path(name));
       ExpectSame(*volume, *loaded);
@@ -169,6 +175,7 @@ TEST_F(VolumeExportTest, WhatIsNoVolumeIsNotWritten) {
       [](VolumeMetadata& m) { m.direction.setZero(); },
       [](VolumeMetadata& m) { m.value_max = m.value_min; },
       [](VolumeMetadata& m) { m.source.assign(5000, 'x'); },
+      [](VolumeMetadata& m) { m.patient_axes = "LRS"; },
   };
   for (const auto& attack : attacks) {
     VolumeMetadata metadata = volume->metadata();

@@ -36,6 +36,7 @@ VolumeMetadata HeadMetadata() {
   metadata.value_max = 100.0;
   metadata.frames = 20;
   metadata.unit = "HU";
+  metadata.patient_axes = "LPS";
   metadata.original_type = "int16";
   metadata.source = "head scan.nrrd";
   return metadata;
@@ -66,6 +67,7 @@ void ExpectSameMetadata(const VolumeMetadata& is, const VolumeMetadata& expected
   EXPECT_EQ(is.value_max, expected.value_max);
   EXPECT_EQ(is.frames, expected.frames);
   EXPECT_EQ(is.unit, expected.unit);
+  EXPECT_EQ(is.patient_axes, expected.patient_axes);
   EXPECT_EQ(is.original_type, expected.original_type);
   EXPECT_EQ(is.source, expected.source);
 }
@@ -145,6 +147,7 @@ TEST(Handover, LiesOfTheHeaderAreRefused) {
   ExpectHeaderRefused("spacing", [](Header& h) { h.spacing_mm[2] = kNoNumber; });
   ExpectHeaderRefused("origin", [](Header& h) { h.origin_W_mm[0] = kNoNumber; });
   ExpectHeaderRefused("direction", [](Header& h) { h.direction[4] = 0.5; });
+  ExpectHeaderRefused("patient axes", [](Header& h) { h.patient_axes[1] = 'L'; });
   ExpectHeaderRefused("frames", [](Header& h) { h.frames = 0; });
   ExpectHeaderRefused("range", [](Header& h) { h.value_max = h.value_min; });
   ExpectHeaderRefused("range", [](Header& h) { h.value_min = kNoNumber; });
