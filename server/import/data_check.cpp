@@ -37,7 +37,7 @@ std::string ReadHead(const fs::path& path, std::size_t count) {
 
 bool IsDeflated(std::string_view head) { return head.starts_with("\x1f\x8b"); }
 
-ImageHeader ReadNiftiHeader(const fs::path& path) {
+ImageHeader ReadNiftiHeader(const fs::path& path, const std::optional<NiftiForm>& form) {
   std::string head = ReadHead(path, kLongestNiftiHeader);
   const bool compressed = IsDeflated(head);
   if (compressed) {
@@ -46,14 +46,14 @@ ImageHeader ReadNiftiHeader(const fs::path& path) {
     head.assign(kLongestNiftiHeader, '\0');
     head.resize(inflater.Read(head.data(), head.size()));
   }
-  ImageHeader header = ParseNiftiHeader(head);
+  ImageHeader header = ParseNiftiHeader(head, form);
   header.compressed = compressed;
   return header;
 }
 
-ImageHeader ReadHeader(const fs::path& path, ImageFormat format) {
+ImageHeader ReadHeader(const fs::path& path, ImageFormat format, const ImportLimits& limits) {
   if (fs::file_size(path) == 0) Refuse("the file is empty");
-  if (format == ImageFormat::kNifti) return ReadNiftiHeader(path);
+  if (format == ImageFormat::kNifti) return ReadNiftiHeader(path, limits.form);
   const std::string head = ReadHead(path, kLongestTextHeader);
   return format == ImageFormat::kNrrd ? ParseNrrdHeader(head, head.size() < kLongestTextHeader)
                                       : ParseMetaImageHeader(head);
@@ -152,7 +152,7 @@ void CheckReadable(const fs::path& path) {
 ImageHeader ReadCheckedHeader(const fs::path& path, ImageFormat format,
                               const ImportLimits& limits) {
   CheckReadable(path);
-  const ImageHeader header = ReadHeader(path, format);
+  const ImageHeader header = ReadHeader(path, format, limits);
   CheckData(path, header, limits);
   return header;
 }

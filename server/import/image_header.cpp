@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <utility>
@@ -194,6 +195,16 @@ std::int64_t ParseInteger(std::string_view word, std::string_view what) {
 }
 
 double ParseReal(std::string_view word, std::string_view what) { return Parse<double>(word, what); }
+
+std::string Short(double number) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", number);
+  return text;
+}
+
+std::string ListOf(const Vec3& numbers) {
+  return Short(numbers.x()) + " x " + Short(numbers.y()) + " x " + Short(numbers.z());
+}
 
 std::string Quoted(std::string_view text) {
   constexpr std::size_t kLongest = 80;

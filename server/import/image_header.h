@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -33,6 +34,7 @@ struct ImageGeometry {
   Vec3 spacing_mm = Vec3::Ones();
   Vec3 origin_W_mm = Vec3::Zero();
   Mat3 direction = Mat3::Identity();  // columns: unit vectors, except in a sheared file
+  bool is_lps = false;                // the file says where W lies in the patient
   // What the file states as the unit of length, if it is none that is known; mm are taken.
   std::string unknown_unit{};
 };
@@ -50,7 +52,7 @@ struct ImageHeader {
   bool big_endian = false;
   double slope = 1.0;
   double intercept = 0.0;
-  ImageGeometry geometry;  // not set for MetaImage and TIFF
+  ImageGeometry geometry;  // not set for TIFF; for MetaImage only is_lps
   std::string data_file;   // a name below the header's folder; empty: the header's own file
   std::int64_t begin = 0;
   std::int64_t skip_bytes = 0;
@@ -58,11 +60,15 @@ struct ImageHeader {
   std::int64_t compressed_bytes = kToFileEnd;
   bool may_be_longer = false;  // a deflated stream may have more bytes after the voxels
   std::string unit;            // of the values, as the file states it
+  std::vector<std::string> warnings{};
 };
 
 // Returns the type in which the file's voxels are read: the file's own if leaves have that type and
 // the values are not scaled, otherwise float.
 LeafType ReadType(const ImageHeader& header);
+
+// A place of the voxels that a NIfTI file may state; kNone: the axes of the index.
+enum class NiftiForm { kQform, kSform, kNone };
 
 struct ImportLimits {
   // Called with a size within the limits and the bytes of a file's voxel, before memory is
@@ -76,7 +82,8 @@ struct ImportLimits {
   std::vector<std::filesystem::path> folders{};
   // Files that are refused, whatever link leads to them.
   OwnFiles own_files{};
-  bool spacing_is_given = false;  // the file's own does not matter
+  bool spacing_is_given = false;    // the file's own does not matter
+  std::optional<NiftiForm> form{};  // the user's choice; none: as the file says
 };
 
 // Takes the axes as a header lists them. If the fourth axis has frames and no axis follows, sets
@@ -107,6 +114,9 @@ std::string Lower(std::string_view text);
 std::vector<std::string_view> Words(std::string_view text);
 std::int64_t ParseInteger(std::string_view word, std::string_view what);
 double ParseReal(std::string_view word, std::string_view what);  // accepts NaN and infinity
+// Few digits, for a message.
+std::string Short(double number);
+std::string ListOf(const Vec3& numbers);  // "1 x 2 x 3"
 // Prepares text of a file for a message: shortened, without control characters.
 std::string Quoted(std::string_view text);
 

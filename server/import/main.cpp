@@ -36,6 +36,7 @@ struct Options {
   bool overwrite = false;
   std::optional<std::int64_t> descriptor;
   std::vector<double> spacing_mm;
+  std::string orientation;
   std::optional<std::int64_t> frame;
   std::string grid;
   std::string component;
@@ -126,6 +127,12 @@ void DefineOptions(arguments::Command* app, Options* options) {
       ->delimiter(',')
       ->expected(3)
       ->type_name("X,Y,Z");
+  app->add_option(
+         "--orientation", options->orientation,
+         "Place of a NIfTI file's voxels: its qform, its sform (at right angles), or none\n"
+         "(default: the sform if its code is not 0, else the qform)")
+      ->check(arguments::IsMember({"qform", "sform", "none"}))
+      ->type_name("FORM");
   app->add_option("--frame", options->frame, "Frame of a 4-D file to read, from 0 (default: 0)")
       ->type_name("N");
   app->add_option("--grid", options->grid, "Grid to read, if the .vdb file has several")
@@ -195,6 +202,13 @@ std::optional<palpate::ImageFormat> SeriesFormat(const std::filesystem::path& in
   return std::nullopt;
 }
 
+std::optional<palpate::NiftiForm> FormNamed(const std::string& name) {
+  if (name.empty()) return std::nullopt;
+  return name == "qform"   ? palpate::NiftiForm::kQform
+         : name == "sform" ? palpate::NiftiForm::kSform
+                           : palpate::NiftiForm::kNone;
+}
+
 palpate::VolumeMetadata Read(const Options& options, const palpate::ImportLimits& limits,
                              const palpate::VoxelSink& sink, palpate::Reporter* reporter) {
   const std::filesystem::path input = options.input;
@@ -238,6 +252,10 @@ bool IsVdb(const Options& options) {
 void HandOver(const Options& options, const palpate::ImportLimits& limits,
               const std::optional<palpate::Vec3>& spacing_mm, int fd, palpate::Reporter* reporter) {
   const std::string source = SourceName(options.input);
+  if (limits.form &&
+      (!options.raw_size.empty() || SeriesFormat(options.input) != palpate::ImageFormat::kNifti)) {
+    palpate::Refuse("only NIfTI files have a qform and a sform; leave --orientation out");
+  }
   if (IsVdb(options)) {
     palpate::CheckFrame(options.frame.value_or(0), 1);
     palpate::HandOverVdb(options.input, {source, options.grid, options.component, spacing_mm}, fd,
@@ -265,6 +283,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   palpate::ImportLimits limits;
   limits.max_voxels = options.max_voxels;
   limits.spacing_is_given = spacing_mm.has_value();
+  limits.form = FormNamed(options.orientation);
   limits.max_memory_bytes = options.max_memory_mib << 20;
   limits.folders = FoldersToRead(options);
   limits.own_files = palpate::OwnFiles({options.own_files.begin(), options.own_files.end()});

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <map>
 
+#include "server/volume/volume_metadata.h"
+
 namespace palpate {
 namespace {
 
@@ -159,6 +161,10 @@ ImageHeader ParseMetaImageHeader(std::string_view head) {
   header.type = ParseElementType(Required(fields, "ElementType"));
   header.size = VolumeSize(axes);
   CheckGeometry(fields, axes.size());
+  // MetaIO writes ??? for what it does not know. A TransformMatrix alone leads to a world that the
+  // header does not place in a patient. ITK's files have both, and ITK's world is LPS.
+  const auto anatomical = fields.find("AnatomicalOrientation");
+  header.geometry.is_lps = anatomical != fields.end() && IsPatientAxes(anatomical->second);
   ReadElementDataPlace(fields, header_end, &header);
   return header;
 }

@@ -4,13 +4,11 @@
 #include <cmath>
 #include <optional>
 
+#include "server/import/image_geometry.h"
 #include "server/import/nifti_fields.h"
 
 namespace palpate {
 namespace {
-
-// Above this cosine between two of its axes, an sform counts as sheared.
-constexpr double kSheared = 1e-3;
 
 ScalarType ParseType(int datatype) {
   switch (datatype) {
@@ -74,6 +72,10 @@ std::optional<double> MillimetresPerUnit(const NiftiFields& fields) {
 
 const Mat3 kLpsFromRas = Vec3(-1.0, -1.0, 1.0).asDiagonal();
 
+Vec3 PixdimSpacing(const NiftiFields& fields) {
+  return {fields.pixdim[1], fields.pixdim[2], fields.pixdim[3]};
+}
+
 ImageGeometry FromQform(const NiftiFields& fields) {
   const auto& q = fields.quaternion;
   Vec3 bcd(q[0], q[1], q[2]);
@@ -83,7 +85,7 @@ ImageGeometry FromQform(const NiftiFields& fields) {
   Mat3 rotation = Eigen::Quaterniond(a, bcd.x(), bcd.y(), bcd.z()).toRotationMatrix();
   if (fields.pixdim[0] < 0.0) rotation.col(2) *= -1.0;
   ImageGeometry geometry;
-  geometry.spacing_mm = {fields.pixdim[1], fields.pixdim[2], fields.pixdim[3]};
+  geometry.spacing_mm = PixdimSpacing(fields);
   geometry.direction = kLpsFromRas * rotation;
   geometry.origin_W_mm = kLpsFromRas * Vec3(q[3], q[4], q[5]);
   return geometry;
@@ -102,35 +104,105 @@ ImageGeometry FromSform(const NiftiFields& fields) {
   return geometry;
 }
 
-bool IsSheared(const ImageGeometry& geometry) {
-  const Mat3 gram = geometry.direction.transpose() * geometry.direction;
-  return !gram.isApprox(Mat3::Identity(), kSheared);
+NiftiForm FormOf(const NiftiFields& fields, const std::optional<NiftiForm>& wanted) {
+  const bool has_qform = fields.qform_code != 0;
+  const bool has_sform = fields.sform_code != 0;
+  if ((wanted == NiftiForm::kQform && !has_qform) || (wanted == NiftiForm::kSform && !has_sform)) {
+    const std::string form = wanted == NiftiForm::kQform ? "qform" : "sform";
+    Refuse("the file states no " + form + " (its " + form +
+           "_code is 0); choose another --orientation");
+  }
+  if (wanted) return *wanted;
+  return has_sform ? NiftiForm::kSform : has_qform ? NiftiForm::kQform : NiftiForm::kNone;
 }
 
-ImageGeometry ParseGeometry(const NiftiFields& fields) {
-  constexpr int kScanner = 1;
-  for (int k = 1; k <= 3; ++k) CheckSpacing(fields.pixdim[k]);
-  const bool has_qform = fields.qform_code > 0;
-  const bool has_sform = fields.sform_code > 0;
-  ImageGeometry geometry;
-  geometry.spacing_mm = {fields.pixdim[1], fields.pixdim[2], fields.pixdim[3]};
-  if (has_qform) {
+// In the file's unit of length.
+ImageGeometry GeometryOf(const NiftiFields& fields, NiftiForm form) {
+  if (form == NiftiForm::kSform) {
+    CheckFinite(fields.srow, "sform");
+    return FromSform(fields);
+  }
+  if (form == NiftiForm::kQform) {
     CheckFinite(fields.quaternion, "qform");
-    geometry = FromQform(fields);
+    return FromQform(fields);
   }
-  if (has_sform) CheckFinite(fields.srow, "sform");
-  if (has_sform && (!has_qform || fields.sform_code == kScanner)) {
-    const ImageGeometry sform = FromSform(fields);
-    if (!has_qform || !IsSheared(sform)) geometry = sform;
-  }
-  const std::optional<double> mm = MillimetresPerUnit(fields);
-  if (!mm) geometry.unknown_unit = "xyzt_units " + std::to_string(fields.xyzt_units);
-  geometry.spacing_mm *= mm.value_or(1.0);
-  geometry.origin_W_mm *= mm.value_or(1.0);
-  // Finite values may have overflowed, or become zero.
-  for (const double spacing : geometry.spacing_mm) CheckSpacing(spacing);
-  CheckFinite(geometry.origin_W_mm, "place");
+  ImageGeometry geometry;
+  geometry.spacing_mm = PixdimSpacing(fields);
   return geometry;
+}
+
+void ToMillimetres(double mm, ImageGeometry* geometry) {
+  geometry->spacing_mm *= mm;
+  geometry->origin_W_mm *= mm;
+  // Finite values may have overflowed, or become zero.
+  for (const double spacing : geometry->spacing_mm) CheckSpacing(spacing);
+  CheckFinite(geometry->origin_W_mm, "place");
+}
+
+constexpr char kHowToChoose[] =
+    "; palpate-import --orientation qform, sform or none chooses another one";
+
+// What else the file says of the sform's voxels, which are used.
+void WarnOfDifferences(const NiftiFields& fields, double mm, const ImageGeometry& sform,
+                       ImageHeader* header) {
+  if (fields.qform_code != 0) {
+    ImageGeometry qform = FromQform(fields);
+    qform.spacing_mm *= mm;
+    qform.origin_W_mm *= mm;
+    const PlaceError error = FarthestCorner(MapOf(qform), MapOf(sform), header->size);
+    const bool is_mirrored = qform.direction.determinant() * sform.direction.determinant() < 0.0;
+    if (error.voxels > kFarOff) {
+      header->warnings.push_back(
+          "qform and sform disagree: they place a corner of the volume " + Short(error.mm) +
+          " mm apart" +
+          (is_mirrored ? ", and one is the other's mirror image (left and right)" : "") +
+          "; the sform is taken" + kHowToChoose);
+    }
+  }
+  constexpr double kSameSpacing = 0.01;
+  const Vec3 pixdim_mm = mm * PixdimSpacing(fields);
+  const Vec3 off_mm = (sform.spacing_mm - pixdim_mm).cwiseAbs();
+  if ((off_mm.array() > kSameSpacing * pixdim_mm.array()).any()) {
+    header->warnings.push_back("the voxel spacing of the sform, " + ListOf(sform.spacing_mm) +
+                               " mm, is not that of pixdim, " + ListOf(pixdim_mm) +
+                               " mm: it differs by up to " + Short(off_mm.maxCoeff()) +
+                               " mm; the sform's is taken" + kHowToChoose);
+  }
+}
+
+void StraightenSform(bool is_wanted, ImageHeader* header) {
+  const PlaceError error = Straighten(header->size, &header->geometry);
+  const std::string sheared =
+      "the sform is sheared: its axes are not at right angles; right angles put a corner of the "
+      "volume " +
+      Short(error.mm) + " mm elsewhere";
+  if (!is_wanted && !(error.voxels <= kFarOff)) {
+    Refuse(sheared + "; resample the volume, or choose with palpate-import --orientation: qform, " +
+           "sform (the nearest right angles) or none");
+  }
+  if (error.voxels > kSlightlyOff) {
+    header->warnings.push_back(sheared + "; the nearest right angles are taken");
+  }
+}
+
+void ReadGeometry(const NiftiFields& fields, const std::optional<NiftiForm>& wanted,
+                  ImageHeader* header) {
+  for (int k = 1; k <= 3; ++k) CheckSpacing(fields.pixdim[k]);
+  const std::optional<double> mm = MillimetresPerUnit(fields);
+  const NiftiForm form = FormOf(fields, wanted);
+  header->geometry = GeometryOf(fields, form);
+  ToMillimetres(mm.value_or(1.0), &header->geometry);
+  header->geometry.is_lps = form != NiftiForm::kNone;
+  if (!mm) header->geometry.unknown_unit = "xyzt_units " + std::to_string(fields.xyzt_units);
+  if (form == NiftiForm::kSform) {
+    if (!wanted) WarnOfDifferences(fields, mm.value_or(1.0), header->geometry, header);
+    StraightenSform(wanted.has_value(), header);
+  }
+  if (form == NiftiForm::kNone && !wanted) {
+    header->warnings.push_back(
+        "the file states no orientation (qform_code and sform_code are 0): left and right are "
+        "unknown");
+  }
 }
 
 void ReadScale(const NiftiFields& fields, ImageHeader* header) {
@@ -144,7 +216,7 @@ void ReadScale(const NiftiFields& fields, ImageHeader* header) {
 
 }  // namespace
 
-ImageHeader ParseNiftiHeader(std::string_view head) {
+ImageHeader ParseNiftiHeader(std::string_view head, const std::optional<NiftiForm>& form) {
   const NiftiFields fields = ReadNiftiFields(head);
   ImageHeader header;
   header.big_endian = fields.big_endian;
@@ -153,7 +225,7 @@ ImageHeader ParseNiftiHeader(std::string_view head) {
     Refuse("the NIfTI header's datatype and bitpix disagree; correct it");
   }
   ReadExtent(fields, &header);
-  header.geometry = ParseGeometry(fields);
+  ReadGeometry(fields, form, &header);
   ReadScale(fields, &header);
   const double offset = fields.vox_offset;
   if (!(offset >= static_cast<double>(fields.least_vox_offset)) || offset > 1e9 ||

@@ -1,13 +1,16 @@
 // Parses NIfTI headers that are in one file with the voxels ("n+1" of NIfTI-1, "n+2" of NIfTI-2),
 // little and big endian.
 //
-// W is LPS and NIfTI is RAS, so x and y change their sign. The sform is used if it leads to the
-// scanner's frame or if there is no qform; otherwise the qform is used. A sheared sform is never
-// used if there is a qform. Without both, the axes are those of the index.
+// W is LPS and NIfTI is RAS, so x and y change their sign. The place of the voxels is that of the
+// sform if its code is not 0, otherwise of the qform if its code is not 0. Without both, the axes
+// are those of the index, and the header warns. It also warns if the qform, or the spacing in
+// pixdim, disagrees with the sform. The nearest right angles replace a slight shear; a sform that
+// is sheared by more than half a voxel is refused, unless it is `form`.
 //
 // Pure. Threads: any. Errors: palpate::Error, see image_header.h.
 #pragma once
 
+#include <optional>
 #include <string_view>
 
 #include "server/import/image_header.h"
@@ -19,6 +22,7 @@ constexpr std::size_t kNifti2HeaderBytes = 540;
 constexpr std::size_t kLongestNiftiHeader = kNifti2HeaderBytes;
 
 // `head`: the first bytes of the (inflated) file: kLongestNiftiHeader bytes, or all of the file.
-ImageHeader ParseNiftiHeader(std::string_view head);
+// `form`: the user's choice, without warnings of what else the file says.
+ImageHeader ParseNiftiHeader(std::string_view head, const std::optional<NiftiForm>& form = {});
 
 }  // namespace palpate

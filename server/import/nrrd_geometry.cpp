@@ -55,7 +55,9 @@ Vec3 SpaceVector(const std::vector<double>& numbers, const char* what) {
   return vector;
 }
 
-Vec3 SignsOfLps(const NrrdFields& fields) {
+// Signs that turn the header's space into LPS. None: the space does not say where it lies in a
+// patient.
+std::optional<Vec3> SignsOfLps(const NrrdFields& fields) {
   std::string space = Lower(FindField(fields, "space").value_or(""));
   for (const std::string_view time : {"-time", "t"}) {
     const bool short_form = time.size() == 1 && space.size() == 4;
@@ -63,9 +65,10 @@ Vec3 SignsOfLps(const NrrdFields& fields) {
       space.erase(space.size() - time.size());
     }
   }
-  if (space == "right-anterior-superior" || space == "ras") return {-1.0, -1.0, 1.0};
-  if (space == "left-anterior-superior" || space == "las") return {1.0, -1.0, 1.0};
-  return {1.0, 1.0, 1.0};
+  if (space == "right-anterior-superior" || space == "ras") return Vec3(-1.0, -1.0, 1.0);
+  if (space == "left-anterior-superior" || space == "las") return Vec3(1.0, -1.0, 1.0);
+  if (space == "left-posterior-superior" || space == "lps") return Vec3::Ones();
+  return std::nullopt;
 }
 
 struct LengthUnit {
@@ -117,8 +120,10 @@ ImageGeometry FromDirections(const NrrdFields& fields, const std::string& direct
     Refuse("the NRRD header's space directions are fewer than three; correct the header");
   }
   ImageGeometry geometry;
-  const Vec3 signs =
-      SignsOfLps(fields).cwiseProduct(LengthUnits(fields, "spaceunits", &geometry.unknown_unit));
+  const std::optional<Vec3> to_lps = SignsOfLps(fields);
+  geometry.is_lps = to_lps.has_value();
+  const Vec3 signs = to_lps.value_or(Vec3::Ones())
+                         .cwiseProduct(LengthUnits(fields, "spaceunits", &geometry.unknown_unit));
   for (int k = 0; k < 3; ++k) {
     const Vec3 step = signs.cwiseProduct(SpaceVector(vectors[k], "space directions"));
     geometry.spacing_mm[k] = step.norm();

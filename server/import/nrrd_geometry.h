@@ -8,10 +8,11 @@
 
 namespace palpate {
 
-// Uses the first three axes. Turns the frame into LPS if the header's space is RAS or LAS, and
-// leaves any other space as it is. Lengths are in the header's units (space units, or units of axes
-// without a space), or in mm if the header has none. A unit that is not known is left
-// to the caller. A header without a space has only spacings; its axis mins give the place.
+// Uses the first three axes. Turns the frame into LPS if the header's space is RAS, LAS or LPS, and
+// leaves any other space as it is: only these say where it lies in a patient. Lengths are in the
+// header's units (space units, or units of axes without a space), or in mm if the header has none.
+// A unit that is not known is left to the caller. A header without a space has only spacings; its
+// axis mins give the place.
 ImageGeometry ParseNrrdGeometry(const NrrdFields& fields, const std::array<std::int64_t, 3>& size);
 
 }  // namespace palpate

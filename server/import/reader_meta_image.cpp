@@ -51,6 +51,7 @@ VolumeMetadata ReadChecked(const std::filesystem::path& path, const ImageHeader&
   sink(kLeafTypeOf<Voxel>, image.GetBufferPointer(), image.GetBufferedRegion().GetNumberOfPixels());
   VolumeMetadata metadata;
   CopyGeometry(image, &metadata);
+  if (header.geometry.is_lps) metadata.patient_axes = "LPS";
   metadata.unit = header.unit;
   metadata.original_type = Name(header.type);
   return metadata;

@@ -16,6 +16,7 @@ VolumeMetadata MetadataOf(const ImageHeader& header) {
   metadata.spacing_mm = header.geometry.spacing_mm;
   metadata.origin_W_mm = header.geometry.origin_W_mm;
   metadata.direction = header.geometry.direction;
+  if (header.geometry.is_lps) metadata.patient_axes = "LPS";
   metadata.frames = static_cast<int>(header.frames);
   metadata.unit = header.unit;
   metadata.original_type = Name(header.type);
@@ -49,6 +50,7 @@ VolumeMetadata ReadPlainVolume(const std::filesystem::path& path, ImageFormat fo
   reporter->Progress(0.0, "checking");
   const ImageHeader header = ReadCheckedHeader(path, format, limits);
   CheckUnit(header.geometry.unknown_unit, limits, reporter);
+  for (const std::string& warning : header.warnings) reporter->Warn(warning);
   CheckFrame(frame.value_or(0), header.frames);
   if (!frame && header.frames > 1) {
     reporter->Warn("there are " + std::to_string(header.frames) +

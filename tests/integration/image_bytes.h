@@ -20,7 +20,8 @@ inline std::string NiftiBytes(const Vec3i& size, const AffineMap& X_RasI, const 
   for (int k = 0; k < 7; ++k) put(42 + 2 * k, static_cast<std::int16_t>(k < 3 ? size[k] : 1));
   put(70, std::int16_t{4});
   put(72, std::int16_t{16});
-  for (int k = 0; k < 8; ++k) put(76 + 4 * k, 1.0f);
+  put(76, 1.0f);
+  for (int k = 0; k < 3; ++k) put(80 + 4 * k, static_cast<float>(X_RasI.linear.col(k).norm()));
   put(108, 352.0f);
   put(112, 2.0f);
   put(116, -10.0f);
@@ -47,6 +48,8 @@ struct SliceFile {
   std::string spacing = "0.75\\0.5";  // of rows, of columns
   std::uint16_t columns = kPatternSize[0];
   std::uint16_t rows = kPatternSize[1];
+  bool has_rescale = true;
+  std::string rescale_type{};
   std::string pixels{};  // int16
 };
 
@@ -93,8 +96,11 @@ inline std::string DicomBytes(const SliceFile& slice) {
   Append(&out, 0x28, 0x101, "US", u16(16));
   Append(&out, 0x28, 0x102, "US", u16(15));
   Append(&out, 0x28, 0x103, "US", u16(1));
-  Append(&out, 0x28, 0x1052, "DS", "-1024");
-  Append(&out, 0x28, 0x1053, "DS", "2");
+  if (slice.has_rescale) {
+    Append(&out, 0x28, 0x1052, "DS", "-1024");
+    Append(&out, 0x28, 0x1053, "DS", "2");
+  }
+  if (!slice.rescale_type.empty()) Append(&out, 0x28, 0x1054, "LO", slice.rescale_type);
   Append(&out, 0x7fe0, 0x10, "OW", slice.pixels);
   return out;
 }

@@ -114,6 +114,26 @@ TEST_F(ImportTest, NiftiFiles) {
   }
 }
 
+// They reach the daemon.
+TEST_F(ImportTest, ThePatientsAxesAreKnownWhereTheFileStatesThem) {
+  const std::string voxels = PatternBytes<std::int16_t>();
+  const auto axes = [this](const Source& source) { return Imported(source).metadata.patient_axes; };
+  EXPECT_EQ(axes({.path = Write("a.nii", Nifti(voxels))}), "LPS");
+  std::string unplaced = Nifti(voxels);
+  unplaced[254] = 0;  // sform_code
+  EXPECT_EQ(axes({.path = Write("b.nii", unplaced)}), "");
+  EXPECT_EQ(warnings_.size(), 1u);
+  EXPECT_EQ(axes({.path = Write("a.nrrd", Nrrd(voxels))}), "");
+  const std::string directions = "space directions: (1,0,0) (0,1,0) (0,0,2)\n";
+  EXPECT_EQ(
+      axes({.path = Write("b.nrrd", Nrrd(voxels, "raw", "int16", "space: RAS\n" + directions))}),
+      "LPS");
+  EXPECT_EQ(axes({.path = Write("a.mha", Meta(voxels))}), "");
+  EXPECT_EQ(axes({.path = Write("b.mha", Meta(voxels, "AnatomicalOrientation = RAI\n"))}), "LPS");
+  testing::WriteTiff<std::uint16_t>(Path("a.tif"), {}, PatternValue);
+  EXPECT_EQ(axes({.path = Path("a.tif"), .spacing_mm = Vec3(0.5, 0.75, 2)}), "");
+}
+
 TEST_F(ImportTest, TiffStacks) {
   const auto request = [this](const std::string& name) {
     return Source{.path = Path(name), .spacing_mm = Vec3(0.5, 0.75, 2)};
@@ -353,6 +373,22 @@ TEST_F(ImportProgramTest, ARefusalIsOneLineAndNoFile) {
   EXPECT_EQ(Run({input, Path("none/a.vdb")}).exit_code, ExitCode(ErrorKind::kNotFound));
 }
 
+TEST_F(ImportProgramTest, TheUserChoosesTheFormOfANiftiFile) {
+  std::string bytes = Nifti(PatternBytes<std::int16_t>());
+  bytes[252] = 1;  // a qform along RAS, from the origin
+  const fs::path input = Write("a.nii", bytes);
+  const auto origin = [&](const std::string& form) {
+    const auto run = Run({input, Path("a.vdb"), "--overwrite", "--orientation", form});
+    EXPECT_EQ(run.error, "");
+    return Imported(Path("a.vdb")).metadata.origin_W_mm;
+  };
+  EXPECT_TRUE(origin("sform").isApprox(Vec3(-10, -20, 30)));
+  EXPECT_TRUE(origin("qform").isZero());
+  EXPECT_TRUE(origin("none").isZero());
+  const fs::path other = Write("a.nrrd", Nrrd(PatternBytes<std::int16_t>()));
+  EXPECT_EQ(Run({other, Path("b.vdb"), "--orientation", "none"}).exit_code, ExitCode(kInvalid));
+}
+
 TEST_F(ImportProgramTest, ReplacesAFileOnlyWhenToldTo) {
   const fs::path input = Write("a.nrrd", Nrrd(PatternBytes<std::int16_t>()));
   std::ofstream(Path("a.vdb")) << "precious";
@@ -372,6 +408,7 @@ TEST_F(ImportProgramTest, HelpAndUsage) {
       {"--spacing-mm", "1,2"},
       {"--spacing-mm", "1,2,x"},
       {"--frame", "x"},
+      {"--orientation", "x"},
       {"--raw-size", "7,5,4"},
       {"--raw-type", "float32"},
       {"--raw-big-endian"},

@@ -238,6 +238,23 @@ TEST(NrrdHeader, GeometryInLps) {
             Vec3(10, 20, 30));
 }
 
+TEST(NrrdHeader, OnlyAnatomicalSpacesSayWhereTheyLieInAPatient) {
+  const auto is_lps = [](const char* space) {
+    return Nrrd(Replaced(kSeries, "space: left-anterior-superior", space)).geometry.is_lps;
+  };
+  for (const char* space : {"space: left-anterior-superior", "space: Right-Anterior-Superior",
+                            "space: LPS", "space: RAST", "space: left-posterior-superior-time"}) {
+    EXPECT_TRUE(is_lps(space)) << space;
+  }
+  for (const char* space :
+       {"space: scanner-xyz", "space: 3D-right-handed", "space dimension: 3", "# no space"}) {
+    EXPECT_FALSE(is_lps(space)) << space;
+  }
+  EXPECT_FALSE(Nrrd(kNrrd).geometry.is_lps);
+  // Of the axes of the index, nothing says where they lie in the space.
+  EXPECT_FALSE(Nrrd(Replaced(kNrrd, "key:=value", "space: LPS")).geometry.is_lps);
+}
+
 TEST(NrrdHeader, GeometryWithoutSpace) {
   EXPECT_EQ(Nrrd(kNrrd).geometry.spacing_mm, Vec3(1, 1, 1.5));
   EXPECT_EQ(Nrrd(kNrrd).geometry.origin_W_mm, Vec3::Zero());
@@ -281,6 +298,15 @@ TEST(MetaImageHeader, LocalDetachedAndCompressed) {
       Replaced(kMeta, "CompressedData = False", "CompressedData = True\nCompressedDataSize = 77"));
   EXPECT_TRUE(packed.compressed);
   EXPECT_EQ(packed.compressed_bytes, 77);
+}
+
+TEST(MetaImageHeader, AnAnatomicalOrientationPlacesItInAPatient) {
+  const auto is_lps = [](const std::string& lines) {
+    return ParseMetaImageHeader(Replaced(kMeta, "NDims", lines + "NDims")).geometry.is_lps;
+  };
+  EXPECT_TRUE(is_lps("AnatomicalOrientation = RAI\n"));
+  EXPECT_FALSE(is_lps("AnatomicalOrientation = ???\n"));
+  EXPECT_FALSE(is_lps("")) << "a TransformMatrix alone";
 }
 
 TEST(MetaImageHeader, AttacksAreRefused) {

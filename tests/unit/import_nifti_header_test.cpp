@@ -5,6 +5,7 @@
 #include <cstring>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -64,7 +65,9 @@ class NiftiBytes {
     return *this;
   }
   std::string& bytes() { return bytes_; }
-  ImageHeader Parse() const { return ParseNiftiHeader(bytes_); }
+  ImageHeader Parse(const std::optional<NiftiForm>& form = {}) const {
+    return ParseNiftiHeader(bytes_, form);
+  }
 
  private:
   template <typename Number, typename Value>
@@ -170,17 +173,109 @@ TEST_P(NiftiHeader, Sform) {
   EXPECT_TRUE(geometry.origin_W_mm.isApprox(Vec3(-10, -20, 30)));
 }
 
-TEST_P(NiftiHeader, WhichOfBothForms) {
-  const auto origin = [this](int sform_code, double shear) {
+// As nibabel has it.
+TEST_P(NiftiHeader, TheSformComesBeforeTheQform) {
+  const auto origin = [this](int qform_code, int sform_code) {
     NiftiBytes bytes = Bytes();
-    PutSform(PutQform(bytes), sform_code).Srow(0, shear);
+    PutSform(PutQform(bytes), sform_code).Qform(qform_code);
     return bytes.Parse().geometry.origin_W_mm;
   };
   const Vec3 qform(-5, -6, 7);
   const Vec3 sform(-10, -20, 30);
-  EXPECT_TRUE(origin(1, 0).isApprox(sform));
+  for (const int code : {1, 2, 4}) EXPECT_TRUE(origin(1, code).isApprox(sform)) << code;
+  EXPECT_TRUE(origin(0, 4).isApprox(sform));
   EXPECT_TRUE(origin(2, 0).isApprox(qform));
-  EXPECT_TRUE(origin(1, 1).isApprox(qform));
+}
+
+// Voxels of 2 x 3 x 4 mm along RAS in both forms. The volume has 20 x 11 x 9 voxels.
+NiftiBytes& PutStraight(NiftiBytes& bytes) {
+  bytes.Qform(1).Sform(1).Pixdim(0, 1).Pixdim(1, 2).Pixdim(2, 3).Pixdim(3, 4);
+  return bytes.Srow(0, 2).Srow(5, 3).Srow(10, 4);
+}
+
+struct Said {
+  std::string all;  // the warnings
+  ImageGeometry geometry;
+};
+
+Said Parsed(const NiftiBytes& bytes, const std::optional<NiftiForm>& form = {}) {
+  const ImageHeader header = bytes.Parse(form);
+  Said said{{}, header.geometry};
+  for (const std::string& warning : header.warnings) said.all += warning + "\n";
+  return said;
+}
+
+TEST_P(NiftiHeader, FormsThatDisagreeAreSaidWithTheAmount) {
+  NiftiBytes bytes = Bytes();
+  EXPECT_EQ(Parsed(PutStraight(bytes)).all, "");
+  bytes.Srow(3, 0.9);  // less than half a voxel to the side
+  EXPECT_EQ(Parsed(bytes).all, "");
+  bytes.Srow(3, 1.1);
+  EXPECT_NE(Parsed(bytes).all.find(" 1.1 mm"), std::string::npos) << Parsed(bytes).all;
+  EXPECT_EQ(Parsed(bytes, NiftiForm::kSform).all, "");
+  EXPECT_EQ(Parsed(bytes, NiftiForm::kQform).all, "");
+  EXPECT_TRUE(Parsed(bytes, NiftiForm::kQform).geometry.origin_W_mm.isZero());
+  bytes.Srow(3, 38).Srow(0, -2);  // the same box, mirrored: its corners change places
+  EXPECT_NE(Parsed(bytes).all.find(" 38 mm"), std::string::npos) << Parsed(bytes).all;
+  EXPECT_NE(Parsed(bytes).all.find("mirror"), std::string::npos) << Parsed(bytes).all;
+  EXPECT_TRUE(Parsed(bytes).geometry.direction.col(0).isApprox(Vec3(1, 0, 0)));
+}
+
+TEST_P(NiftiHeader, SpacingsThatDisagreeAreSaidWithTheAmount) {
+  NiftiBytes bytes = Bytes();
+  PutStraight(bytes).Qform(0).Pixdim(3, 4.03);
+  EXPECT_EQ(Parsed(bytes).all, "");
+  bytes.Pixdim(3, 4.25);
+  EXPECT_NE(Parsed(bytes).all.find(" 0.25 mm"), std::string::npos) << Parsed(bytes).all;
+  EXPECT_TRUE(Parsed(bytes).geometry.spacing_mm.isApprox(Vec3(2, 3, 4)));
+  bytes.Units(3);
+  EXPECT_NE(Parsed(bytes).all.find(" 0.00025 mm"), std::string::npos) << Parsed(bytes).all;
+}
+
+TEST_P(NiftiHeader, AShearedSformIsStraightenedOrRefused) {
+  const auto shear = [this](double mm_per_slice) {
+    NiftiBytes bytes = Bytes();
+    PutStraight(bytes).Qform(0).Srow(6, mm_per_slice);  // y moves with z
+    return bytes;
+  };
+  const auto is_straight = [](const ImageGeometry& geometry) {
+    return (geometry.direction.transpose() * geometry.direction).isIdentity(1e-12);
+  };
+  // Each of two axes turns by half the angle, and half the slices lie on each side of the middle.
+  // So 0.1 mm a slice are 8 x 0.1 / 4 = 0.2 mm, in voxels of 3 mm.
+  EXPECT_EQ(Parsed(shear(0.1)).all, "");
+  EXPECT_TRUE(is_straight(Parsed(shear(0.1)).geometry));
+  EXPECT_NE(Parsed(shear(0.5)).all.find("sheared"), std::string::npos);
+  EXPECT_TRUE(is_straight(Parsed(shear(0.5)).geometry));
+  // The middle stays: (19, 10, 8) / 2.
+  const ImageGeometry straight = Parsed(shear(0.5)).geometry;
+  const Vec3 middle =
+      straight.origin_W_mm + straight.direction * straight.spacing_mm.cwiseProduct(Vec3(9.5, 5, 4));
+  EXPECT_TRUE(middle.isApprox(Vec3(-19, -17, 16), 1e-6)) << middle.transpose();
+
+  NiftiBytes tilt = shear(1.2);
+  EXPECT_NE(Refusal([&] { tilt.Parse(); }).find("sheared"), std::string::npos);
+  EXPECT_NE(Refusal([&] { tilt.Qform(1).Parse(); }).find("sheared"), std::string::npos);
+  EXPECT_EQ(Parsed(tilt, NiftiForm::kQform).all, "");
+  EXPECT_TRUE(is_straight(Parsed(tilt, NiftiForm::kSform).geometry));
+  EXPECT_NE(Parsed(tilt, NiftiForm::kSform).all.find("sheared"), std::string::npos);
+}
+
+TEST_P(NiftiHeader, WithoutAFormTheSidesAreUnknown) {
+  NiftiBytes bytes = Bytes();
+  PutStraight(bytes).Srow(3, 50);
+  EXPECT_TRUE(Parsed(bytes).geometry.is_lps);
+  EXPECT_TRUE(Parsed(bytes.Sform(0)).geometry.is_lps);
+  const Said said = Parsed(bytes.Qform(0));
+  EXPECT_FALSE(said.geometry.is_lps);
+  EXPECT_NE(said.all.find("unknown"), std::string::npos);
+  EXPECT_TRUE(said.geometry.spacing_mm.isApprox(Vec3(2, 3, 4)));
+  EXPECT_TRUE(said.geometry.direction.isIdentity());
+  EXPECT_EQ(Parsed(bytes, NiftiForm::kNone).all, "");
+  EXPECT_FALSE(Parsed(bytes.Sform(1), NiftiForm::kNone).geometry.is_lps);
+  // What the file does not state cannot be chosen.
+  EXPECT_NE(Refusal([&] { bytes.Sform(0).Parse(NiftiForm::kSform); }), "");
+  EXPECT_NE(Refusal([&] { bytes.Parse(NiftiForm::kQform); }), "");
 }
 
 TEST_P(NiftiHeader, Units) {
