@@ -37,6 +37,7 @@ struct Options {
   std::optional<std::int64_t> descriptor;
   std::vector<double> spacing_mm;
   std::string orientation;
+  bool no_resample = false;
   std::optional<std::int64_t> frame;
   std::string grid;
   std::string component;
@@ -133,6 +134,9 @@ void DefineOptions(arguments::Command* app, Options* options) {
          "(default: the sform if its code is not 0, else the qform)")
       ->check(arguments::IsMember({"qform", "sform", "none"}))
       ->type_name("FORM");
+  app->add_flag("--no-resample", options->no_resample,
+                "Refuse unevenly spaced DICOM slices (default: interpolate at their finest\n"
+                "spacing, with a warning)");
   app->add_option("--frame", options->frame, "Frame of a 4-D file to read, from 0 (default: 0)")
       ->type_name("N");
   app->add_option("--grid", options->grid, "Grid to read, if the .vdb file has several")
@@ -284,6 +288,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   limits.max_voxels = options.max_voxels;
   limits.spacing_is_given = spacing_mm.has_value();
   limits.form = FormNamed(options.orientation);
+  limits.may_resample = !options.no_resample;
   limits.max_memory_bytes = options.max_memory_mib << 20;
   limits.folders = FoldersToRead(options);
   limits.own_files = palpate::OwnFiles({options.own_files.begin(), options.own_files.end()});

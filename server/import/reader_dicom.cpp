@@ -18,6 +18,7 @@
 #include "server/import/data_check.h"
 #include "server/import/dicom_file.h"
 #include "server/import/file_start.h"
+#include "server/import/image_geometry.h"
 #include "server/import/readers.h"
 #include "server/volume/volume_metadata.h"
 
@@ -39,6 +40,8 @@ const gdcm::Tag kColumns(0x0028, 0x0011);
 const gdcm::Tag kPixelSpacing(0x0028, 0x0030);
 const gdcm::Tag kBits(0x0028, 0x0100);
 const gdcm::Tag kSign(0x0028, 0x0103);
+const gdcm::Tag kIntercept(0x0028, 0x1052);
+const gdcm::Tag kSlope(0x0028, 0x1053);
 const gdcm::Tag kRescaleType(0x0028, 0x1054);
 
 // Relative difference of a pitch from the median: up to kEvenPitch without a warning. From
@@ -47,8 +50,11 @@ constexpr double kEvenPitch = 0.01;
 constexpr double kMissingSlice = 1.5;
 // Tolerance for the unit vectors along rows and columns.
 constexpr double kParallel = 1e-3;
+// Pitches that differ by less, relatively, were planned to be the same.
+constexpr double kSamePitch = 0.1;
 // Sideways drift of the stack per length; more is a gantry tilt.
 constexpr double kStraight = 0.01;
+constexpr double kFarthest_mm = 1e9;
 constexpr std::int64_t kMostCopied = std::int64_t{256} << 20;
 
 struct Slice {
@@ -60,6 +66,7 @@ struct Slice {
   std::array<std::int64_t, 2> size{};
   ScalarType type = ScalarType::kInt16;
   std::string unit;
+  bool is_ct = false;
 };
 
 // The text of a tag in one file; empty if the tag is absent.
@@ -101,10 +108,12 @@ ScalarType ParseType(const Tags& tags) {
   return is_signed ? ScalarType::kInt32 : ScalarType::kUint32;
 }
 
+// The rescale of a CT leads to Hounsfield units unless its type says otherwise. US: unspecified.
 std::string ParseUnit(const Tags& tags) {
   const std::string type = tags.Text(kRescaleType);
-  if (tags.Text(kModality) == "CT") return type.empty() || type == "US" ? "HU" : type;
-  return type == "US" ? "" : type;  // US: unspecified
+  if (!type.empty()) return type == "US" ? "" : type;
+  const bool is_rescaled = !tags.Text(kIntercept).empty() && !tags.Text(kSlope).empty();
+  return tags.Text(kModality) == "CT" && is_rescaled ? "HU" : "";
 }
 
 std::string FileName(const fs::path& file) { return Quoted(file.filename().string()); }
@@ -124,6 +133,9 @@ Slice ParseSlice(const Tags& tags) {
   }
   if (tags.Number(kSamples, 1) > 1) Refuse(name + " is a colour image; choose a grey series");
   slice.position_W_mm = {position[0], position[1], position[2]};
+  if (slice.position_W_mm.cwiseAbs().maxCoeff() > kFarthest_mm) {
+    Refuse(name + " states a position that is none; export it again");
+  }
   slice.row_W = {orientation[0], orientation[1], orientation[2]};
   slice.column_W = {orientation[3], orientation[4], orientation[5]};
   if (std::abs(slice.row_W.norm() - 1.0) > kParallel ||
@@ -140,6 +152,7 @@ Slice ParseSlice(const Tags& tags) {
                 static_cast<std::int64_t>(tags.Number(kRows, 0))};
   slice.type = ParseType(tags);
   slice.unit = ParseUnit(tags);
+  slice.is_ct = tags.Text(kModality) == "CT";
   return slice;
 }
 
@@ -178,8 +191,9 @@ std::vector<Slice> ScanFolder(const fs::path& folder, const ImportLimits& limits
   const std::vector<std::string> files = ImageFiles(folder, limits);
   if (files.empty()) Refuse("the folder holds no DICOM slices; give the one with the series");
   gdcm::SmartPointer<gdcm::Scanner> scanner = new gdcm::Scanner;
-  for (const gdcm::Tag& tag : {kModality, kSeries, kPosition, kOrientation, kFrames, kSamples,
-                               kRows, kColumns, kPixelSpacing, kBits, kSign, kRescaleType}) {
+  for (const gdcm::Tag& tag :
+       {kModality, kSeries, kPosition, kOrientation, kFrames, kSamples, kRows, kColumns,
+        kPixelSpacing, kBits, kSign, kIntercept, kSlope, kRescaleType}) {
     scanner->AddTag(tag);
   }
   if (!scanner->Scan(files)) Refuse("the folder holds no DICOM series that can be read");
@@ -210,11 +224,21 @@ std::vector<Slice> ScanFolder(const fs::path& folder, const ImportLimits& limits
   return slices;
 }
 
-// Sorts the slices along their normal and returns the mean pitch.
-double SortSlices(std::vector<Slice>* slices, Reporter* reporter) {
-  const Slice first = slices->front();
-  const Vec3 normal_W = first.row_W.cross(first.column_W);
-  for (const Slice& slice : *slices) {
+// Slices of one size, spacing and orientation, sorted along their normal. Their places, first voxel
+// first: mm along the rows, the columns and the normal.
+struct Stack {
+  std::vector<Slice> slices;
+  std::vector<Vec3> places_mm;
+  Mat3 direction;          // columns: rows, columns and normal in W
+  Vec3 first_mm;           // where the volume begins, as a place
+  double pitch_mm = 0.0;   // of the volume's slices
+  std::int64_t count = 0;  // of the volume's slices
+  bool is_resampled = false;
+};
+
+Stack SortedStack(std::vector<Slice> slices) {
+  const Slice first = slices.front();
+  for (const Slice& slice : slices) {
     if (slice.size != first.size || (slice.row_W - first.row_W).norm() > kParallel ||
         (slice.column_W - first.column_W).norm() > kParallel ||
         std::abs(slice.spacing_mm[0] / first.spacing_mm[0] - 1.0) > kParallel ||
@@ -223,40 +247,144 @@ double SortSlices(std::vector<Slice>* slices, Reporter* reporter) {
              " differ in size, spacing or orientation; keep those of one stack");
     }
   }
-  const auto height = [&](const Slice& slice) { return normal_W.dot(slice.position_W_mm); };
-  std::sort(slices->begin(), slices->end(),
-            [&](const Slice& a, const Slice& b) { return height(a) < height(b); });
-  if (slices->size() < 2) Refuse("there is a single slice; a volume needs at least two");
-
-  std::vector<double> pitches;
-  for (std::size_t k = 1; k < slices->size(); ++k) {
-    pitches.push_back(height((*slices)[k]) - height((*slices)[k - 1]));
+  if (slices.size() < 2) Refuse("there is a single slice; a volume needs at least two");
+  Stack stack;
+  stack.direction << first.row_W, first.column_W, first.row_W.cross(first.column_W);
+  const Vec3 normal_W = stack.direction.col(2);
+  std::sort(slices.begin(), slices.end(), [&](const Slice& a, const Slice& b) {
+    return normal_W.dot(a.position_W_mm) < normal_W.dot(b.position_W_mm);
+  });
+  for (const Slice& slice : slices) {
+    stack.places_mm.push_back(stack.direction.transpose() * slice.position_W_mm);
   }
+  stack.slices = std::move(slices);
+  return stack;
+}
+
+double Median(std::vector<double> numbers) {
+  std::ranges::sort(numbers);
+  return 0.5 * (numbers[(numbers.size() - 1) / 2] + numbers[numbers.size() / 2]);
+}
+
+// The line that most of a stack's slices lie on. z is along the normal.
+struct Line {
+  Vec3 middle_mm;  // its place in the middle of the stack
+  Vec3 slope;      // mm aside for each mm along the normal; z is 1
+
+  Vec3 At(double z_mm) const { return middle_mm + slope * (z_mm - middle_mm.z()); }
+};
+
+Line LineThrough(const std::vector<Vec3>& places) {
+  // From slices half a stack apart. The least counts: slices that lie elsewhere make it steeper.
+  std::vector<Vec3> slopes;
+  const std::size_t half = places.size() / 2;
+  for (std::size_t k = 0; k + half < places.size(); ++k) {
+    const Vec3 along = places[k + half] - places[k];
+    slopes.push_back(along / along.z());
+  }
+  const Vec3 slope = *std::ranges::min_element(slopes, {}, [](const Vec3& s) { return s.norm(); });
+  const double middle_mm = 0.5 * (places.front().z() + places.back().z());
+  std::vector<double> x, y;
+  for (const Vec3& place : places) {
+    const Vec3 straight = place - slope * (place.z() - middle_mm);
+    x.push_back(straight.x());
+    y.push_back(straight.y());
+  }
+  return {{Median(x), Median(y), middle_mm}, slope};
+}
+
+// Refuses or warns of slices that will not be where their files say: the volume's lie above each
+// other. Sets where the volume begins.
+void FindLine(Stack* stack, Reporter* reporter) {
+  const std::vector<Vec3>& places = stack->places_mm;
+  const Line line = LineThrough(places);
+  stack->first_mm = {line.middle_mm.x(), line.middle_mm.y(), places.front().z()};
+  const auto& voxel_mm = stack->slices.front().spacing_mm;
+  const auto voxels = [&](const Vec3& off_mm) {
+    return std::max(std::abs(off_mm.x()) / voxel_mm[0], std::abs(off_mm.y()) / voxel_mm[1]);
+  };
+  const auto off_mm = [&](const Vec3& place) { return Vec3(place - line.At(place.z())); };
+  const auto worst = std::ranges::max_element(
+      places, {}, [&](const Vec3& place) { return voxels(off_mm(place)); });
+  const std::string beside =
+      "the slice " +
+      FileName(stack->slices[static_cast<std::size_t>(worst - places.begin())].file) + " lies " +
+      Short(off_mm(*worst).norm()) + " mm beside the line that the others lie on; ";
+  if (voxels(off_mm(*worst)) > kFarOff) {
+    Refuse(beside + "correct the positions, or export the series again");
+  }
+  const Vec3 aside_mm = line.At(places.back().z()) - line.At(places.front().z());
+  const std::string tilted =
+      "the stack is tilted against its slices (gantry tilt): from the first to the last they move "
+      "aside by " +
+      Short(aside_mm.head<2>().norm()) + " mm; ";
+  if (line.slope.head<2>().norm() > kStraight) Refuse(tilted + "resample it first");
+  if (voxels(off_mm(*worst)) > kSlightlyOff) reporter->Warn(beside + "it is put on that line");
+  if (voxels(0.5 * aside_mm) > kSlightlyOff) reporter->Warn(tilted + "they are put straight");
+}
+
+// Refuses slices at one place, and a gap where slices are missing: a single long pitch between
+// others. Several long pitches in a row were planned so.
+void CheckGaps(const Stack& stack, const std::vector<double>& pitches) {
   std::vector<double> sorted = pitches;
   std::sort(sorted.begin(), sorted.end());
-  // Takes the lower of two middle values, so that a gap is found even if it is half of all pitches.
+  // The lower of two middle values, so that a gap is found even if it is half of all pitches.
   const double median = sorted[(sorted.size() - 1) / 2];
+  const auto is_like = [&](std::size_t k, std::size_t neighbour) {
+    return neighbour < pitches.size() &&
+           std::abs(pitches[neighbour] - pitches[k]) < kSamePitch * pitches[k];
+  };
   for (std::size_t k = 0; k < pitches.size(); ++k) {
     const std::string pair =
-        FileName((*slices)[k].file) + " and " + FileName((*slices)[k + 1].file);
+        FileName(stack.slices[k].file) + " and " + FileName(stack.slices[k + 1].file);
     if (pitches[k] < 0.1 * median || median < kLeastSpacingMm) {
       Refuse("the slices " + pair + " lie at the same place; keep one phase of the series");
     }
-    if (pitches[k] > kMissingSlice * median) {
-      Refuse("a slice is missing between " + pair + " (" + std::to_string(pitches[k]) +
-             " mm instead of " + std::to_string(median) + " mm); export the series again");
+    if (pitches[k] > kMissingSlice * median && !is_like(k, k - 1) && !is_like(k, k + 1)) {
+      Refuse("a slice is missing between " + pair + " (" + Short(pitches[k]) + " mm instead of " +
+             Short(median) + " mm); export the series again");
     }
   }
-  if (sorted.back() > (1.0 + kEvenPitch) * median || sorted.front() < (1.0 - kEvenPitch) * median) {
-    reporter->Warn("the slices are unevenly spaced, " + std::to_string(sorted.front()) + " to " +
-                   std::to_string(sorted.back()) + " mm; their mean is taken");
+}
+
+// Finds the volume's slices: as many as the stack's, at their mean pitch, if that moves none of
+// them far. Otherwise they are resampled.
+void FindPitch(const ImportLimits& limits, Stack* stack, Reporter* reporter) {
+  const std::vector<Vec3>& places = stack->places_mm;
+  std::vector<double> pitches;
+  for (std::size_t k = 1; k < places.size(); ++k) {
+    pitches.push_back(places[k].z() - places[k - 1].z());
   }
-  const Vec3 along_W = slices->back().position_W_mm - slices->front().position_W_mm;
-  const double length = normal_W.dot(along_W);
-  if ((along_W - normal_W * length).norm() > kStraight * length) {
-    Refuse("the stack is tilted against its slices (gantry tilt); resample it first");
+  CheckGaps(*stack, pitches);
+  const double length_mm = places.back().z() - places.front().z();
+  stack->count = static_cast<std::int64_t>(places.size());
+  stack->pitch_mm = length_mm / static_cast<double>(pitches.size());
+  if (limits.spacing_is_given) return;
+  double off_mm = 0.0;
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const double even_mm = static_cast<double>(k) * stack->pitch_mm;
+    off_mm = std::max(off_mm, std::abs(places[k].z() - places.front().z() - even_mm));
   }
-  return length / static_cast<double>(pitches.size());
+  const auto [least, greatest] = std::ranges::minmax(pitches);
+  const std::string uneven =
+      "the slices are unevenly spaced, " + Short(least) + " to " + Short(greatest) + " mm; ";
+  const std::string moved = "their mean, " + Short(stack->pitch_mm) + " mm, would put one " +
+                            Short(off_mm) + " mm from its place";
+  if (off_mm > kSlightlyOff * stack->pitch_mm) {
+    if (!limits.may_resample) {
+      Refuse(uneven + moved + "; leave --no-resample out, or export slices at one spacing");
+    }
+    stack->is_resampled = true;
+    // At most a half pitch beyond the last slice, or short of it.
+    stack->count = 1 + std::llround(std::min(length_mm / least, 1e9));
+    stack->pitch_mm = least;
+    reporter->Warn(uneven + moved + ", so " + std::to_string(stack->count) + " slices, one each " +
+                   Short(least) + " mm, are interpolated from the " +
+                   std::to_string(places.size()) + " (palpate-import --no-resample refuses)");
+  } else if (greatest - least > kEvenPitch * stack->pitch_mm) {
+    reporter->Warn(uneven + "their mean is taken, which moves a slice by up to " + Short(off_mm) +
+                   " mm");
+  }
 }
 
 // GDCM takes padding after the pixels for elements of eight bytes, reads each by itself, and
@@ -284,18 +412,82 @@ void ReadSlice(const Slice& slice, const VoxelSink& sink) {
   sink(LeafType::kFloat, reader->GetOutput()->GetBufferPointer(), size[0] * size[1]);
 }
 
-VolumeMetadata MakeMetadata(const std::vector<Slice>& slices, double pitch_mm) {
-  const Slice& first = slices.front();
+void ReadWhole(const Slice& slice, const VoxelSink& sink) {
+  try {
+    ReadSlice(slice, sink);
+  } catch (const itk::ExceptionObject&) {
+    Refuse("the slice " + FileName(slice.file) +
+           " is damaged or incomplete; copy or export it again");
+  }
+}
+
+// Gives the volume's slices one after the other, interpolated between the stack's.
+class Resampler {
+ public:
+  explicit Resampler(const Stack& stack) : stack_(stack) { Read(0), Read(1); }
+
+  // `height_mm` must not be less than before.
+  const std::vector<float>& At(double height_mm) {
+    while (next_ + 1 < stack_.slices.size() && height_mm > Height(next_)) Read(next_ + 1);
+    const double share = (height_mm - Height(next_ - 1)) / (Height(next_) - Height(next_ - 1));
+    // A slice that lies there stays as it is, whatever was rounded.
+    const double rounded = std::round(share);
+    const double used =
+        std::clamp(std::abs(share - rounded) < kAtSlice ? rounded : share, 0.0, 1.0);
+    for (std::size_t n = 0; n < between_.size(); ++n) {
+      between_[n] = std::lerp(below_[n], above_[n], static_cast<float>(used));
+    }
+    return between_;
+  }
+
+ private:
+  static constexpr double kAtSlice = 1e-6;
+
+  double Height(std::size_t k) const { return stack_.places_mm[k].z(); }
+  void Read(std::size_t k) {
+    below_.swap(above_);
+    next_ = k;
+    ReadWhole(stack_.slices[k], [this](LeafType, const void* voxels, std::size_t count) {
+      const auto* const floats = static_cast<const float*>(voxels);
+      above_.assign(floats, floats + count);
+    });
+    between_.resize(above_.size());
+  }
+
+  const Stack& stack_;
+  std::size_t next_ = 0;  // the slice in above_; the one before is in below_
+  std::vector<float> below_, above_, between_;
+};
+
+void ReadStack(const Stack& stack, const VoxelSink& sink, Reporter* reporter) {
+  std::optional<Resampler> resampler;
+  if (stack.is_resampled) resampler.emplace(stack);
+  for (std::int64_t k = 0; k < stack.count; ++k) {
+    reporter->Progress(0.1 + 0.7 * static_cast<double>(k) / static_cast<double>(stack.count),
+                       "reading");
+    if (!resampler) {
+      ReadWhole(stack.slices[static_cast<std::size_t>(k)], sink);
+      continue;
+    }
+    const std::vector<float>& slice =
+        resampler->At(stack.first_mm.z() + static_cast<double>(k) * stack.pitch_mm);
+    sink(LeafType::kFloat, slice.data(), slice.size());
+  }
+}
+
+VolumeMetadata MakeMetadata(const Stack& stack) {
+  const Slice& first = stack.slices.front();
   VolumeMetadata metadata;
   metadata.size = {static_cast<int>(first.size[0]), static_cast<int>(first.size[1]),
-                   static_cast<int>(slices.size())};
-  metadata.spacing_mm = {first.spacing_mm[0], first.spacing_mm[1], pitch_mm};
-  metadata.origin_W_mm = first.position_W_mm;
-  metadata.direction.col(0) = first.row_W;
-  metadata.direction.col(1) = first.column_W;
-  metadata.direction.col(2) = first.row_W.cross(first.column_W);
+                   static_cast<int>(stack.count)};
+  metadata.spacing_mm = {first.spacing_mm[0], first.spacing_mm[1], stack.pitch_mm};
+  metadata.origin_W_mm = stack.direction * stack.first_mm;
+  metadata.direction = stack.direction;
+  metadata.patient_axes = "LPS";
   metadata.original_type = Name(first.type);
-  metadata.unit = first.unit;
+  const bool is_one_unit = std::ranges::all_of(
+      stack.slices, [&](const Slice& slice) { return slice.unit == first.unit; });
+  if (is_one_unit) metadata.unit = first.unit;
   return metadata;
 }
 
@@ -307,23 +499,20 @@ VolumeMetadata ReadDicomVolume(const fs::path& folder, const ImportLimits& limit
   gdcm::Trace::WarningOff();
   gdcm::Trace::ErrorOff();
   reporter->Progress(0.0, "scanning");
-  std::vector<Slice> slices = ScanFolder(folder, limits, reporter);
-  const double pitch_mm = SortSlices(&slices, reporter);
-  const auto size = VolumeSize(
-      {slices.front().size[0], slices.front().size[1], static_cast<std::int64_t>(slices.size())});
-  CheckedVoxelBytes(size, slices.front().type, LeafType::kFloat, limits);
-
-  for (std::size_t k = 0; k < slices.size(); ++k) {
-    const double done = static_cast<double>(k) / static_cast<double>(slices.size());
-    reporter->Progress(0.1 + 0.7 * done, "reading");
-    try {
-      ReadSlice(slices[k], sink);
-    } catch (const itk::ExceptionObject&) {
-      Refuse("the slice " + FileName(slices[k].file) +
-             " is damaged or incomplete; copy or export it again");
-    }
+  Stack stack = SortedStack(ScanFolder(folder, limits, reporter));
+  FindPitch(limits, &stack, reporter);
+  FindLine(&stack, reporter);
+  const Slice& first = stack.slices.front();
+  const auto size = VolumeSize({first.size[0], first.size[1], stack.count});
+  CheckedVoxelBytes(size, first.type, LeafType::kFloat, limits);
+  ReadStack(stack, sink, reporter);
+  VolumeMetadata metadata = MakeMetadata(stack);
+  if (first.is_ct && metadata.unit.empty()) {
+    reporter->Warn(
+        "this CT does not say how its values lead to Hounsfield units: they have no unit, and no "
+        "value stands for bone or skin");
   }
-  return MakeMetadata(slices, pitch_mm);
+  return metadata;
 }
 
 }  // namespace palpate

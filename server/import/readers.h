@@ -37,8 +37,9 @@ VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLi
 VolumeMetadata ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
                                    const VoxelSink& sink, Reporter* reporter);
 
-// The largest series of a folder. Slices are sorted by position and must be parallel and about
-// evenly spaced. CT is in HU.
+// The largest series of a folder. Slices are sorted by position and must be parallel and lie on one
+// line across them. Unevenly spaced slices are resampled at their finest spacing, with a warning.
+// The unit is HU where the rescale leads to it.
 VolumeMetadata ReadDicomVolume(const std::filesystem::path& folder, const ImportLimits& limits,
                                const VoxelSink& sink, Reporter* reporter);
 

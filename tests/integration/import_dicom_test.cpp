@@ -9,6 +9,7 @@
 #include "server/import/dicom_file.h"
 #include "tests/integration/image_bytes.h"
 #include "tests/integration/import_support.h"
+#include "tests/support/process.h"
 
 namespace palpate {
 namespace {
@@ -80,8 +81,31 @@ TEST_F(DicomTest, FlippedOrientationStaysRightHanded) {
   EXPECT_EQ(At(volume, 3, 2, 0), 2 * PatternValue(3, 2, 3) - 1024);
 }
 
-TEST_F(DicomTest, UnitOnlyWhereStated) {
-  EXPECT_EQ(Imported(WriteSeries([](SliceFile* s) { s->modality = "MR"; })).metadata.unit, "");
+TEST_F(DicomTest, TheUnitIsHuWhereTheRescaleLeadsToIt) {
+  struct Case {
+    const char* modality;
+    const char* type;
+    bool has_rescale;
+    const char* unit;
+  };
+  const Case cases[] = {
+      {"CT", "", true, "HU"}, {"CT", "HU", true, "HU"}, {"MR", "HU", true, "HU"},
+      {"CT", "", false, ""},  {"CT", "US", true, ""},   {"MR", "", true, ""},
+      {"MR", "US", true, ""}, {"CT", "OD", true, "OD"},
+  };
+  for (const Case& one : cases) {
+    SCOPED_TRACE(std::string(one.modality) + " " + one.type);
+    const fs::path folder = WriteSeries([&](SliceFile* s) {
+      s->modality = one.modality;
+      s->rescale_type = one.type;
+      s->has_rescale = one.has_rescale;
+    });
+    EXPECT_EQ(Imported(folder).metadata.unit, one.unit);
+    // That a CT has no unit is said.
+    EXPECT_EQ(warnings_.size(), std::string(one.modality + std::string(one.unit)) == "CT");
+  }
+  EXPECT_EQ(Imported(WriteSeries([](SliceFile* s) { s->has_rescale = s->z != 2; })).metadata.unit,
+            "");
 }
 
 TEST_F(DicomTest, LargestSeriesIsTakenWithAWarning) {
@@ -91,6 +115,84 @@ TEST_F(DicomTest, LargestSeriesIsTakenWithAWarning) {
   Write("series/other.dcm", PatternDicom(other));
   EXPECT_EQ(Imported(folder).metadata.size.z(), 4);
   EXPECT_EQ(warnings_.size(), 1u);
+}
+
+// Pixels of 0.5 x 0.75 mm.
+TEST_F(DicomTest, SlicesBesideTheLineAreSaidOrRefused) {
+  const auto shifted = [this](const std::vector<double>& x_mm) {
+    return WriteSeries([&](SliceFile* s) {
+      s->shift = std::to_string(x_mm[static_cast<std::size_t>(s->z)]) + "\\20\\";
+    });
+  };
+  EXPECT_EQ(Imported(shifted({10, 10.04, 10, 10})).metadata.origin_W_mm.x(), 10.0);
+  EXPECT_TRUE(warnings_.empty());
+  EXPECT_EQ(Imported(shifted({10, 10.2, 10, 10})).metadata.origin_W_mm.x(), 10.0);
+  ASSERT_EQ(warnings_.size(), 1u);
+  EXPECT_NE(warnings_[0].find("'8.dcm' lies 0.2 mm"), std::string::npos) << warnings_[0];
+  ExpectRefused(shifted({10, 16, 10, 10}), ErrorKind::kInvalidArgument, "'8.dcm' lies 6 mm");
+  ExpectRefused(shifted({10, 10, 10, 16}), ErrorKind::kInvalidArgument, "'6.dcm' lies 6 mm");
+  // With a slight tilt, the volume lies in the middle of what the slices drift.
+  EXPECT_NEAR(Imported(shifted({10, 10.01, 10.02, 10.03})).metadata.origin_W_mm.x(), 10.015, 1e-6);
+  EXPECT_TRUE(warnings_.empty());
+}
+
+// A tilt below the limit moves the ends of a long stack aside.
+TEST_F(DicomTest, ASlightTiltIsSaidWithTheAmount) {
+  Imported(WriteSeries([](SliceFile* s) {
+    s->height_mm = 30.0 + 20.0 * s->z;
+    s->shift = std::to_string(10.0 + 0.1 * s->z) + "\\20\\";
+  }));
+  ASSERT_EQ(warnings_.size(), 1u);
+  EXPECT_NE(warnings_[0].find(" 0.3 mm"), std::string::npos) << warnings_[0];
+}
+
+// At two pitches, as heads are scanned, whichever of them most slices have.
+TEST_F(DicomTest, UnevenSlicesAreResampledAtTheirFinestSpacing) {
+  const auto between = [](int x, int y, int z, double share) {
+    return 2 * ((1 - share) * PatternValue(x, y, z) + share * PatternValue(x, y, z + 1)) - 1024;
+  };
+  const auto folder = [this](const std::vector<double>& heights_mm) {
+    return WriteSeries(
+        [&](SliceFile* s) { s->height_mm = heights_mm[static_cast<std::size_t>(s->z)]; });
+  };
+  const LoadedVolume volume = Imported(folder({30, 32, 37, 42}));
+  ASSERT_EQ(volume.metadata.size, Vec3i(7, 5, 7));
+  EXPECT_NEAR(volume.metadata.spacing_mm.z(), 2.0, 1e-9);
+  EXPECT_TRUE(volume.metadata.origin_W_mm.isApprox(Vec3(10, 20, 30)));
+  const std::pair<int, double> places[] = {{0, 0.0}, {1, 0.0}, {1, 0.4}, {1, 0.8},
+                                           {2, 0.2}, {2, 0.6}, {2, 1.0}};
+  for (int k = 0; k < 7; ++k) {
+    for (const auto& [x, y] : {std::pair(3, 2), std::pair(6, 0)}) {
+      EXPECT_NEAR(At(volume, x, y, k), between(x, y, places[k].first, places[k].second), 1e-4) << k;
+    }
+  }
+  ASSERT_EQ(warnings_.size(), 1u);
+  EXPECT_NE(warnings_[0].find("2 to 5 mm"), std::string::npos) << warnings_[0];
+  // The mean is 1.27 mm. The last slice stays for the rest of its thickness.
+  const LoadedVolume mild = Imported(folder({30, 31, 32.4, 33.8}));
+  ASSERT_EQ(mild.metadata.size.z(), 5);
+  EXPECT_NEAR(At(mild, 3, 2, 2), between(3, 2, 1, 1 / 1.4), 1e-3);
+  EXPECT_EQ(At(mild, 3, 2, 4), 2 * PatternValue(3, 2, 3) - 1024);
+  // The user's spacing stands for all.
+  const LoadedVolume stated =
+      Imported(Source{.path = folder({30, 32, 37, 42}), .spacing_mm = Vec3(0.5, 0.75, 4)});
+  ExpectSlices(stated);
+  EXPECT_TRUE(warnings_.empty());
+
+  const auto run = test::Process({test::kPalpateImport, folder({30, 32, 37, 42}).string(),
+                                  Path("o.vdb").string(), "--no-resample"},
+                                 std::chrono::seconds(120))
+                       .Wait();
+  EXPECT_EQ(run.exit_code, ExitCode(ErrorKind::kInvalidArgument));
+  EXPECT_NE(run.error.find("2 to 5 mm"), std::string::npos) << run.error;
+}
+
+// Limits hold for what is interpolated, too.
+TEST_F(DicomTest, ManySlicesFromFewAreOverTheLimit) {
+  const fs::path folder = WriteSeries([](SliceFile* s) {
+    s->height_mm = std::vector<double>{0, 1, 1e6, 2e6}[static_cast<std::size_t>(s->z)];
+  });
+  ExpectRefused(Source{.path = folder, .max_voxels = 1'000'000}, ErrorKind::kTooLarge, "limit");
 }
 
 TEST_F(DicomTest, UnevenPitchIsWarnedOf) {

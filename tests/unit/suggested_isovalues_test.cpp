@@ -105,6 +105,20 @@ TEST(SuggestedIsovalues, CtStartsAtBone) {
             "skin otsu ");
 }
 
+// 1024: a CT that lost its rescale. Air at -1000 makes Hounsfield units likely, but no more.
+TEST(SuggestedIsovalues, WithoutAUnitNoValueIsCalledBone) {
+  const auto head = [](double shift) {
+    return ValuesOf(Made([shift](int i, int j, int k) {
+      const double r = (Vec3(i, j, k) - Vec3::Constant(21.5)).norm();
+      return shift + (r > 18.0 ? -1000.0 + (i + j) % 5 : r > 15.0 ? 40.0 : 900.0);
+    }));
+  };
+  EXPECT_EQ(NamesOf(head(1024.0)), "otsu ");
+  const VolumeValues likely = head(0.0);
+  EXPECT_EQ(NamesOf(likely), "otsu bone skin ");
+  EXPECT_NE(likely.suggested[1].reason.find("if "), std::string::npos);
+}
+
 TEST(SuggestedIsovalues, SurfacesThatAreKnown) {
   const auto distance = [](int i, int j, int k) {
     return std::clamp((Vec3(i, j, k) - Vec3::Constant(21.5)).norm() - 15.0, -3.0, 3.0);
