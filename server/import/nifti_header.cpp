@@ -170,15 +170,15 @@ void WarnOfDifferences(const NiftiFields& fields, double mm, const ImageGeometry
   }
 }
 
-void StraightenSform(bool is_wanted, ImageHeader* header) {
+void StraightenSform(const NiftiFields& fields, bool is_wanted, ImageHeader* header) {
   const PlaceError error = Straighten(header->size, &header->geometry);
   const std::string sheared =
       "the sform is sheared: its axes are not at right angles; right angles put a corner of the "
       "volume " +
       Short(error.mm) + " mm elsewhere";
   if (!is_wanted && !(error.voxels <= kFarOff)) {
-    Refuse(sheared + "; resample the volume, or choose with palpate-import --orientation: qform, " +
-           "sform (the nearest right angles) or none");
+    Refuse(sheared + "; resample the volume, or choose with palpate-import --orientation: " +
+           (fields.qform_code != 0 ? "qform, " : "") + "sform (the nearest right angles) or none");
   }
   if (error.voxels > kSlightlyOff) {
     header->warnings.push_back(sheared + "; the nearest right angles are taken");
@@ -196,7 +196,7 @@ void ReadGeometry(const NiftiFields& fields, const std::optional<NiftiForm>& wan
   if (!mm) header->geometry.unknown_unit = "xyzt_units " + std::to_string(fields.xyzt_units);
   if (form == NiftiForm::kSform) {
     if (!wanted) WarnOfDifferences(fields, mm.value_or(1.0), header->geometry, header);
-    StraightenSform(wanted.has_value(), header);
+    StraightenSform(fields, wanted.has_value(), header);
   }
   if (form == NiftiForm::kNone && !wanted) {
     header->warnings.push_back(
