@@ -2,9 +2,13 @@
 
 #include <array>
 #include <charconv>
+#include <cstdint>
+#include <deque>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <variant>
 
 #include "common/error/error.h"
@@ -39,7 +43,7 @@ std::string Header() {
   std::string row;
   const TickSample sample;
   VisitFields(sample, [&](std::string_view name, const auto&) { row.append(name).append(","); });
-  return row + "markers";
+  return row + "unix_ns,markers";
 }
 
 // Adds quotes if commas, quotes or line ends would break the table.
@@ -50,36 +54,44 @@ std::string Quoted(const std::string& text) {
   return quoted + '"';
 }
 
-// Holds back the last row, because markers after the last tick are added to this row.
+// Holds back the last row: only the time of the next tick tells which markers belong to it.
 class Table {
  public:
-  explicit Table(std::ostream& stream) : stream_(stream) { stream_ << Header() << '\n'; }
-
-  void Add(const TickSample& sample) {
-    if (!row_.empty()) WriteRow(row_markers_);
-    row_.clear();
-    VisitFields(sample, [&](std::string_view, const auto& field) { AppendField(field, row_); });
-    row_markers_ = std::move(next_markers_);
-    next_markers_.clear();
+  // `unix_from_time_ns`: from a tick's time to its UTC.
+  Table(std::ostream& stream, std::optional<std::int64_t> unix_from_time_ns)
+      : stream_(stream), unix_from_time_ns_(unix_from_time_ns) {
+    stream_ << Header() << '\n';
   }
 
-  void Add(const RecordedMarker& marker) { Join(next_markers_, marker.text); }
+  void Add(const TickSample& sample) {
+    if (!row_.empty()) WriteRow(sample.time_ns);
+    row_.clear();
+    VisitFields(sample, [&](std::string_view, const auto& field) { AppendField(field, row_); });
+    // Of a damaged time, the sum may be too large.
+    std::int64_t unix_ns = 0;
+    if (unix_from_time_ns_ &&
+        !__builtin_add_overflow(sample.time_ns, *unix_from_time_ns_, &unix_ns)) {
+      row_ += std::to_string(unix_ns);
+    }
+    row_ += ',';
+  }
+
+  void Add(RecordedMarker marker) { markers_.push_back(std::move(marker)); }
 
   void End() {
-    Join(row_markers_, next_markers_);
-    if (!row_.empty()) WriteRow(row_markers_);
+    if (!row_.empty()) WriteRow({});
     stream_.flush();
     CheckStream();
   }
 
  private:
-  static void Join(std::string& texts, const std::string& text) {
-    if (!texts.empty() && !text.empty()) texts += "; ";
-    texts += text;
-  }
-
-  void WriteRow(const std::string& markers) {
-    stream_ << row_ << Quoted(markers) << '\n';
+  void WriteRow(std::optional<std::int64_t> next_ns) {
+    std::string texts;
+    while (!markers_.empty() && (!next_ns || markers_.front().time_ns < *next_ns)) {
+      texts += (texts.empty() ? "" : "; ") + markers_.front().text;
+      markers_.pop_front();
+    }
+    stream_ << row_ << Quoted(texts) << '\n';
     CheckStream();
   }
 
@@ -90,27 +102,36 @@ class Table {
   }
 
   std::ostream& stream_;
+  const std::optional<std::int64_t> unix_from_time_ns_;
   std::string row_;
-  std::string row_markers_;
-  std::string next_markers_;
+  std::deque<RecordedMarker> markers_;  // that have no row yet
 };
+
+std::optional<std::int64_t> UnixFromTimeNs(const RecordingHeader& header) {
+  std::int64_t difference = 0;
+  if (!header.created_monotonic_ns ||
+      __builtin_sub_overflow(header.created_unix_ns, *header.created_monotonic_ns, &difference)) {
+    return std::nullopt;
+  }
+  return difference;
+}
 
 }  // namespace
 
 void ExportCsv(RecordingReader& reader, std::ostream& stream) {
-  Table table(stream);
-  while (const std::optional<RecordedChunk> chunk = reader.Next()) {
+  Table table(stream, UnixFromTimeNs(reader.header()));
+  while (std::optional<RecordedChunk> chunk = reader.Next()) {
     if (const auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
       for (const TickSample& sample : *samples) table.Add(sample);
-    } else if (const auto* marker = std::get_if<RecordedMarker>(&*chunk)) {
-      table.Add(*marker);
+    } else if (auto* marker = std::get_if<RecordedMarker>(&*chunk)) {
+      table.Add(std::move(*marker));
     }
   }
   table.End();
 }
 
 void ExportCsv(std::span<const TickSample> ticks, std::ostream& stream) {
-  Table table(stream);
+  Table table(stream, {});
   for (const TickSample& sample : ticks) table.Add(sample);
   table.End();
 }

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <exception>
+#include <limits>
 #include <utility>
 
 namespace palpate {
@@ -16,6 +17,7 @@ constexpr std::int64_t kMaxAgeNs = 2'000'000'000;
 // The next keyframe comes within the last samples of a chunk, so that it does not split a chunk in
 // two.
 constexpr std::uint64_t kKeyframePeriodTicks = kSamplesPerChunk - kKeyframeTicks;
+constexpr std::int64_t kNeverNs = std::numeric_limits<std::int64_t>::max();
 
 bool IsTooLarge(const RecordedScene& scene, const VolumeSnapshot* volume) {
   return volume && !scene.reloadable && !VoxelLog::HasRoomForAll(*volume);
@@ -99,8 +101,7 @@ std::int64_t Recorder::Mark(const std::string& text) {
     throw Error(ErrorKind::kUnavailable, "too many markers wait for the disk: try again later");
   }
   const std::int64_t now_ns = now_ns_();
-  markers_.push_back(
-      {delivered_end_.load(std::memory_order_acquire), {.time_ns = now_ns, .text = text}});
+  markers_.push_back({.time_ns = now_ns, .text = text});
   return now_ns;
 }
 
@@ -148,18 +149,23 @@ void Recorder::Drain() {
   // Takes at most as many samples as the ring holds. If the disk is slower than the ticks, the ring
   // is never empty, and Stop must still be noticed.
   TickSample sample;
-  for (std::size_t n = 0; n < kQueueTicks && ring_.TryPop(sample); ++n) Take(sample);
+  for (std::size_t n = 0; n < kQueueTicks && ring_.TryPop(sample); ++n) {
+    if (newest_) Take(*newest_, sample.time_ns);
+    newest_ = sample;
+  }
   if (!samples_.empty() && now_ns_() - samples_since_ns_ > kMaxAgeNs) WriteSamples();
 }
 
-void Recorder::Take(const TickSample& sample) {
+// Markers are set before the next tick's sample is delivered, or have a later time than that tick.
+// So all markers of a tick are known when the next one comes.
+void Recorder::Take(const TickSample& sample, std::int64_t ended_ns) {
   std::optional<WaitingScene> scene;
   if (sample.scene_revision != scene_revision_) scene = TakeScene(sample);
   scene_revision_ = sample.scene_revision;
   if (sample.tick != next_tick_) keyframe_due_ = sample.tick;
   next_tick_ = sample.tick + 1;
   const std::optional<RecordedKeyframe> keyframe = TakeKeyframe(sample);
-  const std::vector<RecordedMarker> markers = TakeMarkers(sample.tick);
+  const std::vector<RecordedMarker> markers = TakeMarkers(sample.tick, ended_ns);
   if (scene || keyframe || !markers.empty()) WriteSamples();
   if (scene) WriteScene(*scene);
   if (keyframe) writer_.Append(*keyframe);
@@ -221,12 +227,12 @@ std::optional<RecordedKeyframe> Recorder::TakeKeyframe(const TickSample& sample)
   return RecordedKeyframe{.tick = sample.tick, .bytes = std::string(keyframe_->view())};
 }
 
-std::vector<RecordedMarker> Recorder::TakeMarkers(std::uint64_t tick) {
+std::vector<RecordedMarker> Recorder::TakeMarkers(std::uint64_t tick, std::int64_t before_ns) {
   std::vector<RecordedMarker> markers;
   const std::lock_guard lock(mutex_);
-  while (!markers_.empty() && markers_.front().from_tick <= tick) {
-    markers_.front().marker.tick = tick;
-    markers.push_back(std::move(markers_.front().marker));
+  while (!markers_.empty() && markers_.front().time_ns < before_ns) {
+    markers_.front().tick = tick;
+    markers.push_back(std::move(markers_.front()));
     markers_.pop_front();
   }
   return markers;
@@ -240,12 +246,12 @@ void Recorder::WriteSamples() {
 
 void Recorder::WriteRest() {
   const std::uint64_t end = delivered_end_.load(std::memory_order_acquire);
+  if (newest_) Take(*newest_, kNeverNs);
   WriteSamples();
   // The last samples may have been dropped.
   if (writer_.next_tick() && *writer_.next_tick() < end) writer_.SkipTo(end);
-  for (const RecordedMarker& marker : TakeMarkers(writer_.next_tick().value_or(end))) {
-    writer_.Append(marker);
-  }
+  // Only if no tick was recorded.
+  for (const RecordedMarker& marker : TakeMarkers(end, kNeverNs)) writer_.Append(marker);
   writer_.AppendEnd();
 }
 
@@ -260,7 +266,7 @@ void Recorder::Fail(const Error& error) {
     // Destroyed after the lock is released, because freeing a volume takes time, and before failed_
     // is called.
     std::deque<WaitingScene> scenes;
-    std::deque<WaitingMarker> markers;
+    std::deque<RecordedMarker> markers;
     const std::lock_guard lock(mutex_);
     report_.counts = writer_.counts();
     report_.error = error;

@@ -74,9 +74,9 @@ class Recorder final : public SampleSink {
   void NoteScene(const RecordedScene& scene, std::shared_ptr<const VolumeSnapshot> volume = {},
                  std::uint64_t changed_bytes = 0);
 
-  // Marks the next tick; returns the marker's time. Throws Error: kInvalidArgument if the text is
-  // empty or longer than kMaxMarkerBytes; kUnavailable if too many markers wait or the recording
-  // has ended.
+  // Sets a marker; returns its time, by which it is placed among the ticks (RecordedMarker). Throws
+  // Error: kInvalidArgument if the text is empty or longer than kMaxMarkerBytes; kUnavailable if
+  // too many markers wait or the recording has ended.
   std::int64_t Mark(const std::string& text);
 
   // The state so far. Neither count includes ticks that still wait.
@@ -92,15 +92,11 @@ class Recorder final : public SampleSink {
     std::shared_ptr<const VolumeSnapshot> volume;
     std::uint64_t changed_bytes;
   };
-  struct WaitingMarker {
-    std::uint64_t from_tick;
-    RecordedMarker marker;
-  };
 
   void Run();
   void Drain();
-  void Take(const TickSample& sample);
-  std::vector<RecordedMarker> TakeMarkers(std::uint64_t tick);
+  void Take(const TickSample& sample, std::int64_t ended_ns);
+  std::vector<RecordedMarker> TakeMarkers(std::uint64_t tick, std::int64_t before_ns);
   std::optional<WaitingScene> TakeScene(const TickSample& sample);
   std::optional<RecordedKeyframe> TakeKeyframe(const TickSample& sample);
   void WriteScene(WaitingScene& waiting);
@@ -123,6 +119,7 @@ class Recorder final : public SampleSink {
 
   // Used only by the writer thread.
   RecordingWriter writer_;
+  std::optional<TickSample> newest_;  // waits for the next tick, which ends it
   std::vector<TickSample> samples_;
   std::int64_t samples_since_ns_ = 0;
   std::optional<std::uint64_t> scene_revision_;
@@ -138,7 +135,7 @@ class Recorder final : public SampleSink {
   std::deque<WaitingScene> scenes_;
   std::size_t let_go_ = 0;  // the first let_go_ scenes have released their volumes
   std::uint64_t waiting_bytes_ = 0;
-  std::deque<WaitingMarker> markers_;
+  std::deque<RecordedMarker> markers_;  // in the order of their times
   RecorderReport report_;
 
   std::mutex join_mutex_;

@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -27,7 +28,10 @@ namespace palpate {
 inline constexpr std::size_t kMaxMarkerBytes = 4096;
 
 struct RecordingHeader {
+  // The start of the recording, on two clocks at once: UTC since 1970, and CLOCK_MONOTONIC as in
+  // TickSample::time_ns. The second is absent before version 6.
   std::int64_t created_unix_ns = 0;
+  std::optional<std::int64_t> created_monotonic_ns{};
   std::string program{};  // "palpated 0.1.0"
 };
 
@@ -96,7 +100,9 @@ inline constexpr std::size_t kBricksPerEdit = 4096;
 inline constexpr std::uint64_t kMostChunkBytes = kBricksPerEdit * sizeof(Brick);
 
 struct RecordedMarker {
-  std::uint64_t tick = 0;    // the first tick after the marker was set
+  // The last recorded tick that began at or before time_ns; if none did, the first recorded tick.
+  // Before version 6: some tick nearby. Readers place markers by their time.
+  std::uint64_t tick = 0;
   std::int64_t time_ns = 0;  // CLOCK_MONOTONIC, when it was set
   std::string text{};        // UTF-8
 };

@@ -14,6 +14,7 @@
 namespace palpate {
 
 // A place in a recording is the number of its recorded ticks before it: gaps have no places.
+// A marker's place is that of its tick, which its time tells (RecordedMarker).
 struct PlacedMarker {
   std::uint64_t place = 0;
   std::string text{};

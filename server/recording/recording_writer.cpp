@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/realtime/tick_timer.h"
 #include "server/recording/chunk_codec.h"
 #include "server/recording/chunk_frame.h"
 
@@ -25,6 +26,7 @@ RecordingWriter::RecordingWriter(std::unique_ptr<RecordingOutput> output,
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   const std::string header = FrameHeader(
       {.created_unix_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count(),
+       .created_monotonic_ns = MonotonicNowNs(),
        .program = program});
   output_->Append(header);
   counts_.bytes = header.size();

@@ -188,12 +188,10 @@ class ViewerReplay {
       }
       edits_.push_back(std::move(*edit));
     } else if (auto* scene = std::get_if<RecordedScene>(&*chunk)) {
-      // Of the next sample on. Before the first sample, at once.
-      const double position_ms = missed_ticks_ ? read_ms_ + 1.0 : read_ms_;
-      events_.push_back({.position_ms = position_ms, .edits = std::exchange(edits_, {})});
+      events_.push_back({.position_ms = NextMs(), .edits = std::exchange(edits_, {})});
       events_.back().scene = std::move(*scene);
     } else if (auto* marker = std::get_if<RecordedMarker>(&*chunk)) {
-      events_.push_back({.position_ms = read_ms_, .marker = std::move(marker->text)});
+      events_.push_back({.position_ms = NextMs(), .marker = std::move(marker->text)});
     } else if (auto* gap = std::get_if<RecordedGap>(&*chunk)) {
       const std::uint64_t ticks = gap->last_tick - gap->first_tick + 1;
       // The first tick is shown at once, whatever was lost before it.
@@ -202,6 +200,9 @@ class ViewerReplay {
     }
     return true;
   }
+
+  // Of the next sample. Before the first sample, at once.
+  double NextMs() const { return missed_ticks_ ? read_ms_ + 1.0 : read_ms_; }
 
   void Place(const TickSample& sample) {
     if (read_ticks_++ < first_tick_) return;

@@ -8,6 +8,7 @@ import shutil
 import struct
 import sys
 import tempfile
+import time
 import unittest
 
 import numpy as np
@@ -32,7 +33,9 @@ def record(daemon, conn, path):
 
     conn.volume.load("builtin:sphere:48", discard_edits=True)
     expected["loaded"] = [conn.volume.download().values]
+    expected["before_ns"] = time.monotonic_ns()
     conn.recording.start(path)
+    expected["after_ns"] = time.monotonic_ns()
     now()
     conn.settings.update(stiffness_n_per_mm=0.7, static_friction=0.3, force_shading=True,
                          method="bcc", free_side="above")
@@ -84,6 +87,10 @@ class Recorded(RecordingTest):
                          (state.ticks, state.lost_ticks))
         self.assertTrue(recording.program.startswith("palpated "), recording.program)
         self.assertGreater(recording.created_unix_ns, 1_600_000_000 * 10**9)
+        began_ns = recording.created_monotonic_ns
+        self.assertTrue(self.expected["before_ns"] <= began_ns <= self.expected["after_ns"])
+        self.assertEqual(recording.to_unix_ns([began_ns, began_ns + 5]).tolist(),
+                         [recording.created_unix_ns, recording.created_unix_ns + 5])
         self.assertIn(f"{state.ticks} ticks", repr(recording))
 
     def test_names_and_values_are_those_of_poses(self):
@@ -106,7 +113,8 @@ class Recorded(RecordingTest):
         text, time_ns = self.expected["marker"]
         marker, = self.recording.markers
         self.assertEqual((marker.text, marker.time_ns), (text, time_ns))
-        self.assertIn(marker.tick, self.recording.ticks.tick)
+        self.assertEqual(marker.tick, self.recording.ticks.tick[
+            [begun <= time_ns for begun in self.recording.ticks.time_ns].index(False) - 1])
         self.assertLessEqual(marker.tick, self.expected["settings"][1][1])
 
     def test_settings_of_each_state(self):
@@ -274,9 +282,20 @@ class Made(unittest.TestCase):
         self.assertIsNone(recording.scenes[0].shape)
         with self.assertRaises(palpate.FailedPrecondition):
             recording.voxels(0, np.zeros((16, 16, 16)))
-        for version in (1, 6):
+        for version in (1, 7):
             with self.assertRaisesRegex(palpate.InvalidArgument, f"of version {version}"):
                 self.opened(framed(version=version))
+
+    def test_markers_of_an_older_version_stand_where_their_time_says(self):
+        chunks, stood = [], {5: [4000], 6: [5999, 7100], 7: [6000], 8: [7500]}
+        for tick, times_ns in stood.items():  # each tick takes 1000 ns
+            chunks += [(4, struct.pack("<QqI", tick, time_ns, 1) + b"m") for time_ns in times_ns]
+            chunks.append((1, corpus_recordings.samples([corpus_recordings.fields(tick)])))
+        recording = self.opened(framed(*chunks, version=5))
+        self.assertEqual([marker.tick for marker in recording.markers], [5, 5, 7, 6, 7])
+        self.assertIsNone(recording.created_monotonic_ns)
+        with self.assertRaises(palpate.FailedPrecondition):
+            recording.to_unix_ns(recording.ticks.time_ns)
 
     def test_a_bomb_is_not_unpacked(self):
         data = corpus_recordings.recording()[1:]

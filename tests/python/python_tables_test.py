@@ -50,6 +50,10 @@ class Ticks(RecordingTest):
                      "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
                      "faulty_ticks"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
+        np.testing.assert_array_equal(self.recording.to_unix_ns(ticks.time_ns),
+                                      column("unix_ns", int))
+        self.assertEqual([int(row["tick"]) for row in rows if row["markers"]],
+                         [marker.tick for marker in self.recording.markers])
         for name in ("density", "isovalue", "force_limit_n"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name), name)
         for name in ("contact", "input_rejected", "docked", "calibrated"):
@@ -92,7 +96,8 @@ class Tables(RecordingTest):
     def test_pandas_has_the_columns_of_the_command_line(self):
         frame = self.recording.ticks.to_pandas()
         rows = exported(self.path)
-        self.assertEqual({*frame.columns, "tick"}, set(rows[0]) - {"has_scp_v", "markers"})
+        self.assertEqual({*frame.columns, "tick"},
+                         set(rows[0]) - {"has_scp_v", "unix_ns", "markers"})
         self.assertEqual(frame.index.tolist(), [int(row["tick"]) for row in rows])
         for name in ("mode", "force_state", "device_status"):
             self.assertEqual(frame[name].tolist(), [row[name] for row in rows])

@@ -8,13 +8,17 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <random>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>
 #include <variant>
 #include <vector>
 
+#include "server/recording/csv_export.h"
 #include "server/recording/recorded_volumes.h"
+#include "server/recording/recording_outline.h"
 #include "server/recording/recording_reader.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/patience.h"
@@ -94,9 +98,13 @@ class FullOutput final : public MemoryOutput {
 
 TickSample SampleOf(std::uint64_t tick, std::uint64_t scene_revision = 1) {
   TickSample sample = RandomSample(tick);
+  sample.time_ns = static_cast<std::int64_t>(tick) * 1'000'000;
   sample.scene_revision = scene_revision;
   return sample;
 }
+
+// So many ticks make the writer write: a chunk, and the newest one, which waits for the next.
+constexpr std::uint64_t kHeld = kSamplesPerChunk + 1;
 
 struct Recorded {
   std::vector<TickSample> samples{};
@@ -148,7 +156,8 @@ TEST_F(RecorderTest, RecordsEveryTickFromWhereverItStarts) {
   EXPECT_TRUE(recorded.gaps.empty());
 }
 
-// A crash costs two seconds, however few ticks come in them.
+// A crash costs two seconds, however few ticks come in them. The newest tick waits for the next
+// one.
 TEST_F(RecorderTest, FewTicksAreWrittenAfterTwoSeconds) {
   std::atomic<std::int64_t> now_ms{1'000'000};
   std::atomic<int> looks{0};
@@ -159,7 +168,7 @@ TEST_F(RecorderTest, FewTicksAreWrittenAfterTwoSeconds) {
   const auto await_looks = [&](int count) {
     EXPECT_TRUE(Eventually([&, before = looks.load()] { return looks >= before + count; }));
   };
-  Feed(recorder, 100, 110);
+  Feed(recorder, 100, 111);
   await_looks(2);  // they have come
   now_ms += 1900;
   await_looks(3);
@@ -169,7 +178,9 @@ TEST_F(RecorderTest, FewTicksAreWrittenAfterTwoSeconds) {
 }
 
 TEST_F(RecorderTest, ScenesAndMarkersAreHeldToTheirTick) {
-  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test");
+  std::atomic<std::int64_t> now_ns = SampleOf(149).time_ns;
+  Recorder recorder(std::make_unique<MemoryOutput>(bytes_), "test", {}, {},
+                    [&] { return now_ns.load(); });
   recorder.NoteScene({.scene_revision = 1, .isovalue = 0.1});
   Feed(recorder, 100, 150, 1);
   recorder.Mark("a");
@@ -177,6 +188,7 @@ TEST_F(RecorderTest, ScenesAndMarkersAreHeldToTheirTick) {
   recorder.NoteScene({.scene_revision = 3, .isovalue = 0.3});
   Feed(recorder, 150, 160, 1);
   Feed(recorder, 160, 170, 3);
+  now_ns = SampleOf(169).time_ns;
   recorder.Mark("b");
   recorder.Stop();
   EXPECT_EQ(Refusal([&] { recorder.Mark("late"); }), ErrorKind::kUnavailable);
@@ -189,10 +201,91 @@ TEST_F(RecorderTest, ScenesAndMarkersAreHeldToTheirTick) {
   EXPECT_EQ(recorded.scenes[1].tick, 160u);
   EXPECT_EQ(recorded.scenes[1].isovalue, 0.3);
   ASSERT_EQ(recorded.markers.size(), 2u);
-  EXPECT_EQ(recorded.markers[0].tick, 150u);
+  EXPECT_EQ(recorded.markers[0].tick, 149u);
   EXPECT_EQ(recorded.markers[0].text, "a");
-  EXPECT_EQ(recorded.markers[1].tick, 170u);
+  EXPECT_EQ(recorded.markers[1].tick, 169u);
   EXPECT_TRUE(recorded.complete);
+}
+
+// Where the table, the timeline of a replay, and the markers themselves have each marker.
+struct Places {
+  std::vector<std::uint64_t> marker{}, table{}, outline{};
+};
+
+// The texts of the markers are their numbers.
+Places PlacesOfMarkers(const std::string& bytes, std::uint64_t first_tick) {
+  Places places;
+  for (const RecordedMarker& marker : ReadRecorded(bytes).markers) {
+    places.marker.push_back(marker.tick);
+  }
+  RecordingReader to_outline = ReadBytes(bytes);
+  for (const PlacedMarker& marker : ReadOutline(to_outline, [] { return false; }).markers) {
+    places.outline.push_back(first_tick + marker.place);
+  }
+  RecordingReader to_table = ReadBytes(bytes);
+  std::stringstream table;
+  ExportCsv(to_table, table);
+  places.table.resize(places.marker.size());
+  for (std::string line; std::getline(table, line);) {
+    std::istringstream texts(line.substr(line.rfind(',') + 1));
+    for (std::string text; std::getline(texts, text, ';');) {
+      if (text != "markers") places.table.at(std::stoul(text)) = std::stoul(line);
+    }
+  }
+  return places;
+}
+
+// Samples come up to 50 ticks late. With and without a disk that stands still meanwhile.
+TEST_F(RecorderTest, EveryMarkerStandsAtTheTickOfItsTime) {
+  constexpr std::uint64_t kFirst = 70, kTicks = 3000, kMarkers = 300;
+  for (const bool disk_stands : {false, true}) {
+    std::mt19937_64 random(disk_stands);
+    std::vector<TickSample> samples(kTicks);
+    std::vector<std::int64_t> begins, times;
+    for (std::uint64_t n = 0; n < kTicks; ++n) {
+      const std::int64_t since_ns = 900'000 + random() % 200'000 + (random() % 50 == 0) * 3'000'000;
+      begins.push_back(n == 0 ? 5'000'000 : begins.back() + since_ns);
+      samples[n].tick = kFirst + n;
+      samples[n].time_ns = begins.back();
+    }
+    for (std::uint64_t n = 0; n < kMarkers; ++n) {
+      // At any time, at the very start of a tick, or in the tick of the marker before.
+      const std::int64_t at_tick = begins[random() % kTicks];
+      times.push_back(n % 3 == 0   ? at_tick
+                      : n % 3 == 1 ? at_tick + static_cast<std::int64_t>(random() % 2'000'000)
+                                   : times.back() + 1);
+    }
+    times.push_back(begins.front() - 1);
+    std::sort(times.begin(), times.end());
+    std::vector<std::uint64_t> ticks;
+    for (const std::int64_t time_ns : times) {
+      const auto next = std::upper_bound(begins.begin() + 1, begins.end(), time_ns);
+      ticks.push_back(kFirst + static_cast<std::uint64_t>(next - begins.begin()) - 1);
+    }
+
+    bytes_ = std::make_shared<std::string>();
+    std::atomic<std::int64_t> now_ns = 0;
+    auto output = std::make_unique<SlowOutput>(bytes_);
+    SlowOutput& disk = *output;
+    Recorder recorder(std::move(output), "test", {}, {}, [&] { return now_ns.load(); });
+    if (disk_stands) disk.Hold();
+    std::uint64_t delivered = 0;
+    for (std::size_t n = 0; n < times.size(); ++n) {
+      const std::int64_t late_ns = random() % 50'000'000;
+      while (delivered < kTicks && begins[delivered] + late_ns < times[n]) {
+        recorder.OnSample(samples[delivered++]);
+      }
+      now_ns = times[n];
+      EXPECT_EQ(recorder.Mark(std::to_string(n)), times[n]);
+    }
+    while (delivered < kTicks) recorder.OnSample(samples[delivered++]);
+    disk.Release();
+    EXPECT_EQ(recorder.Stop().counts.ticks, kTicks);
+    const Places places = PlacesOfMarkers(*bytes_, kFirst);
+    EXPECT_EQ(places.marker, ticks);
+    EXPECT_EQ(places.table, ticks);
+    EXPECT_EQ(places.outline, ticks);
+  }
 }
 
 TEST_F(RecorderTest, TicksThatNeverCameAreAGap) {
@@ -210,13 +303,16 @@ TEST_F(RecorderTest, TicksThatNeverCameAreAGap) {
   EXPECT_TRUE(recorded.complete);
 }
 
-// The writer thread waits with kHeld ticks in its hands, the ring takes
-// kQueueTicks more, and the rest is lost: no tick twice, none unaccounted for.
+// The writer thread waits with kHeld ticks in its hands, the ring takes kQueueTicks more,
+// and the rest is lost: no tick twice, none unaccounted for.
 TEST_F(RecorderTest, ASlowDiskLosesTicksAndSaysSo) {
-  constexpr std::uint64_t kHeld = kSamplesPerChunk, kRing = Recorder::kQueueTicks;
+  constexpr std::uint64_t kRing = Recorder::kQueueTicks;
+  constexpr std::int64_t kTickNs = 1'000'000;
   auto output = std::make_unique<SlowOutput>(bytes_);
   SlowOutput& disk = *output;
-  Recorder recorder(std::move(output), "test");
+  // When no tick was recorded.
+  Recorder recorder(std::move(output), "test", {}, {},
+                    [] { return (kHeld + kRing + 9) * kTickNs; });
   disk.Hold();
   Feed(recorder, 0, kHeld);
   disk.AwaitAppend();
@@ -224,7 +320,7 @@ TEST_F(RecorderTest, ASlowDiskLosesTicksAndSaysSo) {
   recorder.Mark("while it stood still");
   EXPECT_EQ(recorder.report().counts.ticks, 0u);
   disk.Release();
-  AwaitTicks(recorder, kHeld + kRing / kSamplesPerChunk * kSamplesPerChunk);
+  AwaitTicks(recorder, (1 + kRing / kSamplesPerChunk) * kSamplesPerChunk);
   constexpr std::uint64_t kSecond = kHeld + kRing + 1234;
   Feed(recorder, kSecond, kSecond + kHeld);
   // Lost at the end: declared, too.
@@ -243,7 +339,7 @@ TEST_F(RecorderTest, ASlowDiskLosesTicksAndSaysSo) {
   EXPECT_EQ(recorded.gaps[0].last_tick, kSecond - 1);
   EXPECT_EQ(recorded.gaps[1].last_tick, kSecond + 2 * kHeld + 2 * kRing - 1);
   ASSERT_EQ(recorded.markers.size(), 1u);
-  EXPECT_EQ(recorded.markers[0].tick, kSecond);
+  EXPECT_EQ(recorded.markers[0].tick, kHeld + kRing - 1);
   EXPECT_TRUE(recorded.complete);
 }
 
@@ -251,9 +347,9 @@ TEST_F(RecorderTest, StopIsHeardThoughTheRingIsNeverEmpty) {
   auto output = std::make_unique<LazyOutput>(bytes_);
   LazyOutput& disk = *output;
   Recorder recorder(std::move(output), "test");
-  disk.sample.tick = kSamplesPerChunk;
+  disk.sample.tick = kHeld;
   disk.recorder = &recorder;
-  Feed(recorder, 0, kSamplesPerChunk);
+  Feed(recorder, 0, kHeld);
   AwaitTicks(recorder, 2 * Recorder::kQueueTicks);
   const RecorderReport report = recorder.Stop();
   EXPECT_FALSE(report.error);
@@ -268,7 +364,7 @@ TEST_F(RecorderTest, WhatWaitsIsBounded) {
   SlowOutput& disk = *output;
   Recorder recorder(std::move(output), "test");
   disk.Hold();
-  Feed(recorder, 0, kSamplesPerChunk);
+  Feed(recorder, 0, kHeld);
   disk.AwaitAppend();
   for (std::size_t n = 0; n < Recorder::kMaxWaiting; ++n) recorder.Mark("m");
   EXPECT_EQ(Refusal([&] { recorder.Mark("m"); }), ErrorKind::kUnavailable);
@@ -279,8 +375,8 @@ TEST_F(RecorderTest, WhatWaitsIsBounded) {
   for (std::size_t n = 0; n <= Recorder::kMaxWaiting; ++n) {
     recorder.NoteScene({.scene_revision = n + 2});
   }
-  Feed(recorder, kSamplesPerChunk, kSamplesPerChunk + 1, 2);
-  Feed(recorder, kSamplesPerChunk + 1, kSamplesPerChunk + 2, 3);
+  Feed(recorder, kHeld, kHeld + 1, 2);
+  Feed(recorder, kHeld + 1, kHeld + 2, 3);
   disk.Release();
   recorder.Stop();
   const Recorded recorded = ReadRecorded(*bytes_);
@@ -340,7 +436,7 @@ TEST_F(RecorderTest, VoxelsThatWaitAreBounded) {
   SlowOutput& disk = *output;
   Recorder recorder(std::move(output), "test");
   disk.Hold();
-  Feed(recorder, 0, kSamplesPerChunk);
+  Feed(recorder, 0, kHeld);
   disk.AwaitAppend();
   const auto loaded = testing::MakeVolume({16, 16, 16}, [](int i, int, int) { return i; });
   std::vector<std::weak_ptr<const VolumeSnapshot>> volumes;
@@ -357,7 +453,7 @@ TEST_F(RecorderTest, VoxelsThatWaitAreBounded) {
                         .loaded_revision = 1,
                         .volume_hash = HashVolume(*volume)},
                        volume, kBytesEach);
-    Feed(recorder, kSamplesPerChunk + n, kSamplesPerChunk + n + 1, n);
+    Feed(recorder, kHeld + n, kHeld + n + 1, n);
   }
   const VolumeHash last = HashVolume(*volume);
   volume.reset();
@@ -399,12 +495,12 @@ TEST_F(RecorderTest, OneThatFailedLetsGoAndTakesNoMore) {
   std::atomic<int> told = 0;
   Recorder recorder(std::move(output), "test", [&](const Error&) { ++told; });
   disk.Hold();
-  Feed(recorder, 50, 50 + kSamplesPerChunk);
+  Feed(recorder, 50, 50 + kHeld);
   disk.AwaitAppend();
   auto volume = testing::MakeVolume({16, 16, 16}, [](int i, int, int) { return i; });
   const std::weak_ptr<const VolumeSnapshot> held = volume;
   recorder.NoteScene({.scene_revision = 2}, volume, 0);
-  Feed(recorder, 0, 1);  // the loop was restarted
+  Feed(recorder, 0, 2);  // the loop was restarted
   disk.Release();
   // Whoever is told finds it let go; the report says so earlier.
   EXPECT_TRUE(Eventually([&] { return told > 0; }));
@@ -415,7 +511,7 @@ TEST_F(RecorderTest, OneThatFailedLetsGoAndTakesNoMore) {
   EXPECT_TRUE(held.expired());
   recorder.Stop();
   EXPECT_EQ(told, 1);
-  EXPECT_EQ(ReadRecorded(*bytes_).samples.size(), kSamplesPerChunk);
+  EXPECT_EQ(ReadRecorded(*bytes_).samples.size(), kHeld);
 }
 
 // For ThreadSanitizer: all that may happen at once.

@@ -35,7 +35,8 @@ class Poses(Table):
     Positions, normals and forces are in the device frame: x right, y up, z towards the
     user. A value that a tick does not have is NaN.
 
-    tick: (n,) ticks executed before this one since the daemon started
+    tick: (n,) ticks executed before this one since the daemon started; not a time: ticks can be
+        missed
     time_ns: (n,) CLOCK_MONOTONIC of the daemon's machine at the start of the tick, ns
     hip_mm: (n, 3) haptic interface point: the stylus tip, mm
     scp_h_mm: (n, 3) proxy on the free side of, or on, the haptic isosurface H, mm

@@ -22,7 +22,7 @@ _APART = ("isovalue", "normalized_isovalue", "method")
 class RecordedMarker:
     """A marker.
 
-    tick: the marker is stored before this tick, at most some ticks from time_ns
+    tick: the last recorded tick that began at or before time_ns; the first one if none did
     time_ns: when the marker was set, on the clock of RecordedTicks.time_ns
     text: as it was given to Recording.mark()
     """

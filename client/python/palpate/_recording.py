@@ -45,8 +45,8 @@ class ReplayState:
     lost_ticks: how many ticks before this one the recording does not have
     marker: text of the marker just passed; empty: none
     total_ticks: ticks of the whole recording
-    markers: all markers of the recording, as (tick, text); a tick counts from the recording's
-    first one
+    markers: all markers of the recording, as (tick, text), each at its tick; a tick counts from
+    the recording's first one
     """
 
     ticks: int
@@ -118,6 +118,8 @@ class Recording:
     def mark(self, text: str) -> int:
         """Puts a marker into the recording. Returns the marker's time_ns, on Poses' clock.
 
+        The recording has it at the last tick that began at or before this time. That tick is not
+        known yet: RecordedMarker.tick says it.
         text: 1 to 4096 bytes of UTF-8.
         Errors: InvalidArgument, Conflict (nothing is recorded), Unavailable.
         Example: conn.recording.mark("trial 7 begins")

@@ -27,10 +27,12 @@ class RecordingFile:
 
     path: the file, as it was given to open_recording()
     program: the program that recorded it, such as "palpated 0.1.0"
-    created_unix_ns: nanoseconds since 1970
+    created_unix_ns: when the recording began: UTC, nanoseconds since 1970
+    created_monotonic_ns: the same moment on the clock of RecordedTicks.time_ns; None: not recorded
+        (before version 6)
     version: of the format
     ticks: all ticks, as arrays
-    markers: in the order of their ticks
+    markers: in the order of their times
     scenes: settings, place and volume, each with its first tick
     edits: changes of voxels from scene to scene
     gaps: ticks that were not recorded
@@ -40,6 +42,7 @@ class RecordingFile:
     path: str
     program: str
     created_unix_ns: int
+    created_monotonic_ns: int | None
     version: int
     ticks: RecordedTicks
     markers: tuple[RecordedMarker, ...]
@@ -71,6 +74,23 @@ class RecordingFile:
         Example: recording.scene_at(recording.ticks.tick[-1]).settings["isovalue"]
         """
         return self._steps[self._step_at(tick)].scene
+
+    def to_unix_ns(self, time_ns: npt.ArrayLike) -> npt.NDArray[np.int64]:
+        """Returns times of the ticks' clock as UTC: nanoseconds since 1970.
+
+        time_ns: RecordedTicks.time_ns or RecordedMarker.time_ns. The computer's clock is read once,
+        when the recording begins. Steps of that clock during the recording make no difference.
+        Errors: FailedPrecondition (recorded by an earlier version), InvalidArgument (no whole
+        numbers).
+        Example: recording.to_unix_ns(recording.ticks.time_ns).astype("datetime64[ns]")
+        """
+        if self.created_monotonic_ns is None:
+            raise FailedPrecondition("this recording does not say what time it was: record with a "
+                                     "newer palpated")
+        times = np.asarray(time_ns)
+        if times.dtype.kind not in "iu":
+            raise InvalidArgument("time_ns is whole numbers: nanoseconds")
+        return np.asarray(times.astype(np.int64) + self.created_unix_ns - self.created_monotonic_ns)
 
     def voxels(self, tick: int, loaded: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
         """Returns the volume of a tick: (nx, ny, nz), indexed [x, y, z], data units.
@@ -243,10 +263,22 @@ def _read(stream: typing.BinaryIO) -> tuple[_Contents, str]:
     return contents, "" if contents.is_closed else "was not closed"
 
 
+def _placed(markers: collections.abc.Sequence[RecordedMarker],
+            ticks: RecordedTicks) -> tuple[RecordedMarker, ...]:
+    """Places the markers by their times. Before version 6, their stored ticks are not exact."""
+    if not len(ticks):
+        return tuple(markers)
+    times = np.array([marker.time_ns for marker in markers], np.int64)
+    rows = np.searchsorted(ticks.time_ns, times, side="right") - 1
+    return tuple(dataclasses.replace(marker, tick=int(ticks.tick[max(row, 0)]))
+                 for marker, row in zip(markers, rows))
+
+
 def _recording_of(name: str, header: Header, contents: _Contents, early: str) -> RecordingFile:
+    ticks = ticks_of(contents.columns)
     return RecordingFile(
         path=name, program=header.program, created_unix_ns=header.created_unix_ns,
-        version=header.version, ticks=ticks_of(contents.columns),
-        markers=tuple(contents.markers), scenes=tuple(step.scene for step in contents.steps),
+        created_monotonic_ns=header.created_monotonic_ns, version=header.version, ticks=ticks,
+        markers=_placed(contents.markers, ticks), scenes=tuple(step.scene for step in contents.steps),
         edits=tuple(contents.edits), gaps=tuple(contents.gaps), ends_early=early,
         _steps=tuple(contents.steps))

@@ -12,7 +12,9 @@ import zstandard
 from palpate._errors import InvalidArgument
 
 _MAGIC = b"\x89PLPREC\n"
-_OLDEST_VERSION, _VERSION = 2, 5
+_OLDEST_VERSION, _VERSION = 2, 6
+# The first version with created_monotonic_ns.
+_CLOCK_VERSION = 6
 _MOST_PAYLOAD_BYTES = 16 << 20
 # More than zstd can need for a payload of the greatest size.
 _MOST_STORED_BYTES = _MOST_PAYLOAD_BYTES + (_MOST_PAYLOAD_BYTES >> 8)
@@ -20,6 +22,7 @@ _MOST_PROGRAM_BYTES = 256
 _HEADER = struct.Struct("<8sIIq")
 _CHUNK = struct.Struct("<QQHHII")
 _CHECKSUM = struct.Struct("<Q")
+_CLOCK = struct.Struct("<q")
 
 
 class Damaged(Exception):
@@ -40,6 +43,7 @@ class Kind(enum.IntEnum):
 class Header:
     version: int
     created_unix_ns: int
+    created_monotonic_ns: int | None
     program: str
 
 
@@ -83,13 +87,17 @@ def read_header(stream: typing.BinaryIO, name: str) -> Header:
                               f"package reads versions {_OLDEST_VERSION} to {_VERSION}")
     if program_bytes > _MOST_PROGRAM_BYTES:
         raise InvalidArgument(f"{name} has a damaged header")
-    rest = stream.read(program_bytes + _CHECKSUM.size)
-    if len(rest) < program_bytes + _CHECKSUM.size:
+    has_clock = version >= _CLOCK_VERSION
+    checked_bytes = program_bytes + (_CLOCK.size if has_clock else 0)
+    rest = stream.read(checked_bytes + _CHECKSUM.size)
+    if len(rest) < checked_bytes + _CHECKSUM.size:
         raise InvalidArgument(f"{name} ends within its header")
-    program = rest[:program_bytes]
-    if _CHECKSUM.unpack(rest[program_bytes:])[0] != xxhash.xxh3_64_intdigest(start + program):
+    checked, checksum = rest[:checked_bytes], rest[checked_bytes:]
+    if _CHECKSUM.unpack(checksum)[0] != xxhash.xxh3_64_intdigest(start + checked):
         raise InvalidArgument(f"{name} has a damaged header")
-    return Header(version, created_unix_ns, program.decode(errors="replace"))
+    return Header(version, created_unix_ns,
+                  _CLOCK.unpack(checked[program_bytes:])[0] if has_clock else None,
+                  checked[:program_bytes].decode(errors="replace"))
 
 
 def read_chunks(stream: typing.BinaryIO) -> collections.abc.Iterator[tuple[Kind, bytes]]:
