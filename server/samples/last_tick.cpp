@@ -5,16 +5,16 @@ namespace palpate {
 void LastTickBoard::Tell(const TickSample& sample) noexcept {
   const bool same_forces = last_ && last_->force_state == sample.force_state &&
                            last_->force_reason == sample.force_reason;
-  const bool same_scene = last_ && last_->scene_revision == sample.scene_revision;
+  if (!last_ || last_->scene_revision != sample.scene_revision) {
+    scene_uses.TryPush({sample.scene_revision, sample.tick, sample.time_ns});
+  }
   last_ = {.tick = sample.tick,
            .time_ns = sample.time_ns,
            .force_state = sample.force_state,
            .force_reason = sample.force_reason,
            .force_limit_n = sample.force_limit_n,
            .forces_since_tick = same_forces ? last_->forces_since_tick : sample.tick,
-           .scene_revision = sample.scene_revision,
-           .scene_since_tick = same_scene ? last_->scene_since_tick : sample.tick,
-           .scene_since_ns = same_scene ? last_->scene_since_ns : sample.time_ns};
+           .scene_revision = sample.scene_revision};
   told_.Write(last_);
 }
 

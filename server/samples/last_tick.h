@@ -1,7 +1,9 @@
-// Holds the newest tick, written by the servo itself. Whether the servo runs, what it does with
-// forces and which scene it uses can thus be read even if the samples are late.
+// Holds the newest tick and the first tick of each scene, written by the servo itself. Whether the
+// servo runs, what it does with forces and which scenes it uses can thus be read even if the
+// samples are late.
 //
-// Threads: Tell on the servo thread; newest on any ordinary thread. Real-time: Tell is wait-free.
+// Threads: Tell on the servo thread; newest on any ordinary thread; scene_uses has one reader at a
+// time. Real-time: Tell is wait-free.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +11,7 @@
 #include <optional>
 
 #include "server/realtime/latest_value.h"
+#include "server/realtime/spsc_ring.h"
 #include "server/samples/tick_sample.h"
 
 namespace palpate {
@@ -21,8 +24,13 @@ struct LastTick {
   double force_limit_n = 0.0;
   std::uint64_t forces_since_tick = 0;  // the first tick with this state and reason
   std::uint64_t scene_revision = 0;
-  std::uint64_t scene_since_tick = 0;  // the first tick with this scene
-  std::int64_t scene_since_ns = 0;     // its start, on CLOCK_MONOTONIC
+};
+
+// The first tick with a scene.
+struct SceneUse {
+  std::uint64_t scene_revision = 0;
+  std::uint64_t tick = 0;
+  std::int64_t time_ns = 0;  // its start, on CLOCK_MONOTONIC
 };
 
 class LastTickBoard {
@@ -30,6 +38,9 @@ class LastTickBoard {
   void Tell(const TickSample& sample) noexcept;
   // None before the first tick.
   std::optional<LastTick> newest() const;
+
+  // Ascending. Skipped scenes are missing.
+  SpscRing<SceneUse, 4096> scene_uses;
 
  private:
   std::optional<LastTick> last_;  // the servo thread's

@@ -13,7 +13,6 @@ namespace {
 constexpr std::int64_t kPeriodNs = 1'000'000;
 // Added to the start of the servo's tick. The tick's work takes a few microseconds.
 constexpr std::int64_t kDelayNs = 100'000;
-constexpr std::size_t kRememberedRevisions = 1024;
 // Samples come within a few milliseconds of their tick, unless the machine is overloaded.
 constexpr std::chrono::milliseconds kSamplePatience{500};
 
@@ -60,16 +59,14 @@ std::optional<AppliedTick> Pump::WaitForScene(std::uint64_t scene_revision,
   while (!revision_seen_.wait_for(lock, std::min(timeout, kSamplePatience), seen)) {
     // Read the clock before the tick: a thread that lost its core then checks once more.
     const bool is_last = std::chrono::steady_clock::now() >= end;
-    const std::optional<LastTick> servo = outbox_.last.newest();
-    if (servo && servo->scene_revision >= scene_revision) {
-      return AppliedTick{servo->scene_since_tick, servo->scene_since_ns};
-    }
+    NoteUsesOfServo();
+    if (seen()) break;
     if (is_last) return std::nullopt;
   }
   const auto first = std::lower_bound(
       first_uses_.begin(), first_uses_.end(), scene_revision,
-      [](const FirstUse& use, std::uint64_t revision) { return use.scene_revision < revision; });
-  return first->applied;
+      [](const SceneUse& use, std::uint64_t revision) { return use.scene_revision < revision; });
+  return AppliedTick{first->tick, first->time_ns};
 }
 
 void Pump::Run() {
@@ -116,16 +113,26 @@ void Pump::Deliver(const TickSample& sample) {
 }
 
 void Pump::NoteRevision(const TickSample& sample) {
-  // Only this thread writes first_uses_, so it may read without the lock.
-  if (!first_uses_.empty() && first_uses_.back().scene_revision == sample.scene_revision) {
-    return;
-  }
+  if (std::exchange(noted_revision_, sample.scene_revision) == sample.scene_revision) return;
   {
     const std::lock_guard lock(revisions_mutex_);
-    first_uses_.push_back({sample.scene_revision, {sample.tick, sample.time_ns}});
-    if (first_uses_.size() > kRememberedRevisions) first_uses_.pop_front();
+    // First, because a sample may be lost.
+    NoteUsesOfServo();
+    NoteUse({sample.scene_revision, sample.tick, sample.time_ns});
   }
   revision_seen_.notify_all();
+}
+
+void Pump::NoteUsesOfServo() {
+  SceneUse use;
+  while (outbox_.last.scene_uses.TryPop(use)) NoteUse(use);
+}
+
+// The board and the samples tell the same; the first one counts.
+void Pump::NoteUse(const SceneUse& use) {
+  if (!first_uses_.empty() && first_uses_.back().scene_revision >= use.scene_revision) return;
+  first_uses_.push_back(use);
+  if (first_uses_.size() > kRememberedRevisions) first_uses_.pop_front();
 }
 
 }  // namespace palpate

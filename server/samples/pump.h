@@ -54,6 +54,8 @@ class Pump {
   void Start();
   void Stop() noexcept;
 
+  static constexpr std::size_t kRememberedRevisions = 4096;
+
   enum class Feed : std::uint8_t { kLive, kShown };
   // kShown: for sinks that only show the ticks. They get the replacement while there is one.
   // Keyframes are always live.
@@ -67,16 +69,12 @@ class Pump {
 
   // Returns the first tick with this revision or a newer one. Returns none if the servo does not
   // use the revision in time. Samples tell the tick. If the samples are late, the servo's board
-  // tells it; the tick is then the first one of the servo's newest scene.
+  // tells the same tick. Call it within seconds after the revision was published: the first ticks
+  // of only the newest kRememberedRevisions are known.
   std::optional<AppliedTick> WaitForScene(std::uint64_t scene_revision,
                                           std::chrono::milliseconds timeout);
 
  private:
-  struct FirstUse {
-    std::uint64_t scene_revision;
-    AppliedTick applied;
-  };
-
   struct Subscriber {
     std::weak_ptr<SampleSink> sink;
     Feed feed;
@@ -86,6 +84,8 @@ class Pump {
   void DeliverKeyframes(std::uint64_t up_to_tick);
   void Deliver(const TickSample& sample);
   void NoteRevision(const TickSample& sample);
+  void NoteUse(const SceneUse& use);
+  void NoteUsesOfServo();
 
   TickOutbox& outbox_;
   std::atomic<bool> stop_{false};
@@ -95,10 +95,11 @@ class Pump {
   std::vector<Subscriber> sinks_;
   std::shared_ptr<SampleReplacement> replacement_;
   std::optional<ServoKeyframe> keyframe_;  // the pump thread's: the next to deliver
+  std::optional<std::uint64_t> noted_revision_;  // the pump thread's: of the last sample
 
-  std::mutex revisions_mutex_;
+  std::mutex revisions_mutex_;  // guards first_uses_; held to read the board's scene_uses
   std::condition_variable revision_seen_;
-  std::deque<FirstUse> first_uses_;  // ascending
+  std::deque<SceneUse> first_uses_;  // ascending
 };
 
 }  // namespace palpate

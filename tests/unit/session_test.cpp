@@ -377,20 +377,36 @@ TEST(ForceWatch, ManyWaitEachForItsTick) {
   EXPECT_EQ(wrong, 0);
 }
 
-TEST(LastTick, KnowsSinceWhenItsSceneIsUsed) {
+// Samples that are late, or lost, tell of no scene: here, the pump delivers none.
+TEST(Pump, NamesTheFirstTickOfEachSceneWithoutSamples) {
+  const auto outbox = std::make_unique<TickOutbox>();
+  Pump pump(*outbox);
+  for (std::uint64_t tick = 0; tick < 10; ++tick) {
+    TickSample sample = Sample(tick, ForceState::kOn);
+    sample.time_ns = 1000 + static_cast<std::int64_t>(tick);
+    sample.scene_revision = tick < 3 ? 1 : tick < 7 ? 2 : 5;
+    outbox->last.Tell(sample);
+  }
+  const std::vector<std::uint64_t> first_ticks = {0, 3, 7, 7, 7};
+  for (std::uint64_t revision = 1; revision <= 5; ++revision) {
+    const auto applied = pump.WaitForScene(revision, std::chrono::seconds(60));
+    ASSERT_TRUE(applied);
+    EXPECT_EQ(applied->tick, first_ticks[revision - 1]);
+    EXPECT_EQ(applied->time_ns, 1000 + static_cast<std::int64_t>(applied->tick));
+  }
+  EXPECT_FALSE(pump.WaitForScene(6, milliseconds(1)));
+}
+
+TEST(LastTick, KnowsItsScene) {
   LastTickBoard board;
   EXPECT_FALSE(board.newest());
   for (std::uint64_t tick = 0; tick < 10; ++tick) {
     TickSample sample = Sample(tick, ForceState::kOn);
-    sample.time_ns = 1000 + static_cast<std::int64_t>(tick);
     sample.scene_revision = tick < 3 ? 1 : tick < 7 ? 2 : 5;
     board.Tell(sample);
     ASSERT_TRUE(board.newest());
     EXPECT_EQ(board.newest()->tick, tick);
     EXPECT_EQ(board.newest()->scene_revision, sample.scene_revision);
-    const std::uint64_t since = tick < 3 ? 0 : tick < 7 ? 3 : 7;
-    EXPECT_EQ(board.newest()->scene_since_tick, since);
-    EXPECT_EQ(board.newest()->scene_since_ns, 1000 + static_cast<std::int64_t>(since));
   }
 }
 
