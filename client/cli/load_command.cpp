@@ -13,6 +13,7 @@
 #include "client/cli/output.h"
 #include "client/cli/paths_there.h"
 #include "client/cli/progress.h"
+#include "client/cli/set_command.h"
 
 namespace palpate::cli {
 namespace {
@@ -28,6 +29,19 @@ arguments::Validator VoxelTypeName() {
                : "'" + text +
                      "' is no type of voxels: give int8, uint8, int16, "
                      "uint16, int32, uint32, float32 or float64";
+  }};
+}
+
+// A setting and its value, as in `palpate set`.
+arguments::Validator SettingText() {
+  return {[](const std::string& text) -> std::string {
+    client::SettingsUpdate unused;
+    try {
+      StoreNamedSetting(text, unused);
+    } catch (const arguments::UsageError& error) {
+      return error.what();
+    }
+    return "";
   }};
 }
 
@@ -108,6 +122,14 @@ void AddVolumeOptions(arguments::Command& command, LoadValues& values) {
   command
       .add_option("--component", options.component, "Of a grid of vectors: magnitude, x, y or z")
       ->option_text("NAME");
+  command
+      .add_option("--set", values.settings,
+                  "A setting to change at the same tick, as in `palpate set`:\n"
+                  "stiffness=0.8. May be given several times.")
+      ->expected(1)
+      ->take_all()
+      ->check(SettingText())
+      ->option_text("KEY=VALUE");
   command.add_flag("--discard", options.discard_edits,
                    "Drop edits of the present volume that are not saved");
   AddRawOptions(command, values);
@@ -115,6 +137,9 @@ void AddVolumeOptions(arguments::Command& command, LoadValues& values) {
 
 client::LoadOptions OptionsOf(const LoadValues& values) {
   client::LoadOptions options = values.options;
+  for (const std::string& setting : values.settings) {
+    StoreNamedSetting(setting, options.settings);
+  }
   if (!values.spacing_mm.empty()) options.spacing_mm = VectorOf(values.spacing_mm);
   if (values.raw_size.empty()) return options;
   options.raw = values.raw;

@@ -15,6 +15,7 @@ namespace palpate::cli {
 struct LoadValues {
   std::string source;
   client::LoadOptions options;
+  std::vector<std::string> settings;    // KEY=VALUE, checked
   std::vector<double> spacing_mm;       // three or none
   std::vector<std::uint32_t> raw_size;  // three or none
   std::string raw_type;

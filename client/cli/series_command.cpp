@@ -14,22 +14,30 @@ namespace palpate::cli {
 namespace {
 
 Json SeriesJson(const client::SeriesState& series) {
-  return {{"frames", series.frames},
-          {"position_frames", series.position_frames},
-          {"playing", series.playing},
-          {"rate_hz", series.rate_hz},
-          {"loop", series.loop},
-          {"interpolate", series.interpolate},
-          {"memory_bytes", series.memory_bytes},
-          {"volume_revision", series.volume_revision}};
+  Json object = {{"frames", series.frames},
+                 {"position_frames", series.position_frames},
+                 {"playing", series.playing},
+                 {"rate_hz", series.rate_hz},
+                 {"loop", series.loop},
+                 {"interpolate", series.interpolate},
+                 {"memory_bytes", series.memory_bytes},
+                 {"volume_revision", series.volume_revision}};
+  if (series.applied_tick) object["applied_tick"] = *series.applied_tick;
+  return object;
 }
 
 std::string DescribeSeries(const client::SeriesState& series) {
-  return fmt::format("{:<10}frame {:.6g} of 0 to {}, {} at {:g} frames/s{}{}; {:.1f} MiB\n",
-                     "series", series.position_frames, series.frames > 0 ? series.frames - 1 : 0,
-                     series.playing ? "playing" : "paused", series.rate_hz,
-                     series.loop ? ", in a loop" : "", series.interpolate ? ", interpolated" : "",
-                     static_cast<double>(series.memory_bytes) / (1024.0 * 1024.0));
+  std::string text =
+      fmt::format("{:<10}frame {:.6g} of 0 to {}, {} at {:g} frames/s{}{}; {:.1f} MiB\n", "series",
+                  series.position_frames, series.frames > 0 ? series.frames - 1 : 0,
+                  series.playing ? "playing" : "paused", series.rate_hz,
+                  series.loop ? ", in a loop" : "", series.interpolate ? ", interpolated" : "",
+                  static_cast<double>(series.memory_bytes) / (1024.0 * 1024.0));
+  if (series.applied_tick) {
+    text += fmt::format("applied at tick {}, volume revision {}\n", *series.applied_tick,
+                        series.volume_revision);
+  }
+  return text;
 }
 
 void PrintSeries(const client::SeriesState& series, bool json) {

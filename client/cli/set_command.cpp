@@ -27,12 +27,20 @@ struct SetValues {
   client::SettingsUpdate update;
 };
 
+const Setting& Named(const std::string& key) {
+  if (const Setting* setting = FindSetting(key)) return *setting;
+  throw arguments::UsageError("there is no setting '" + key + "'" +
+                              arguments::DidYouMean(key, Names()));
+}
+
+void Store(const Setting& setting, const std::string& value, client::SettingsUpdate& update) {
+  if (StoreSetting(setting, value, update)) return;
+  throw arguments::UsageError(
+      fmt::format("{} cannot be '{}': give {}", setting.name, value, ValuesOf(setting)));
+}
+
 const Setting& TakeSetting(SetValues& values) {
-  const Setting* setting = FindSetting(values.key);
-  if (!setting) {
-    throw arguments::UsageError("there is no setting '" + values.key + "'" +
-                                arguments::DidYouMean(values.key, Names()));
-  }
+  const Setting* setting = &Named(values.key);
   if (values.normalized) {
     if (setting != &client::kIsovalue) {
       throw arguments::UsageError("--normalized is for the isovalue");
@@ -43,10 +51,7 @@ const Setting& TakeSetting(SetValues& values) {
   const bool is_word =
       !values.value.empty() && std::isalpha(static_cast<unsigned char>(values.value.front())) != 0;
   if (setting == &client::kIsovalue && is_word) return *setting;
-  if (!StoreSetting(*setting, values.value, values.update)) {
-    throw arguments::UsageError(
-        fmt::format("{} cannot be '{}': give {}", setting->name, values.value, ValuesOf(*setting)));
-  }
+  Store(*setting, values.value, values.update);
   return *setting;
 }
 
@@ -98,6 +103,14 @@ void AddSet(arguments::Command& app, Invocation& invocation) {
       Change(palpated, setting, *values, invocation.json);
     };
   });
+}
+
+void StoreNamedSetting(const std::string& text, client::SettingsUpdate& update) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) {
+    throw arguments::UsageError("'" + text + "' is no setting: give KEY=VALUE");
+  }
+  Store(Named(text.substr(0, equals)), text.substr(equals + 1), update);
 }
 
 std::string DescribeChange(const Setting& setting, const client::SettingsResult& result) {

@@ -10,6 +10,9 @@
 
 namespace palpate::cli {
 
+// Stores "KEY=VALUE". Throws UsageError if there is no such setting, or if it has no such value.
+void StoreNamedSetting(const std::string& text, client::SettingsUpdate& update);
+
 // Returns text such as "isovalue 40.8 applied at tick 123456, settings revision 7, 1.2 ms after
 // receipt". Pure.
 std::string DescribeChange(const Setting& setting, const client::SettingsResult& result);

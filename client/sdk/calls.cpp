@@ -80,9 +80,9 @@ SeriesState Calls::GetSeries() {
 }
 
 SeriesState Calls::ControlSeries(const SeriesControl& control) {
-  return FromProto(
-      link_->Call<v1::SeriesService>(&v1::SeriesService::Stub::ControlSeries, ToProto(control))
-          .series());
+  const v1::ControlSeriesResponse response =
+      link_->Call<v1::SeriesService>(&v1::SeriesService::Stub::ControlSeries, ToProto(control));
+  return FromProto(response.series(), response.applied_tick());
 }
 
 DaemonInfo Calls::GetDevice() {

@@ -138,7 +138,8 @@ class Calls {
   // name may be a pattern with * and ?. Errors: as LoadVolume.
   SeriesResult LoadSeries(const std::vector<std::string>& sources, const LoadOptions& options = {},
                           const ProgressFunction& progress = {});
-  // Errors: kConflict if no series is loaded.
+  // Errors: kConflict if no series is loaded. ControlSeries returns when the servo has used the
+  // frame.
   SeriesState GetSeries();
   SeriesState ControlSeries(const SeriesControl& control);
 

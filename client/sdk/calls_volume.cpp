@@ -169,7 +169,8 @@ SeriesResult Calls::LoadSeries(const std::vector<std::string>& sources, const Lo
         return stub.PrepareAsyncLoadSeries(context, request, queue);
       },
       progress, kLoadCancelled);
-  return {FromProto(result.volume()), FromProto(result.series())};
+  return {FromProto(result.volume()), FromProto(result.series(), result.applied_tick()),
+          result.settings_revision(), result.isovalue()};
 }
 
 }  // namespace palpate::client

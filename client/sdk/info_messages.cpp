@@ -98,9 +98,10 @@ Activity FromProto(const v1::GetActivityResponse& response) {
   return activity;
 }
 
-SeriesState FromProto(const v1::SeriesState& state) {
+SeriesState FromProto(const v1::SeriesState& state, std::optional<std::uint64_t> applied_tick) {
   return {state.frames(), state.position_frames(), state.playing(),      state.rate_hz(),
-          state.loop(),   state.interpolate(),     state.memory_bytes(), state.volume_revision()};
+          state.loop(),   state.interpolate(),     state.memory_bytes(), state.volume_revision(),
+          applied_tick};
 }
 
 RecordingState FromProto(const v1::RecordingState& state) {

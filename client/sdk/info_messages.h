@@ -18,7 +18,7 @@ DeviceHealth FromProto(const v1::DeviceHealth& health);
 DaemonInfo FromProto(const v1::GetDeviceResponse& response);
 ListedDevice FromProto(const v1::ListedDevice& device);
 Activity FromProto(const v1::GetActivityResponse& response);
-SeriesState FromProto(const v1::SeriesState& state);
+SeriesState FromProto(const v1::SeriesState& state, std::optional<std::uint64_t> applied_tick = {});
 RecordingState FromProto(const v1::RecordingState& state);
 v1::ControlSeriesRequest ToProto(const SeriesControl& control);
 

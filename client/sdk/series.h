@@ -19,6 +19,7 @@ struct SeriesState {
   bool interpolate = false;
   std::uint64_t memory_bytes = 0;
   std::uint64_t volume_revision = 0;
+  std::optional<std::uint64_t> applied_tick{};  // of a change: first tick that used the frame
 };
 
 // Absent fields change nothing.
@@ -33,6 +34,8 @@ struct SeriesControl {
 struct SeriesResult {
   VolumeInfo volume;  // the first frame
   SeriesState series;
+  std::uint64_t settings_revision = 0;
+  double isovalue = 0.0;  // that it starts at, data units
 };
 
 }  // namespace palpate::client

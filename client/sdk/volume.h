@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/sdk/settings.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::client {
@@ -74,6 +75,8 @@ struct LoadOptions {
   std::string component{};               // for a grid of vectors: magnitude, x, y or z
   // Otherwise a volume with edits that are not saved is not replaced.
   bool discard_edits = false;
+  // Felt from the same tick on as the volume. Without expected_revision.
+  SettingsUpdate settings{};
 };
 
 struct LoadResult {

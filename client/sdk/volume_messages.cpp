@@ -1,5 +1,8 @@
 #include "client/sdk/volume_messages.h"
 
+#include <utility>
+
+#include "client/sdk/setting_messages.h"
 #include "common/error/error.h"
 #include "common/wire/convert.h"
 
@@ -83,6 +86,13 @@ v1::LoadVolumeRequest ToProto(const LoadOptions& options) {
   request.set_grid(options.grid);
   request.set_component(options.component);
   request.set_discard_edits(options.discard_edits);
+  if (options.settings.expected_revision) {
+    throw Error(ErrorKind::kInvalidArgument, "a load cannot expect a revision of the settings");
+  }
+  v1::UpdateSettingsRequest settings = ToProto(options.settings);
+  if (settings.update_mask().paths().empty()) return request;
+  *request.mutable_settings() = std::move(*settings.mutable_settings());
+  *request.mutable_update_mask() = std::move(*settings.mutable_update_mask());
   return request;
 }
 

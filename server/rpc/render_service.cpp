@@ -76,11 +76,15 @@ v1::RenderSettings ToProto(const RenderSettings& settings) {
   return out;
 }
 
-SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request) {
+SettingsUpdate FromProto(const v1::RenderSettings& settings,
+                         const google::protobuf::FieldMask& update_mask) {
   SettingsUpdate update;
-  for (const std::string& name : request.update_mask().paths()) {
-    Take(request.settings(), name, update);
-  }
+  for (const std::string& name : update_mask.paths()) Take(settings, name, update);
+  return update;
+}
+
+SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request) {
+  SettingsUpdate update = FromProto(request.settings(), request.update_mask());
   if (request.update_mask().paths().empty()) {
     Refuse("update_mask is empty: name the fields to change");
   }

@@ -28,8 +28,11 @@ v1::FreeSide ToProto(FreeSide side);
 // Sets all fields.
 v1::RenderSettings ToProto(const RenderSettings& settings);
 
-// Throws Error (kInvalidArgument) for a mask that is empty or names unknown fields, and for named
-// fields without a value. The session checks the ranges.
+// Throws Error (kInvalidArgument) for a mask that names unknown fields, and for named fields
+// without a value. The session checks the ranges.
+SettingsUpdate FromProto(const v1::RenderSettings& settings,
+                         const google::protobuf::FieldMask& update_mask);
+// Also throws for an empty mask.
 SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request);
 
 }  // namespace palpate

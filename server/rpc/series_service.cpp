@@ -52,11 +52,12 @@ EventStream<v1::LoadSeriesResponse>* SeriesService::LoadSeries(
         const auto files = FindSeriesFiles(sources, paths_);
         LoadRequest load = FromProto(request->options());
         load.title = Title(sources);
-        const VolumeState state = player_.Load(files, load, ProgressTo(events), cancelled);
+        const VolumeState state = player_.Load(files, load, ProgressTo(events), cancelled,
+                                               SettingsOf(request->options()));
         events.admission().Changed("volume");
         const AppliedTick applied = session_.WaitForServo(state.scene_revision);
         v1::LoadSeriesResponse event;
-        *event.mutable_result()->mutable_volume() = palpate::ToProto(state);
+        SetResult(state, applied, *event.mutable_result());
         *event.mutable_result()->mutable_series() = ToProto(player_.state());
         LogInfo("loaded a series of {} frames, {} (volume revision {}) at tick {}",
                 event.result().series().frames(), load.title, state.volume->revision(),
@@ -75,9 +76,12 @@ Reply* SeriesService::GetSeries(CallContext* context, const v1::GetSeriesRequest
 Reply* SeriesService::ControlSeries(CallContext* context, const v1::ControlSeriesRequest* request,
                                     v1::ControlSeriesResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.SeriesService/ControlSeries", *request, *response, [=, this](const Admission& by) {
-        *response->mutable_series() = ToProto(player_.Control(ControlOf(*request)));
+      context, "/palpate.v1.SeriesService/ControlSeries", *request, *response,
+      [=, this](const Admission& by) {
+        const SeriesControlled controlled = player_.Control(ControlOf(*request));
         by.Changed("series");
+        response->set_applied_tick(session_.WaitForServo(controlled.scene_revision).tick);
+        *response->mutable_series() = ToProto(controlled.series);
       });
 }
 

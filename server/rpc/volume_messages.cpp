@@ -9,6 +9,7 @@
 
 #include "common/error/error.h"
 #include "common/wire/convert.h"
+#include "server/rpc/render_service.h"
 
 namespace palpate {
 namespace {
@@ -108,6 +109,13 @@ LoadRequest FromProto(const v1::LoadVolumeRequest& request) {
   load.component = CheckedName(request.component(), "component");
   load.discards_edits = request.discard_edits();
   return load;
+}
+
+SettingsUpdate SettingsOf(const v1::LoadVolumeRequest& request) {
+  if (request.has_settings() && request.update_mask().paths().empty()) {
+    Refuse("update_mask is empty: name the settings to change with the load");
+  }
+  return FromProto(request.settings(), request.update_mask());
 }
 
 }  // namespace palpate

@@ -11,5 +11,16 @@ v1::VolumeDescription ToProto(const VolumeState& state);
 // Converts the request; the source is not judged yet. Throws Error (kInvalidArgument) for an
 // unknown type of voxels. The loader checks everything else.
 LoadRequest FromProto(const v1::LoadVolumeRequest& request);
+// The settings that come with a load; may be empty. Throws Error (kInvalidArgument).
+SettingsUpdate SettingsOf(const v1::LoadVolumeRequest& request);
+
+// Sets the fields that the results of all loads have.
+template <class Result>
+void SetResult(const VolumeState& state, const AppliedTick& applied, Result& result) {
+  *result.mutable_volume() = ToProto(state);
+  result.set_applied_tick(applied.tick);
+  result.set_settings_revision(state.settings_revision);
+  result.set_isovalue(state.isovalue);
+}
 
 }  // namespace palpate

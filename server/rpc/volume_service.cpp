@@ -47,16 +47,14 @@ EventStream<v1::LoadVolumeResponse>* VolumeService::LoadVolume(
         LoadRequest load = FromProto(*request);
         load.source = paths_.CheckLoad(request->source());
         load.title = request->source();  // as the client named it, without following links
-        const VolumeState state = session_.Load(load, ProgressTo(events), cancelled);
+        const VolumeState state =
+            session_.Load(load, ProgressTo(events), cancelled, SettingsOf(*request));
         events.admission().Changed("volume");
         const AppliedTick applied = session_.WaitForServo(state.scene_revision);
         LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", request->source(),
                 state.volume->revision(), applied.tick, state.isovalue);
         v1::LoadVolumeResponse event;
-        *event.mutable_result()->mutable_volume() = ToProto(state);
-        event.mutable_result()->set_applied_tick(applied.tick);
-        event.mutable_result()->set_settings_revision(state.settings_revision);
-        event.mutable_result()->set_isovalue(state.isovalue);
+        SetResult(state, applied, *event.mutable_result());
         events.Send(std::move(event));
       });
 }

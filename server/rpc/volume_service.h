@@ -64,7 +64,8 @@ class VolumeService final : public v1::VolumeService::CallbackService {
   // Throws Error: kConflict while another save runs, kPermissionDenied, and all of ExportVolume.
   void SaveTo(const v1::SaveVolumeRequest& request, const ExportProgress& progress,
               const ExportCancelled& cancelled, v1::SaveVolumeResult& result);
-  VolumeState LoadUpload(const Upload& upload, LoadRequest request, const LoadCancelled& cancelled);
+  VolumeState LoadUpload(const Upload& upload, LoadRequest request, const SettingsUpdate& settings,
+                         const LoadCancelled& cancelled);
 
   Calls& calls_;
   Session& session_;

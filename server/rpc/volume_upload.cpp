@@ -35,6 +35,7 @@ Error WithTitle(const std::exception& error, const Upload& upload) {
 }  // namespace
 
 VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
+                                      const SettingsUpdate& settings,
                                       const LoadCancelled& cancelled) {
   // only this user can enter its folder
   request.source = std::filesystem::canonical(upload.path());
@@ -42,7 +43,7 @@ VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
   request.title = upload.title();
   const auto quiet = [](std::string_view, double) {};
   try {
-    return session_.Load(request, quiet, cancelled);
+    return session_.Load(request, quiet, cancelled, settings);
   } catch (const std::exception& error) {
     throw WithTitle(error, upload);
   }
@@ -108,6 +109,8 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
     const v1::UploadVolumeStart& start = message_.start();
     service_.session_.first_load().Require();
     options_ = FromProto(start.options());
+    settings_ = SettingsOf(start.options());
+    service_.session_.CheckSettings(options_, settings_);
     service_.session_.store().RequireSaved(options_.discards_edits);
     UploadStart announced{.name = start.name(),
                           .size_bytes = start.size_bytes(),
@@ -125,13 +128,10 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
     upload_->Finish();
     const auto cancelled = [this] { return context_->IsCancelled(); };
     if (cancelled()) throw Error(ErrorKind::kCancelled, "the upload was cancelled");
-    const VolumeState state = service_.LoadUpload(*upload_, options_, cancelled);
+    const VolumeState state = service_.LoadUpload(*upload_, options_, settings_, cancelled);
     admission_.Changed("volume");
     const AppliedTick applied = service_.session_.WaitForServo(state.scene_revision);
-    *response_->mutable_volume() = ToProto(state);
-    response_->set_applied_tick(applied.tick);
-    response_->set_settings_revision(state.settings_revision);
-    response_->set_isovalue(state.isovalue);
+    SetResult(state, applied, *response_);
     LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", upload_->title(),
             state.volume->revision(), applied.tick, state.isovalue);
     End(grpc::Status::OK);
@@ -150,6 +150,7 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   Admission admission_;
   v1::UploadVolumeRequest message_;
   LoadRequest options_;
+  SettingsUpdate settings_;
   std::optional<Upload> upload_;
   std::int64_t read_began_ns_ = 0;
   std::int64_t patience_ns_ = Patience();  // with a client that sends too slowly

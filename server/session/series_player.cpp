@@ -60,13 +60,15 @@ void SeriesPlayer::Stop() noexcept {
     stop_ = true;
   }
   wake_.notify_all();
+  was_taken_.notify_all();
   if (thread_.joinable()) thread_.join();
 }
 
 VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
                                const LoadRequest& request, const LoadProgress& progress,
-                               const LoadCancelled& cancelled) {
+                               const LoadCancelled& cancelled, const SettingsUpdate& settings) {
   const std::unique_lock loading = session_.BeginLoad();
+  session_.CheckSettings(request, settings);
   session_.store().RequireSaved(request.discards_edits);
   std::vector<std::string> warnings;
   const BrickWork work;
@@ -91,8 +93,8 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
     std::shared_ptr<Series>& series;
   };
   const Retire retire{session_.retired(), series};
-  const VolumeState state =
-      session_.PublishVolume(request, loaded.metadata, series->frames.front(), loaded.memory_bytes);
+  const VolumeState state = session_.PublishVolume(request, loaded.metadata, series->frames.front(),
+                                                   loaded.memory_bytes, settings);
   series->loaded_revision = series->shown_revision = state.volume->revision();
 
   const std::lock_guard lock(mutex_);
@@ -123,34 +125,44 @@ SeriesState SeriesPlayer::StateLocked(const VolumeState& volume) const {
           .volume_revision = volume.volume->revision()};
 }
 
-SeriesState SeriesPlayer::Control(const SeriesControl& control) {
-  const VolumeState volume = session_.volume();
-  SeriesState state;
-  {
-    const std::lock_guard lock(mutex_);
-    StateLocked(volume);  // throws if there is no series
-    CheckControl(control, series_->loaded.size());
-    const Clock::time_point now = now_();
-    Advance(now);
-    const bool starts = control.playing.value_or(false) && !playing_;
-    rate_hz_ = control.rate_hz.value_or(rate_hz_);
-    loop_ = control.loop.value_or(loop_);
-    interpolate_ = control.interpolate.value_or(interpolate_);
-    playing_ = control.playing.value_or(playing_);
-    position_ = control.position_frames.value_or(position_);
-    const auto last = static_cast<double>(series_->loaded.size() - 1);
-    if (!loop_) position_ = std::min(position_, last);
-    if (starts && !control.position_frames && !loop_) {
-      if (rate_hz_ > 0.0 && position_ == last) position_ = 0.0;
-      // The last frame lasts as long as the others.
-      if (rate_hz_ < 0.0 && position_ == 0.0) position_ = std::nextafter(last + 1.0, 0.0);
-    }
-    advanced_at_ = now;
-    changed_ = true;
-    state = StateLocked(volume);
+void SeriesPlayer::Take(const SeriesControl& control) {
+  CheckControl(control, series_->loaded.size());
+  const Clock::time_point now = now_();
+  Advance(now);
+  const bool starts = control.playing.value_or(false) && !playing_;
+  rate_hz_ = control.rate_hz.value_or(rate_hz_);
+  loop_ = control.loop.value_or(loop_);
+  interpolate_ = control.interpolate.value_or(interpolate_);
+  playing_ = control.playing.value_or(playing_);
+  position_ = control.position_frames.value_or(position_);
+  const auto last = static_cast<double>(series_->loaded.size() - 1);
+  if (!loop_) position_ = std::min(position_, last);
+  if (starts && !control.position_frames && !loop_) {
+    if (rate_hz_ > 0.0 && position_ == last) position_ = 0.0;
+    // The last frame lasts as long as the others.
+    if (rate_hz_ < 0.0 && position_ == 0.0) position_ = std::nextafter(last + 1.0, 0.0);
   }
+  advanced_at_ = now;
+  sought_ = sought_ || control.position_frames;
+  changed_ = true;
+}
+
+SeriesControlled SeriesPlayer::Control(const SeriesControl& control) {
+  const VolumeState volume = session_.volume();
+  std::unique_lock lock(mutex_);
+  StateLocked(volume);  // throws if there is no series
+  Take(control);
+  const std::uint64_t command = ++commands_;
   wake_.notify_all();
-  return state;
+  const std::shared_ptr<Series> series = series_;
+  was_taken_.wait(lock, [&] { return stop_ || series_ != series || taken_.command >= command; });
+  if (stop_ || series_ != series) {
+    throw Error(ErrorKind::kConflict, "the series ended before the change was felt");
+  }
+  SeriesControlled controlled{StateLocked(volume), taken_.revisions.scene};
+  controlled.series.position_frames = taken_.position;
+  controlled.series.volume_revision = taken_.revisions.volume;
+  return controlled;
 }
 
 void SeriesPlayer::Advance(Clock::time_point now) {
@@ -192,18 +204,21 @@ void SeriesPlayer::Run() {
   while (!stop_) {
     const std::shared_ptr<Series> series = WaitForWork(lock);
     if (!series) continue;
-    Advance(now_());
+    if (!std::exchange(sought_, false)) Advance(now_());
     const double position = ShownPosition();
+    const std::uint64_t command = commands_;
     lock.unlock();
     const Clock::time_point started = Clock::now();
-    bool goes_on = false;
+    std::optional<EditedRevisions> shown;
     try {
-      goes_on = Show(*series, position);
+      shown = Show(*series, position);
     } catch (const std::exception& error) {
       LogError("the series ends: {}", error.what());
     }
     lock.lock();
-    if (!goes_on && series_ == series) session_.retired().Add(std::exchange(series_, nullptr));
+    if (shown) taken_ = {command, position, *shown};
+    if (!shown && series_ == series) session_.retired().Add(std::exchange(series_, nullptr));
+    was_taken_.notify_all();
     // Limits the rate of frames, however often a client calls Control.
     wake_.wait_until(lock, started + kInterval, [this] { return stop_; });
   }
@@ -241,9 +256,11 @@ std::optional<BrickDirectory> SeriesPlayer::TryBlend(Series& series, std::size_t
   }
 }
 
-bool SeriesPlayer::Show(Series& series, double position) {
-  if (session_.volume().volume->loaded_revision() != series.loaded_revision) return false;
-  if (position == series.shown) return true;
+std::optional<EditedRevisions> SeriesPlayer::Show(Series& series, double position) {
+  const VolumeState before = session_.volume();
+  if (before.volume->loaded_revision() != series.loaded_revision) return std::nullopt;
+  const EditedRevisions unchanged{before.volume->revision(), before.scene_revision};
+  if (position == series.shown) return unchanged;
   const auto frame = static_cast<std::size_t>(position);
   const double share = position - static_cast<double>(frame);
   VolumeStore& store = session_.store();
@@ -261,7 +278,7 @@ bool SeriesPlayer::Show(Series& series, double position) {
       look_at(*present);
       return std::vector<BrickChange>();
     });
-    if (!is_due) return goes_on;
+    if (!is_due) return goes_on ? std::optional(unchanged) : std::nullopt;
     blended = TryBlend(series, frame, share, claim);
     claim = {};  // the bricks are now counted themselves
   }
@@ -272,7 +289,7 @@ bool SeriesPlayer::Show(Series& series, double position) {
     return present->bricks().ChangesTo(blended ? *blended : series.frames[frame]);
   });
   if (is_due) series.shown_revision = shown.volume;
-  return goes_on;
+  return goes_on ? std::optional(shown) : std::nullopt;
 }
 
 }  // namespace palpate

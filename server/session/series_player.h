@@ -52,6 +52,12 @@ struct SeriesControl {
   std::optional<bool> interpolate{};
 };
 
+// What the stylus feels after a change.
+struct SeriesControlled {
+  SeriesState series;
+  std::uint64_t scene_revision = 0;  // for Session::WaitForServo
+};
+
 class SeriesPlayer {
  public:
   static constexpr int kMostPerSecond = 60;
@@ -69,27 +75,39 @@ class SeriesPlayer {
   SeriesPlayer& operator=(const SeriesPlayer&) = delete;
 
   // Loads all frames, publishes the first one and pauses there. `request`: see LoadSeries; the
-  // isovalue, scale and title are used, too. Errors: those of LoadSeries and Session::Load.
+  // isovalue, scale and title are used, too. `settings`: see Session::Load. Errors: those of
+  // LoadSeries and Session::Load.
   VolumeState Load(std::span<const std::filesystem::path> files, const LoadRequest& request,
-                   const LoadProgress& progress, const LoadCancelled& cancelled);
+                   const LoadProgress& progress, const LoadCancelled& cancelled,
+                   const SettingsUpdate& settings = {});
 
   // Throws kConflict if no series is loaded.
   SeriesState state() const;
-  // Returns at once; the thread shows the frame later. Throws kConflict if no series is loaded,
-  // kInvalidArgument for a value out of range.
-  SeriesState Control(const SeriesControl& control);
+  // Waits until the thread has published the frame, and returns this frame's position and revision.
+  // If the frame is there already, the scene is the present one. If somebody else seeks meanwhile,
+  // the frame may be theirs. While a replay holds the volume, the frame comes after it. Throws
+  // kConflict if no series is loaded or it ends meanwhile, kInvalidArgument for a value out of
+  // range.
+  SeriesControlled Control(const SeriesControl& control);
 
  private:
   struct Series;
+  // What was shown for the commands up to this one.
+  struct Taken {
+    std::uint64_t command = 0;
+    double position = 0.0;
+    EditedRevisions revisions{};
+  };
 
   void Run();
   // Waits until there may be a frame to show. Returns null if there is none.
   std::shared_ptr<Series> WaitForWork(std::unique_lock<std::mutex>& lock);
+  void Take(const SeriesControl& control);
   void Advance(Clock::time_point now);
   double ShownPosition() const;
   SeriesState StateLocked(const VolumeState& volume) const;
-  // False when the series has ended.
-  bool Show(Series& series, double position);
+  // Returns none when the series has ended. While the volume is held, nothing is shown.
+  std::optional<EditedRevisions> Show(Series& series, double position);
   std::optional<BrickDirectory> TryBlend(Series& series, std::size_t frame, double share,
                                          MemoryClaim& claim);
   // Call it in a transaction. Stores edits made since the frame was shown in that frame. Returns
@@ -103,6 +121,10 @@ class SeriesPlayer {
   std::condition_variable wake_;
   bool stop_ = false;
   bool changed_ = false;
+  bool sought_ = false;         // position_ is to be shown before it advances
+  std::uint64_t commands_ = 0;  // calls of Control
+  Taken taken_;
+  std::condition_variable was_taken_;  // also when the series ends
   std::shared_ptr<Series> series_;  // null: none
   double position_ = 0.0;           // 0 to below `frames`: the last frame lasts, too
   bool playing_ = false;

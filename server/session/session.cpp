@@ -230,8 +230,9 @@ std::unique_lock<std::mutex> Session::BeginLoad() {
 }
 
 VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progress,
-                          const LoadCancelled& cancelled) {
+                          const LoadCancelled& cancelled, const SettingsUpdate& settings) {
   const std::unique_lock loading = BeginLoad();
+  CheckSettings(request, settings);
   store_.RequireSaved(request.discards_edits);
   std::vector<std::string> warnings;
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
@@ -246,7 +247,20 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
                         request.grid.empty() && request.component.empty();
   progress("publishing", 1.0);
   if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
-  return PublishVolume(request, metadata, loaded->bricks);
+  return PublishVolume(request, metadata, loaded->bricks, 0, settings);
+}
+
+void Session::CheckSettings(const LoadRequest& request, const SettingsUpdate& settings) const {
+  SettingsUpdate rest = settings;
+  const bool has_isovalue = settings.isovalue || settings.normalized_isovalue;
+  if (has_isovalue && (request.isovalue || request.normalized_isovalue)) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "the load and its settings both name an isovalue: give one of them");
+  }
+  // The range of the new volume is not known yet.
+  rest.isovalue = rest.normalized_isovalue = std::nullopt;
+  const std::lock_guard lock(mutex_);
+  CheckMethod(Changed(*volume_, settings_, rest).method, device_);
 }
 
 // The claim shrinks as bricks are made, so that nothing is counted twice for long.
@@ -277,39 +291,46 @@ Registration Session::PlaceLoaded(const LoadRequest& request,
 
 // A level set is first felt from outside, where its values are higher. A density keeps the free
 // side of the last density.
-FreeSide Session::SideOf(const VolumeMetadata& metadata,
-                         const std::optional<FreeSide>& wanted) const {
-  if (wanted) return *wanted;
+FreeSide Session::SideOf(const VolumeMetadata& metadata, const LoadRequest& request,
+                         const SettingsUpdate& settings) const {
+  if (settings.free_side) return *settings.free_side;
+  if (request.free_side) return *request.free_side;
   if (metadata.is_level_set) return FreeSide::kAbove;
   const bool was_level_set = volume_->metadata().is_level_set;
   return was_level_set ? side_of_densities_ : settings_.haptics.free_side;
 }
 
-void Session::TellBeforeOtherVolume(const LoadRequest& request, const Registration& registration,
-                                    const VolumeSnapshot& volume, double isovalue) const {
+void Session::TellBeforeOtherVolume(const LoadRequest& request, const SettingsUpdate& settings,
+                                    const Registration& registration, const VolumeSnapshot& volume,
+                                    double isovalue) const {
   if (!before_other_volume_) return;
   std::unique_lock lock(mutex_);
-  const HapticSurface surface = MakeHapticSurface(
-      volume, registration.X_DW * volume.metadata().WorldFromIndex(), DensityOf(volume, isovalue),
-      settings_.method, geometry_revision_ + 1, SideOf(volume.metadata(), request.free_side));
+  const HapticSurface surface =
+      MakeHapticSurface(volume, registration.X_DW * volume.metadata().WorldFromIndex(),
+                        DensityOf(volume, isovalue), settings.method.value_or(settings_.method),
+                        geometry_revision_ + 1, SideOf(volume.metadata(), request, settings));
   lock.unlock();
   before_other_volume_(surface);
 }
 
 VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
-                                   const BrickDirectory& bricks, std::uint64_t frames_bytes) {
+                                   const BrickDirectory& bricks, std::uint64_t frames_bytes,
+                                   const SettingsUpdate& settings) {
+  CheckSettings(request, settings);
   const Registration registration = PlaceLoaded(request, metadata);
   store_.RequireSaved(request.discards_edits);
   const VolumeSnapshot next(metadata, bricks, 1, 1);
   const auto values = std::make_shared<const VolumeValues>(ValuesOf(next));
-  const double isovalue = ChosenIsovalue(next, request.isovalue, request.normalized_isovalue,
-                                         values->suggested.front().isovalue);
-  TellBeforeOtherVolume(request, registration, next, isovalue);
+  const double start = ChosenIsovalue(next, request.isovalue, request.normalized_isovalue,
+                                      values->suggested.front().isovalue);
+  const double isovalue =
+      ChosenIsovalue(next, settings.isovalue, settings.normalized_isovalue, start);
+  TellBeforeOtherVolume(request, settings, registration, next, isovalue);
   VolumeState state;
   const auto publish = [&](const std::shared_ptr<const VolumeSnapshot>& volume,
                            std::span<const BrickChange>) {
     const std::lock_guard lock(mutex_);
-    TakeLoaded(request, registration, volume, isovalue);
+    TakeLoaded(request, settings, registration, volume, isovalue);
     values_ = values;
     has_volume_ = true;
     PublishLocked();
@@ -322,13 +343,15 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
   return state;
 }
 
-void Session::TakeLoaded(const LoadRequest& request, const Registration& registration,
+void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& settings,
+                         const Registration& registration,
                          const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue) {
   const VolumeMetadata& metadata = volume->metadata();
-  FreeSide& side = settings_.haptics.free_side;
   const bool was_density = has_volume_ && !volume_->metadata().is_level_set;
-  const FreeSide last_side = std::exchange(side, SideOf(metadata, request.free_side));
-  if (metadata.is_level_set && was_density) side_of_densities_ = last_side;
+  const FreeSide side = SideOf(metadata, request, settings);
+  if (metadata.is_level_set && was_density) side_of_densities_ = settings_.haptics.free_side;
+  settings_ = Changed(*volume, settings_, settings);
+  settings_.haptics.free_side = side;
   volume_ = volume;
   request_ = request;
   is_reshaped_ = false;

@@ -139,10 +139,14 @@ class Session {
   // nothing if somebody has changed settings. Throws kInvalidArgument.
   void SetInitial(const RenderSettings& settings);
 
-  // Loads and publishes without waiting for the servo. Throws kConflict while another load runs,
-  // and kFailedPrecondition if edits are not saved, unless the request discards them.
+  // Loads and publishes without waiting for the servo. `settings`: felt from the same tick on as
+  // the volume; an isovalue is the new volume's. Throws kConflict while another load runs, and
+  // kFailedPrecondition if edits are not saved, unless the request discards them.
   VolumeState Load(const LoadRequest& request, const LoadProgress& progress,
-                   const LoadCancelled& cancelled);
+                   const LoadCancelled& cancelled, const SettingsUpdate& settings = {});
+  // Throws kInvalidArgument if no volume can be loaded with these settings, or if the request has
+  // an isovalue, too. To be told early: Load and PublishVolume check the same.
+  void CheckSettings(const LoadRequest& request, const SettingsUpdate& settings) const;
 
   // Blocks other loads as long as the caller holds the lock; for callers that load without Load().
   // Throws kConflict while another load runs.
@@ -150,9 +154,10 @@ class Session {
   // Publishes another volume. It lies where it was felt last, or is fitted to the workspace. The
   // request's scale, if given, replaces the scale. Without an isovalue in the request, the first
   // suggestion of ValuesOf is taken. `frames_bytes`: the memory of all frames if the
-  // volume is one of several frames; used in messages.
+  // volume is one of several frames; used in messages. `settings`: see Load.
   VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
-                            const BrickDirectory& bricks, std::uint64_t frames_bytes = 0);
+                            const BrickDirectory& bricks, std::uint64_t frames_bytes = 0,
+                            const SettingsUpdate& settings = {});
 
   // Change voxels by its Edit.
   VolumeStore& store() { return store_; }
@@ -178,12 +183,15 @@ class Session {
  private:
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
-  void TellBeforeOtherVolume(const LoadRequest& request, const Registration& registration,
-                             const VolumeSnapshot& volume, double isovalue) const;
+  void TellBeforeOtherVolume(const LoadRequest& request, const SettingsUpdate& settings,
+                             const Registration& registration, const VolumeSnapshot& volume,
+                             double isovalue) const;
   Registration PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
-  FreeSide SideOf(const VolumeMetadata& metadata, const std::optional<FreeSide>& wanted) const;
+  FreeSide SideOf(const VolumeMetadata& metadata, const LoadRequest& request,
+                  const SettingsUpdate& settings) const;
   void TakeBack(const RenderSettings& before, std::uint64_t revision);
-  void TakeLoaded(const LoadRequest& request, const Registration& registration,
+  void TakeLoaded(const LoadRequest& request, const SettingsUpdate& settings,
+                  const Registration& registration,
                   const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue);
   void TakeLattice();
   std::uint64_t PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,

@@ -4,7 +4,13 @@
 #include <algorithm>
 #include <atomic>
 #include <filesystem>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "client/sdk/calls.h"
 #include "client/sdk/nrrd_file.h"
@@ -23,10 +29,11 @@ class SdkCalls : public ::testing::Test {
  protected:
   SdkCalls() {
     daemon_.Start();
-    palpated_.emplace(Server{.address = {.socket_path = daemon_.socket()}});
+    palpated_.emplace(server());
     palpated_->WaitUntilReached(60s);
   }
 
+  Server server() const { return {.address = {.socket_path = daemon_.socket()}}; }
   std::string File(const std::string& name) const { return daemon_.folder() / name; }
 
   test::RestartedDaemon daemon_;
@@ -197,6 +204,119 @@ TEST_F(SdkCalls, ASeriesPlaysAndARecordingOfItIsReplayed) {
   EXPECT_EQ(
       Refusal([&] { p.Replay(File("a.palrec"), {.speed = 0.001}, [](auto&) { return false; }); }),
       ErrorKind::kCancelled);
+}
+
+// Follows every tick on a connection of its own, and remembers where the revisions begin.
+class FirstTicks {
+ public:
+  explicit FirstTicks(const Server& server) : calls_(server), thread_([this] { Run(); }) {}
+  ~FirstTicks() {
+    stop_ = true;
+    thread_.join();
+  }
+
+  struct Begin {
+    Pose before{}, first{};
+  };
+  // The first sample of this volume or a later one. None if the stream lost the sample before it.
+  std::optional<Begin> Await(std::uint64_t volume_revision) {
+    std::optional<Begin> begin;
+    EXPECT_TRUE(test::Eventually([&] {
+      const std::lock_guard lock(mutex_);
+      const auto found = begins_.lower_bound(volume_revision);
+      if (found == begins_.end()) return false;
+      const auto& [before, first] = found->second;
+      if (before.tick + 1 == first.tick) begin = found->second;
+      return true;
+    }));
+    return begin;
+  }
+
+ private:
+  void Run() {
+    PoseReader reader = calls_.ReadPoses(1000.0, 20);
+    for (Pose last; !stop_;) {
+      const std::optional<PoseBatch> batch = reader.Next(50ms);
+      const std::lock_guard lock(mutex_);
+      for (const Pose& pose : batch ? batch->poses : std::vector<Pose>()) {
+        if (pose.volume_revision > last.volume_revision) {
+          begins_[pose.volume_revision] = {last, pose};
+        }
+        last = pose;
+      }
+    }
+  }
+
+  Calls calls_;
+  std::mutex mutex_;
+  std::map<std::uint64_t, Begin> begins_;
+  std::atomic<bool> stop_ = false;
+  std::thread thread_;
+};
+
+// Others change settings all the while, so that some scenes are skipped.
+TEST_F(SdkCalls, TheTickThatIsNamedIsTheFirstOne) {
+  Calls& p = *palpated_;
+  SaveAsNrrd(p.DownloadVolume().volume, File("sent.nrrd"));
+  const std::vector<std::string> frames = {File("t0.nrrd"), File("t1.nrrd"), File("t2.nrrd")};
+  for (int n = 0; n < 3; ++n) {
+    p.LoadVolume("builtin:sphere:24");
+    p.Apply({.shape = Sphere{Vec3(12, 12, 12), 2.0 + n},
+             .frame = EditFrame::kIndex,
+             .operation = EditOperation::kSet,
+             .value = 0.0});
+    p.SaveVolume(frames[static_cast<std::size_t>(n)]);
+  }
+  FirstTicks stream(server());
+  std::atomic<bool> stop = false;
+  std::thread other([&] {
+    Calls calls(server());
+    for (int n = 0; !stop; ++n) calls.Set({.damping_n_s_per_m = n % 2 * 0.5});
+  });
+  constexpr int kEach = 100;
+  int named = 0, judged = 0, tries = 0;
+  // Where the stream lost samples, there is nothing to judge: it is done once more.
+  const auto judge = [&](std::uint64_t volume_revision, std::uint64_t applied_tick,
+                         std::uint64_t settings_revision) {
+    const auto begin = stream.Await(volume_revision);
+    if (!begin) return;
+    ++judged;
+    const bool is_first =
+        begin->first.tick == applied_tick && begin->before.volume_revision < volume_revision;
+    // The settings of the load came with the volume.
+    const bool is_with_settings = begin->before.settings_revision < settings_revision &&
+                                  begin->first.settings_revision >= settings_revision;
+    named += is_first && (settings_revision == 0 || is_with_settings);
+  };
+  const auto repeat = [&](const std::function<void(int n)>& change) {
+    named = judged = tries = 0;
+    while (judged < kEach && tries < 20 * kEach) change(tries++);
+    EXPECT_EQ(judged, kEach) << "the stream of poses lost samples at most changes";
+    EXPECT_EQ(named, judged);
+  };
+  const auto stiffness = [](int n) {
+    return SettingsUpdate{.stiffness_n_per_mm = 0.3 + n % 2 * 0.1};
+  };
+  repeat([&](int n) {
+    const LoadResult loaded = p.LoadVolume(n % 2 ? "builtin:sphere:24" : "builtin:bumps:24",
+                                           {.discard_edits = true, .settings = stiffness(n)});
+    judge(loaded.volume.volume_revision, loaded.applied_tick, loaded.settings_revision);
+  });
+  repeat([&](int n) {
+    const LoadResult sent =
+        p.UploadVolume(File("sent.nrrd"), {.discard_edits = true, .settings = stiffness(n)});
+    judge(sent.volume.volume_revision, sent.applied_tick, sent.settings_revision);
+  });
+  const SeriesResult series = p.LoadSeries(frames, {.settings = stiffness(3)});
+  EXPECT_EQ(p.GetSettings().stiffness_n_per_mm, 0.4);
+  judge(series.series.volume_revision, *series.series.applied_tick, series.settings_revision);
+  repeat([&](int n) {
+    const SeriesState sought = p.ControlSeries({.position_frames = 1 + n % 2});
+    EXPECT_EQ(sought.position_frames, 1 + n % 2);
+    judge(sought.volume_revision, *sought.applied_tick, 0);
+  });
+  stop = true;
+  other.join();
 }
 
 TEST_F(SdkCalls, TheDeviceIsListedStoppedAndEnabled) {

@@ -169,6 +169,27 @@ TEST_F(SeriesPlayerTest, EveryFrameIsThatOfItsFileAtOneRevisionMore) {
   }
 }
 
+TEST_F(SeriesPlayerTest, AControlNamesTheFrameThatItWaitedFor) {
+  // Between any two looks of this player, two frames pass.
+  std::atomic<int> time_ms = 0;
+  SeriesPlayer player(session(),
+                      [&] { return SeriesPlayer::Clock::time_point(milliseconds(++time_ms)); });
+  player.Load(files_, {}, kQuiet, kNever);
+  for (int n = 1; n <= 20; ++n) {
+    const int frame = 2 * n % kFrames;
+    const std::uint64_t before = Revision();
+    const SeriesControlled felt = player.Control(
+        {.playing = n > 10, .position_frames = frame, .rate_hz = 1000.0, .loop = true});
+    EXPECT_EQ(felt.series.position_frames, frame);
+    if (n > 10) continue;  // it plays on
+    EXPECT_EQ(felt.series.volume_revision, before + 1);
+    EXPECT_EQ(hash(), FrameHash(frame));
+    EXPECT_EQ(felt.scene_revision, session().volume().scene_revision);
+    // A frame that is there already is no change.
+    EXPECT_EQ(player.Control({.playing = false}).series.volume_revision, before + 1);
+  }
+}
+
 TEST_F(SeriesPlayerTest, WhatIsEqualIsSharedAndCountedOnce) {
   Load();
   const std::uint64_t dense = BrickDirectory::MemoryBytes(kFrameSize);

@@ -120,6 +120,53 @@ TEST_F(SessionTest, AFailedLoadKeepsTheVolume) {
   EXPECT_EQ(session().volume().settings_revision, before.settings_revision);
 }
 
+struct SeenScenes final : SceneListener {
+  void OnScene(const Scene& scene, std::span<const BrickChange>) override {
+    volumes.push_back(scene.volume->revision());
+    isovalues.push_back(scene.isovalue);
+    settings.push_back(scene.settings);
+  }
+  std::vector<std::uint64_t> volumes{};
+  std::vector<double> isovalues{};
+  std::vector<HapticSettings> settings{};
+};
+
+TEST_F(SessionTest, ALoadBringsItsSettingsInOneScene) {
+  SeenScenes seen;
+  const Listening listening(session(), seen);
+  const SettingsState before = session().settings();
+  const auto load = [&](const LoadRequest& request, const SettingsUpdate& settings) {
+    return session().Load(request, kQuiet, kNever, settings);
+  };
+  const LoadRequest bumps{.source = "builtin:bumps:32"};
+  const std::pair<double HapticSettings::*, double> soft{&HapticSettings::stiffness_n_per_mm, 0.2};
+  for (const SettingsUpdate& bad :
+       {SettingsUpdate{.numbers = {soft, {&HapticSettings::pop_force_n, 100.0}}},
+        SettingsUpdate{.isovalue = 99.0, .numbers = {soft}},
+        SettingsUpdate{.isovalue = 0.5, .normalized_isovalue = 0.5, .numbers = {soft}}}) {
+    EXPECT_EQ(Refusal([&] { load(bumps, bad); }), ErrorKind::kInvalidArgument);
+  }
+  EXPECT_EQ(Refusal([&] {
+              load({.source = bumps.source, .isovalue = 0.5}, {.normalized_isovalue = 0.5});
+            }),
+            ErrorKind::kInvalidArgument);
+  EXPECT_TRUE(seen.volumes.empty());
+  EXPECT_EQ(session().settings().settings_revision, before.settings_revision);
+
+  const VolumeState state = load(bumps, {.isovalue = 0.3,
+                                         .numbers = {soft},
+                                         .flags = {{&HapticSettings::force_shading, true}},
+                                         .free_side = FreeSide::kAbove,
+                                         .method = DecompositionMethod::kBcc});
+  EXPECT_EQ(seen.volumes, std::vector{state.volume->revision()});
+  EXPECT_EQ(seen.isovalues, std::vector{0.3});
+  EXPECT_EQ(seen.settings[0].stiffness_n_per_mm, 0.2);
+  EXPECT_TRUE(seen.settings[0].force_shading);
+  EXPECT_EQ(seen.settings[0].free_side, FreeSide::kAbove);
+  EXPECT_EQ(session().settings().settings.method, DecompositionMethod::kBcc);
+  EXPECT_EQ(session().settings().settings_revision, before.settings_revision + 1);
+}
+
 TEST_F(SessionTest, ACancelledLoadKeepsTheVolume) {
   const VolumeState before = session().volume();
   int asked = 0;

@@ -1,9 +1,12 @@
 """The options of loads, uploads and series."""
 
+import collections.abc
 import dataclasses
+import typing
 
 from palpate._errors import InvalidArgument
 from palpate._geometry import Triple, vector_of
+from palpate._settings import put_changes
 from palpate._values import number_or_none, switch, text_of, whole_or_none
 from palpate.v1 import volume_pb2
 
@@ -12,6 +15,8 @@ _TYPES = {"int8": volume_pb2.VOXEL_TYPE_INT8, "uint8": volume_pb2.VOXEL_TYPE_UIN
           "int32": volume_pb2.VOXEL_TYPE_INT32, "uint32": volume_pb2.VOXEL_TYPE_UINT32,
           "float32": volume_pb2.VOXEL_TYPE_FLOAT32, "float64": volume_pb2.VOXEL_TYPE_FLOAT64}
 _MOST_FRAMES = (1 << 32) - 1
+
+Changes = collections.abc.Mapping[str, typing.Any]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,12 +55,12 @@ def _raw_of(raw: Raw) -> volume_pb2.RawVoxels:
 def load_options(isovalue: float | None = None, normalized_isovalue: float | None = None,
                  device_mm_per_volume_mm: float | None = None, spacing_mm: Triple | None = None,
                  frame: int | None = None, grid: str = "", component: str = "",
-                 raw: Raw | None = None,
-                 discard_edits: bool = False) -> volume_pb2.LoadVolumeRequest:
-    """Errors: InvalidArgument."""
+                 raw: Raw | None = None, discard_edits: bool = False,
+                 settings: Changes | None = None) -> volume_pb2.LoadVolumeRequest:
+    """Errors: InvalidArgument, AttributeError (no such setting)."""
     if isovalue is not None and normalized_isovalue is not None:
         raise InvalidArgument("name the isovalue or the normalised one, not both")
-    return volume_pb2.LoadVolumeRequest(
+    request = volume_pb2.LoadVolumeRequest(
         isovalue=number_or_none("isovalue", isovalue),
         normalized_isovalue=number_or_none("normalized_isovalue", normalized_isovalue),
         device_mm_per_volume_mm=number_or_none("device_mm_per_volume_mm",
@@ -65,3 +70,7 @@ def load_options(isovalue: float | None = None, normalized_isovalue: float | Non
         raw=None if raw is None else _raw_of(raw),
         discard_edits=switch("discard_edits", discard_edits),
         spacing_mm=None if spacing_mm is None else vector_of("spacing_mm", spacing_mm))
+    if not isinstance(settings or {}, collections.abc.Mapping):
+        raise InvalidArgument(f"settings are names and values, not {settings!r}")
+    put_changes(request, settings or {})
+    return request

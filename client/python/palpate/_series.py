@@ -7,7 +7,7 @@ import os
 from palpate._errors import InvalidArgument
 from palpate._geometry import Triple
 from palpate._link import Link
-from palpate._load_options import Raw, load_options
+from palpate._load_options import Changes, Raw, load_options
 from palpate._progress import Progress, result_of
 from palpate._values import number, number_or_none, switch
 from palpate.v1 import series_pb2, series_pb2_grpc
@@ -25,6 +25,8 @@ class SeriesState:
     interpolate: neighbouring frames are blended in time
     memory_bytes: memory of all frames on the daemon's machine, bytes
     volume_revision: of the frame under the stylus
+    applied_tick: of a load or a change: first tick that used this frame; Poses.tick has the same
+        numbers. If the frame was there already, a tick that used it. None: nothing was changed
     """
 
     frames: int
@@ -35,12 +37,13 @@ class SeriesState:
     interpolate: bool
     memory_bytes: int
     volume_revision: int
+    applied_tick: int | None = None
 
 
-def _state_of(series: series_pb2.SeriesState) -> SeriesState:
+def _state_of(series: series_pb2.SeriesState, applied_tick: int | None = None) -> SeriesState:
     return SeriesState(series.frames, series.position_frames, series.playing, series.rate_hz,
                        series.loop, series.interpolate, series.memory_bytes,
-                       series.volume_revision)
+                       series.volume_revision, applied_tick)
 
 
 class Series:
@@ -58,7 +61,7 @@ class Series:
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
              device_mm_per_volume_mm: float | None = None, grid: str = "", component: str = "",
              raw: Raw | None = None, discard_edits: bool = False,
-             progress: Progress | None = None) -> SeriesState:
+             settings: Changes | None = None, progress: Progress | None = None) -> SeriesState:
         """Loads all frames, puts the first under the stylus and pauses there.
 
         sources: paths on the daemon's machine, in the order of time: files of one frame each, or
@@ -74,9 +77,10 @@ class Series:
         request = series_pb2.LoadSeriesRequest(
             sources=[self._link.path(source) for source in sources],
             options=load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
-                                 spacing_mm, None, grid, component, raw, discard_edits))
+                                 spacing_mm, None, grid, component, raw, discard_edits, settings))
         events = self._link.events(self._stub.LoadSeries, request)
-        return _state_of(result_of(events, progress).series)
+        result = result_of(events, progress)
+        return _state_of(result.series, result.applied_tick)
 
     def state(self) -> SeriesState:
         """Returns the series and its position. Errors: see help(palpate.Series).
@@ -116,10 +120,10 @@ class Series:
         return self._control(series_pb2.ControlSeriesRequest(playing=False))
 
     def seek(self, position_frames: float) -> SeriesState:
-        """Goes to a frame.
+        """Goes to a frame. Returns when the servo uses it.
 
         position_frames: 0 to frames - 1; may be a fraction if the series is interpolated.
-        Errors: see help(palpate.Series). Example: conn.series.seek(0)
+        Errors: see help(palpate.Series). Example: conn.series.seek(0).applied_tick
         """
         return self._control(series_pb2.ControlSeriesRequest(
             position_frames=number("position_frames", position_frames)))
@@ -139,4 +143,5 @@ class Series:
         return self._control(request)
 
     def _control(self, request: series_pb2.ControlSeriesRequest) -> SeriesState:
-        return _state_of(self._link.call(self._stub.ControlSeries, request).series)
+        answer = self._link.call(self._stub.ControlSeries, request)
+        return _state_of(answer.series, answer.applied_tick)

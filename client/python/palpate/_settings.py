@@ -1,15 +1,14 @@
 """The settings, as attributes that the daemon holds."""
 
+import collections.abc
 import dataclasses
 import typing
-
-from google.protobuf import field_mask_pb2
 
 from palpate._link import Link
 from palpate._setting_kinds import Setting
 from palpate._setting_list import SettingList
 from palpate._values import whole_or_none
-from palpate.v1 import render_pb2, render_pb2_grpc
+from palpate.v1 import render_pb2, render_pb2_grpc, volume_pb2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,12 +65,8 @@ class Settings(SettingList):
         Example: conn.settings.update(isovalue=300.0, stiffness_n_per_mm=0.8)
         """
         request = render_pb2.UpdateSettingsRequest(
-            update_mask=field_mask_pb2.FieldMask(paths=list(changes)),
             expected_revision=whole_or_none("expected_revision", expected_revision))
-        for name, value in changes.items():
-            if name not in _SETTINGS:
-                raise AttributeError(f"there is no setting {name!r}", name=name, obj=self)
-            setattr(request.settings, name, _SETTINGS[name].parse(name, value))
+        put_changes(request, changes)
         answer = self._link.call(self._stub.UpdateSettings, request)
         return Applied(answer.settings_revision, answer.applied_tick)
 
@@ -80,6 +75,16 @@ class Settings(SettingList):
 
     def __repr__(self) -> str:
         return f"<palpate settings: {', '.join(_SETTINGS)}>"
+
+
+def put_changes(request: render_pb2.UpdateSettingsRequest | volume_pb2.LoadVolumeRequest,
+                changes: collections.abc.Mapping[str, typing.Any]) -> None:
+    """Puts settings, by name, into a request. Errors: AttributeError, InvalidArgument."""
+    for name, value in changes.items():
+        if name not in _SETTINGS:
+            raise AttributeError(f"there is no setting {name!r}", name=name, obj=Settings)
+        setattr(request.settings, name, _SETTINGS[name].parse(name, value))
+        request.update_mask.paths.append(name)
 
 
 _SETTINGS: dict[str, Setting[typing.Any]] = {

@@ -21,7 +21,7 @@ Parts = collections.abc.Sequence[bytes | memoryview]
 def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
                 options: volume_pb2.LoadVolumeRequest, progress: Progress | None,
                 files: collections.abc.Sequence[str] | None = None
-                ) -> volume_pb2.VolumeDescription:
+                ) -> volume_pb2.UploadVolumeResponse:
     """Sends a file made of these parts, or a folder with one file for each part.
 
     Errors: palpate.Error, and exceptions of `progress`.
@@ -51,7 +51,7 @@ def send_volume(link: Link, stub: typing.Any, name: str, parts: Parts,
         call.cancel()
         raise
     answer: volume_pb2.UploadVolumeResponse = link.result_of(call)
-    return answer.volume
+    return answer
 
 
 def _requests(start: volume_pb2.UploadVolumeStart,

@@ -12,7 +12,7 @@ from palpate._follow import LiveVolume
 from palpate._geometry import Triple, array_of_vector, matrix_of_map, numbers_of, three
 from palpate._html import numbers, table
 from palpate._link import Link
-from palpate._load_options import Raw, load_options
+from palpate._load_options import Changes, Raw, load_options
 from palpate._nrrd import nrrd_of
 from palpate._placement import Placement, Quadruple, Turn, place, update_of
 from palpate._progress import Progress, result_of
@@ -61,6 +61,8 @@ class VolumeInfo:
     is_level_set: values are signed distances from a surface at 0, negative inside
     warnings: what the import assumed or left out, one line each, such as a spacing that the
         file does not state
+    applied_tick: of a load or an upload: first tick that used the volume; Poses.tick has the same
+        numbers. None: nothing was loaded
     """
 
     source: str
@@ -80,6 +82,7 @@ class VolumeInfo:
     unsaved_edits: int
     is_level_set: bool
     warnings: tuple[str, ...]
+    applied_tick: int | None = None
 
     def _repr_html_(self) -> str:
         return table("palpate volume", (
@@ -92,7 +95,7 @@ class VolumeInfo:
             *(("warning", warning) for warning in self.warnings)))
 
 
-def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
+def info_of(volume: volume_pb2.VolumeDescription, applied_tick: int | None = None) -> VolumeInfo:
     return VolumeInfo(
         source=volume.source, volume_revision=volume.volume_revision,
         loaded_revision=volume.loaded_revision,
@@ -104,7 +107,7 @@ def info_of(volume: volume_pb2.VolumeDescription) -> VolumeInfo:
         device_mm_per_volume_mm=volume.device_mm_per_volume_mm,
         memory_bytes=volume.memory_bytes, frames=volume.frames,
         unsaved_edits=volume.unsaved_edits, is_level_set=volume.is_level_set,
-        warnings=tuple(volume.warnings))
+        warnings=tuple(volume.warnings), applied_tick=applied_tick)
 
 
 class VolumeAccess:
@@ -141,7 +144,8 @@ class VolumeAccess:
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
              device_mm_per_volume_mm: float | None = None, frame: int | None = None,
              grid: str = "", component: str = "", raw: Raw | None = None,
-             discard_edits: bool = False, progress: Progress | None = None) -> VolumeInfo:
+             discard_edits: bool = False, settings: Changes | None = None,
+             progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by a file of the daemon's machine. Returns when the servo uses it.
 
         source: path of a file or DICOM folder there, or "builtin:NAME[:N]". Over a socket, a
@@ -155,27 +159,31 @@ class VolumeAccess:
         component: for a grid of vectors: "magnitude", "x", "y" or "z".
         raw: for a file that holds only voxels.
         discard_edits: drop edits of the present volume that are not saved.
+        settings: changed at the same tick, by name, as Settings.update takes them. If one is
+        refused, the volume is not replaced.
         progress: called with the current step, such as "reading", and the share done, 0 to 1. If
         it raises an exception, the load is cancelled and fails with that exception. If it returns
         False, the load is cancelled and fails with Cancelled.
         Errors: InvalidArgument (not a volume), NotFound, PermissionDenied (a folder that the
         daemon does not load from), TooLarge, Conflict (another load runs), FailedPrecondition
-        (edits are not saved, and discard_edits is not set), Cancelled, Unavailable.
-        Example: conn.volume.load("/data/head.nrrd", isovalue=300)
+        (edits are not saved, and discard_edits is not set), Cancelled, AttributeError (no such
+        setting), Unavailable.
+        Example: conn.volume.load("/data/head.nrrd", isovalue=300).applied_tick
         """
         request = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
-                               frame, grid, component, raw, discard_edits)
+                               frame, grid, component, raw, discard_edits, settings)
         text = path_text(source)
         request.source = text if text.startswith("builtin:") else self._link.path(text)
         events = self._link.events(self._stub.LoadVolume, request)
-        return info_of(result_of(events, progress).volume)
+        result = result_of(events, progress)
+        return info_of(result.volume, result.applied_tick)
 
     def upload(self, values: npt.ArrayLike, spacing_mm: Triple = (1.0, 1.0, 1.0), *,
                world_from_index: npt.ArrayLike | None = None, unit: str = "",
                name: str = "array", isovalue: float | None = None,
                normalized_isovalue: float | None = None,
                device_mm_per_volume_mm: float | None = None, discard_edits: bool = False,
-               progress: Progress | None = None) -> VolumeInfo:
+               settings: Changes | None = None, progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by an array. Returns when the servo uses it.
 
         values: (nx, ny, nz), indexed [x, y, z], data units; integers of at most 32 bits, or
@@ -193,15 +201,17 @@ class VolumeAccess:
             raise InvalidArgument("world_from_index is a 4 by 4 matrix")
         header, voxels = nrrd_of(values, matrix, text_of("unit", unit))
         options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
-                               discard_edits=discard_edits)
-        return info_of(send_volume(self._link, self._stub, f"{name}.nrrd", [header, voxels],
-                                   options, progress))
+                               discard_edits=discard_edits, settings=settings)
+        answer = send_volume(self._link, self._stub, f"{name}.nrrd", [header, voxels], options,
+                             progress)
+        return info_of(answer.volume, answer.applied_tick)
 
     def upload_file(self, path: str | os.PathLike[str], *, isovalue: float | None = None,
                     normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
                     device_mm_per_volume_mm: float | None = None, frame: int | None = None,
                     grid: str = "", component: str = "", raw: Raw | None = None,
-                    discard_edits: bool = False, progress: Progress | None = None) -> VolumeInfo:
+                    discard_edits: bool = False, settings: Changes | None = None,
+                    progress: Progress | None = None) -> VolumeInfo:
         """Replaces the volume by a file of this program's machine. Returns when the servo uses it.
 
         path: a file of any one-file format of load(), or a folder of DICOM or TIFF files. It is
@@ -209,7 +219,7 @@ class VolumeAccess:
         Example: conn.volume.upload_file("head.nrrd")
         """
         options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm, spacing_mm,
-                               frame, grid, component, raw, discard_edits)
+                               frame, grid, component, raw, discard_edits, settings)
         source = pathlib.Path(path_text(path))
         try:
             files = sorted(f for f in source.iterdir() if f.is_file()) if source.is_dir() else None
@@ -220,9 +230,9 @@ class VolumeAccess:
             raise PermissionDenied(f"the file {os.fspath(path)} may not be read") from None
         except OSError as failed:
             raise InvalidArgument(f"{os.fspath(path)} cannot be read: {failed.strerror}") from None
-        return info_of(send_volume(self._link, self._stub, source.name or source.resolve().name,
-                                   parts, options, progress,
-                                   [file.name for file in files] if files else None))
+        answer = send_volume(self._link, self._stub, source.name or source.resolve().name, parts,
+                             options, progress, [file.name for file in files] if files else None)
+        return info_of(answer.volume, answer.applied_tick)
 
     def download(self, *, progress: Progress | None = None) -> Volume:
         """Returns a copy of the present volume, with its edits. Voxels are of the file's own type.
