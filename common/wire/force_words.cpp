@@ -51,6 +51,8 @@ std::string InWords(v1::ForceReason reason) {
       return "emergency stop: 'palpate device enable' ends it";
     case v1::FORCE_REASON_STOP_BUTTON:
       return "emergency stop by the stylus's buttons: let them go, then 'palpate device enable'";
+    case v1::FORCE_REASON_REPLAY:
+      return "until the replay ends";
     default:
       return "";
   }

@@ -26,12 +26,6 @@ std::uint64_t KeptBytes(const VolumeSnapshot& before, const VolumeSnapshot& volu
   return bytes;
 }
 
-// Sets the flag until the end of the scope.
-struct Running {
-  std::atomic<bool>& flag;
-  ~Running() { flag.store(false); }
-};
-
 // Of a volume that no file gives again, all voxels are stored, unless they are too many.
 std::uint64_t StoredBytes(const RecordedScene& scene, const VolumeSnapshot& volume) {
   const std::uint64_t bytes = volume.bricks().MemoryBytes();
@@ -108,13 +102,20 @@ RecordingStatus RecordingControl::Stop() {
 
 RecordingStatus RecordingControl::status() const {
   const std::lock_guard lock(mutex_);
-  if (!recorder_) return last_;
+  RecordingStatus status = last_;
+  status.replay = replay_;
+  if (!recorder_) return status;
   const RecorderReport report = recorder_->report();
-  return {.running = !report.error,
-          .path = last_.path,
-          .counts = report.counts,
-          .error = report.error,
-          .left_out = report.left_out};
+  status.running = !report.error;
+  status.counts = report.counts;
+  status.error = report.error;
+  status.left_out = report.left_out;
+  return status;
+}
+
+void RecordingControl::SetReplay(std::optional<RunningReplay> replay) {
+  const std::lock_guard lock(mutex_);
+  replay_ = std::move(replay);
 }
 
 std::int64_t RecordingControl::Mark(const std::string& text) {
@@ -134,10 +135,17 @@ void RecordingControl::Replay(const std::string& path, const ViewerReplayOptions
     CheckIdle();
     replaying_.store(true);
   }
-  const Running running{replaying_};
+  struct Running {
+    RecordingControl& control;
+    ~Running() {
+      control.SetReplay({});
+      control.replaying_.store(false);
+    }
+  } const running{*this};
   RecordingReader reader(paths_.open(path), path);
   RecordingOutline outline = OutlineOf(path, cancelled);
   const auto progress = [&](const ViewerReplayState& state) {
+    SetReplay({{options.by, path, state.ticks, outline.ticks, options.speed}});
     report({state, outline.ticks, std::exchange(outline.markers, {})});
   };
   ReplayToViewers(session_, pump_, reader, options, progress, cancelled);

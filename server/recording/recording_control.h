@@ -22,12 +22,22 @@
 
 namespace palpate {
 
+// What viewers get in place of the live ticks.
+struct RunningReplay {
+  std::string by{};
+  std::string path{};
+  std::uint64_t ticks = 0;  // as in ViewerReplayState
+  std::uint64_t total_ticks = 0;
+  double speed = 1.0;
+};
+
 struct RecordingStatus {
   bool running = false;
   std::string path{};  // of the last recording; empty: none yet
   RecordingCounts counts{};
   std::optional<Error> error{};  // why the recording ended early
   std::string left_out{};        // why some ticks cannot be computed again; empty: all can
+  std::optional<RunningReplay> replay{};
 };
 
 // Decide which files may be written and read. Each function takes the name that a client sent.
@@ -92,6 +102,7 @@ class RecordingControl final : public SceneListener {
   };
 
   RecordingOutline OutlineOf(const std::string& path, const std::function<bool()>& cancelled);
+  void SetReplay(std::optional<RunningReplay> replay);
   void CheckIdle() const;
   std::shared_ptr<Recorder> recorder() const;
 
@@ -113,6 +124,7 @@ class RecordingControl final : public SceneListener {
   std::shared_ptr<const VolumeSnapshot> volume_;  // the scene's
   std::shared_ptr<Recorder> recorder_;
   RecordingStatus last_;  // of the previous recording, but its path is the present recording's
+  std::optional<RunningReplay> replay_;
 
   const Listening listening_{session_, *this};
 };

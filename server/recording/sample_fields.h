@@ -53,10 +53,10 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("calibrated", sample.calibrated);
 }
 
-// The list covers the whole sample except for the padding at its end.
+// The list covers the whole sample except for `replayed` and the padding at its end.
 static_assert([] {
   TickSample sample;
-  std::size_t bytes = 0;
+  std::size_t bytes = sizeof sample.replayed;
   VisitFields(sample, [&](std::string_view, auto& field) { bytes += sizeof field; });
   constexpr std::size_t kAlign = alignof(TickSample);
   return (bytes + kAlign - 1) / kAlign * kAlign == sizeof(TickSample);

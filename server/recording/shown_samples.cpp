@@ -26,6 +26,10 @@ TickSample ShownSamples::Shown(const TickSample& live) {
   shown.missed_ticks = live.missed_ticks;
   shown.capped_ticks = live.capped_ticks;
   shown.faulty_ticks = live.faulty_ticks;
+  shown.force_state = live.force_state;
+  shown.force_reason = live.force_reason;
+  shown.force_limit_n = live.force_limit_n;
+  shown.replayed = true;
   return shown;
 }
 

@@ -1,8 +1,8 @@
 // Shows recorded samples in place of live ones, at the recorded pace.
 //
 // The live ticks are the clock. For each live tick, the recorded sample of that moment is shown
-// with the live tick's number, time, revisions and counters. So streams continue without a jump,
-// and can be thinned out as usual, at any speed.
+// with the live tick's number, time, revisions, counters and state of the forces, and is marked as
+// replayed. So streams continue without a jump, and can be thinned out as usual, at any speed.
 //
 // Positions: ms of the recording. Its samples are 1 ms apart or more.
 // Threads: any. Real-time: none, but a call waits at most as long as a copy takes.

@@ -25,6 +25,8 @@ struct ViewerReplayOptions {
   double speed = 1.0;  // multiple of real time, above 0, at most kMaxReplaySpeed
   // Starts at this place (recording_outline.h). What changed before it is applied at once.
   std::uint64_t first_tick = 0;
+  // Who replays, in words; told to viewers.
+  std::string by{};
 };
 
 struct ViewerReplayState {

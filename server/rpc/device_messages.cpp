@@ -66,11 +66,16 @@ v1::CallerDescription ToProto(const Identity& caller) {
   return description;
 }
 
-v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n) {
+v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n, bool replay) {
   v1::ForceStatus out;
   out.set_state(EnumToProto<v1::ForceState>(state));
   out.set_reason(EnumToProto<v1::ForceReason>(reason));
   out.set_limit_n(limit_n);
+  // For the safety stage, a replay is no state: it gets zero forces to write.
+  if (replay && (state == ForceState::kOn || state == ForceState::kRampIn)) {
+    out.set_state(v1::FORCE_STATE_HELD);
+    out.set_reason(v1::FORCE_REASON_REPLAY);
+  }
   return out;
 }
 

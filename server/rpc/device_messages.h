@@ -14,6 +14,7 @@ v1::DeviceHealth ToProto(const DeviceHealth& health);
 // Does not set in_use.
 v1::ListedDevice ToProto(const ListedDevice& device);
 v1::CallerDescription ToProto(const Identity& caller);
-v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n);
+// `replay`: a recording is replayed to viewers, so nothing acts.
+v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n, bool replay);
 
 }  // namespace palpate

@@ -19,8 +19,8 @@ namespace {
 
 constexpr std::chrono::seconds kTickPatience{1};
 
-v1::ForceStatus ToProto(const ForceTick& forces) {
-  return palpate::ToProto(forces.state, forces.reason, forces.limit_n);
+v1::ForceStatus ToProto(const ForceTick& forces, bool replay = false) {
+  return palpate::ToProto(forces.state, forces.reason, forces.limit_n, replay);
 }
 
 bool ForcesAreKnown(const DeviceSpec& spec) {
@@ -54,8 +54,8 @@ grpc::Status NotRead() {
 }
 
 template <typename Response>
-void Answer(const ForceTick& forces, Response& response) {
-  *response.mutable_forces() = ToProto(forces);
+void Answer(const ForceTick& forces, Response& response, bool replay = false) {
+  *response.mutable_forces() = ToProto(forces, replay);
   response.set_applied_tick(forces.since_tick);
 }
 
@@ -114,7 +114,7 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
                          *response->mutable_caller() = palpate::ToProto(admission.caller());
                          *response->mutable_health() = palpate::ToProto(device_.health());
                          if (const auto forces = forces_.newest()) {
-                           *response->mutable_forces() = ToProto(*forces);
+                           *response->mutable_forces() = ToProto(*forces, session_.forces_off());
                            response->set_forces_set_by(SetBy(*forces));
                          }
                          if (hand_) response->set_hand_led_by(hand_->led_by());
@@ -155,7 +155,7 @@ Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesR
                          const ForceTick forces = Command(ForceCommand::kEnable);
                          CheckEnabled(forces);
                          Note(ForceCommand::kEnable, by);
-                         Answer(forces, *response);
+                         Answer(forces, *response, session_.forces_off());
                        });
 }
 

@@ -18,6 +18,7 @@
 #include "server/rpc/lead_hand.h"
 #include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
+#include "server/session/session.h"
 
 namespace palpate {
 
@@ -28,12 +29,14 @@ class DeviceService final : public v1::DeviceService::CallbackService {
  public:
   // Borrows all arguments except the list. `hand`: null if the device is not the simulated one.
   DeviceService(Calls& calls, HapticDevice& device, LedHand* hand, ServoLoop& servo,
-                const SceneInbox& inbox, const ForceWatch& forces, DeviceList list)
+                const SceneInbox& inbox, const Session& session, const ForceWatch& forces,
+                DeviceList list)
       : calls_(calls),
         device_(device),
         hand_(hand),
         servo_(servo),
         inbox_(inbox),
+        session_(session),
         forces_(forces),
         list_(std::move(list)) {}
 
@@ -66,6 +69,7 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   LedHand* const hand_;
   ServoLoop& servo_;
   const SceneInbox& inbox_;
+  const Session& session_;
   const ForceWatch& forces_;
   DeviceList list_;
 

@@ -120,8 +120,9 @@ v1::PoseSample ToProto(const TickSample& sample) {
   out.set_iterations(sample.iterations);
   out.set_capped_ticks(sample.capped_ticks);
   out.set_free_side(ToProto(sample.free_side));
-  *out.mutable_forces() =
-      palpate::ToProto(sample.force_state, sample.force_reason, sample.force_limit_n);
+  *out.mutable_forces() = palpate::ToProto(sample.force_state, sample.force_reason,
+                                           sample.force_limit_n, sample.replayed);
+  out.set_replayed(sample.replayed);
   return out;
 }
 

@@ -21,6 +21,13 @@ v1::RecordingState ToProto(const RecordingStatus& status) {
     out.set_disk_full(status.error->kind() == ErrorKind::kDiskFull);
   }
   out.set_left_out(status.left_out);
+  if (const auto& replay = status.replay) {
+    out.mutable_replay()->set_by(replay->by);
+    out.mutable_replay()->set_path(replay->path);
+    out.mutable_replay()->set_ticks(replay->ticks);
+    out.mutable_replay()->set_total_ticks(replay->total_ticks);
+    out.mutable_replay()->set_speed(replay->speed);
+  }
   return out;
 }
 
@@ -110,15 +117,16 @@ EventStream<v1::ReplayResponse>* RecordingService::Replay(CallContext* context,
         const auto report = [&](const ReplayReport& now) {
           // Only now the path is known to be allowed.
           if (!std::exchange(is_logged, true)) {
-            LogInfo("replaying {} to viewers, from tick {}", request->path(),
-                    request->first_tick());
+            LogInfo("replaying {} to viewers, from tick {}, by {}", request->path(),
+                    request->first_tick(), events.admission().Who());
           }
           ticks = now.state.ticks;
           events.Send(ToProto(now));
         };
         const ViewerReplayOptions options = {
             .speed = request->speed() == 0.0 ? 1.0 : request->speed(),
-            .first_tick = request->first_tick()};
+            .first_tick = request->first_tick(),
+            .by = events.admission().Who()};
         control_.Replay(request->path(), options, report, cancelled);
         LogInfo("replayed {} to tick {}", request->path(), ticks);
       });

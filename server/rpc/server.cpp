@@ -119,8 +119,8 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       volume_(calls_, parts.session, parts.editor, options_.paths, options_.uploads,
               volume_streams_, parts.metrics),
       series_(calls_, parts.session, parts.series, options_.paths),
-      device_(calls_, parts.device, parts.hand, parts.servo, parts.inbox, parts.forces,
-              parts.list_devices),
+      device_(calls_, parts.device, parts.hand, parts.servo, parts.inbox, parts.session,
+              parts.forces, parts.list_devices),
       recording_(calls_, parts.recording),
       activity_(calls_) {}
 

@@ -50,6 +50,9 @@ struct TickSample {
   DeviceStatus device_status = DeviceStatus::kOk;
   bool docked = false;
   bool calibrated = true;
+  // Shown to viewers in place of a live tick (SampleReplacement). The servo and recordings never
+  // have such a sample, so recordings do not store this field.
+  bool replayed = false;
 };
 static_assert(std::is_trivially_copyable_v<TickSample>);
 

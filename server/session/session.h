@@ -12,6 +12,7 @@
 // Errors: Error; then nothing changes.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -170,6 +171,8 @@ class Session {
 
   // No force is felt while this is on.
   void SetForcesOff(bool off);
+  // Takes no lock.
+  bool forces_off() const { return forces_off_; }
 
   // Returns the tick at which the servo first used a scene. Throws kUnavailable.
   AppliedTick WaitForServo(std::uint64_t scene_revision);
@@ -225,7 +228,7 @@ class Session {
   AffineMap X_DI_;
   RenderSettings settings_;
   FreeSide side_of_densities_ = FreeSide::kBelow;  // the free side to restore after a level set
-  bool forces_off_ = false;
+  std::atomic<bool> forces_off_{false};            // written under the lock
   bool has_volume_ = false;  // volume_ is not the empty one of the start
   std::uint64_t settings_revision_ = 0;
   std::uint64_t geometry_revision_ = 0;

@@ -153,6 +153,7 @@ class DeviceServiceRig {
 
   ServoLoop& servo() { return servo_; }
   Pump& pump() { return data_.pump(); }
+  Session& session() { return data_.session(); }
 
   FakeDevice device;
   std::vector<ListedDevice> list;
@@ -176,10 +177,11 @@ class DeviceServiceRig {
   Access access_;
   Calls calls_{access_, data_.session().first_load()};
   LedHand hand_;
-  DeviceService service_{calls_, device, &hand_, servo_, data_.inbox(), forces_, [this] {
-                           if (no_list) throw Error(*no_list);
-                           return list;
-                         }};
+  DeviceService service_{
+      calls_, device, &hand_, servo_, data_.inbox(), data_.session(), forces_, [this] {
+        if (no_list) throw Error(*no_list);
+        return list;
+      }};
 
   // On a socket, whose clients are the admin.
   const test::TemporaryFolder folder_;
@@ -297,6 +299,24 @@ TEST(DeviceService, ADockedStylusIsHeldAndThatIsNoError) {
   EXPECT_EQ(rig.answer.reason(), v1::FORCE_REASON_DOCKED);
   rig.device.docked = false;
   EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));
+}
+
+// Forces that are enabled in a replay come at its end. Stopped in it, they stay so.
+TEST(DeviceService, ForcesAreHeldInAReplay) {
+  DeviceServiceRig rig;
+  rig.session().SetForcesOff(true);
+  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
+  ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_HELD);
+  EXPECT_EQ(rig.answer.reason(), v1::FORCE_REASON_REPLAY);
+  EXPECT_EQ(rig.Get().forces().reason(), v1::FORCE_REASON_REPLAY);
+  rig.session().SetForcesOff(false);
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));
+  rig.session().SetForcesOff(true);
+  ASSERT_TRUE(rig.Stop().ok());
+  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_STOPPED);
+  rig.session().SetForcesOff(false);
+  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_STOPPED);
 }
 
 TEST(DeviceService, AStopOfAServoThatStandsStaysSet) {

@@ -141,6 +141,26 @@ TEST(PoseSample, EveryStateAndReasonOfForcesHasItsOwnOnTheWire) {
   EXPECT_EQ(ToProto(sample).forces().limit_n(), 1.25);
 }
 
+// What the safety stage would let through does not come, either: its input is zero.
+TEST(PoseSample, NothingActsInAReplay) {
+  TickSample sample;
+  sample.force_state = ForceState::kOn;
+  sample.force_reason = ForceReason::kNone;
+  EXPECT_FALSE(ToProto(sample).replayed());
+  sample.replayed = true;
+  EXPECT_TRUE(ToProto(sample).replayed());
+  for (const ForceState state : {ForceState::kOn, ForceState::kRampIn}) {
+    sample.force_state = state;
+    EXPECT_EQ(ToProto(sample).forces().state(), v1::FORCE_STATE_HELD);
+    EXPECT_EQ(ToProto(sample).forces().reason(), v1::FORCE_REASON_REPLAY);
+  }
+  // The other states outlast the replay.
+  sample.force_state = ForceState::kStopped;
+  sample.force_reason = ForceReason::kStopCall;
+  EXPECT_EQ(ToProto(sample).forces().state(), v1::FORCE_STATE_STOPPED);
+  EXPECT_EQ(ToProto(sample).forces().reason(), v1::FORCE_REASON_STOP_CALL);
+}
+
 TEST(PoseSample, EveryModeHasItsOwnOnTheWire) {
   TickSample sample;
   for (const auto& [mode, name] : {std::pair{TickMode::kFree, v1::PROXY_MODE_FREE},

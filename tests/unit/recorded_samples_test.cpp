@@ -267,6 +267,9 @@ TickSample Live(std::uint64_t tick, std::uint64_t missed = 0) {
   live.scene_revision = 11;
   live.settings_revision = 12;
   live.volume_revision = 13;
+  live.force_state = ForceState::kStopped;
+  live.force_reason = ForceReason::kStopCall;
+  live.force_limit_n = 2.5;
   return live;
 }
 
@@ -277,6 +280,7 @@ void Fill(ShownSamples& shown, int count) {
 TEST(ShownSamples, AreLiveUntilTheFirstIsDue) {
   ShownSamples shown(1.0);
   EXPECT_EQ(shown.Shown(Live(5)).hip_mm, Live(5).hip_mm);
+  EXPECT_FALSE(shown.Shown(Live(5)).replayed);
   Fill(shown, 3);
   for (std::uint64_t n = 0; n < 3; ++n) {
     const TickSample sample = shown.Shown(Live(6 + n));
@@ -288,6 +292,10 @@ TEST(ShownSamples, AreLiveUntilTheFirstIsDue) {
     EXPECT_EQ(sample.volume_revision, 13u);
     EXPECT_EQ(sample.buttons, RandomSample(n).buttons);
     EXPECT_EQ(sample.mode, RandomSample(n).mode);
+    EXPECT_TRUE(sample.replayed);
+    EXPECT_EQ(sample.force_state, ForceState::kStopped);
+    EXPECT_EQ(sample.force_reason, ForceReason::kStopCall);
+    EXPECT_EQ(sample.force_limit_n, 2.5);
   }
   // The last one stays, and nothing runs ahead meanwhile.
   EXPECT_EQ(shown.Shown(Live(100)).buttons, RandomSample(2).buttons);

@@ -223,13 +223,17 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
     ASSERT_EQ(shown[n].tick, live[n].tick);
     ASSERT_EQ(shown[n].volume_revision, live[n].volume_revision);
     ASSERT_EQ(shown[n].scene_revision, live[n].scene_revision);
-    if (is_same(shown[n], live[n])) continue;
+    ASSERT_EQ(shown[n].force_state, live[n].force_state);
+    EXPECT_FALSE(live[n].replayed);
+    ASSERT_EQ(shown[n].replayed, !is_same(shown[n], live[n]));
+    if (!shown[n].replayed) continue;
     while (next < recorded.size() && !is_same(shown[n], recorded[next])) ++next;
     ASSERT_LT(next, recorded.size());
   }
   EXPECT_EQ(next + 1, recorded.size());
   // Live again.
   EXPECT_NE(shown.back().mode, TickMode::kSuspended);
+  EXPECT_FALSE(shown.back().replayed);
   EXPECT_EQ(shown.back().hip_mm, live.back().hip_mm);
 }
 
@@ -375,6 +379,30 @@ TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
   }));
   control_.Start(File("b"), false);  // the way is free
   control_.Stop();
+}
+
+// Everybody can ask who replays what, from the first tick to the last, and nobody else.
+TEST_F(RecordingControlTest, SaysWhoReplaysWhat) {
+  const std::vector<TickSample> recorded = RecordEdits("a");
+  EXPECT_FALSE(control_.status().replay);
+  std::uint64_t reports = 0;
+  control_.Replay(
+      File("a"), {.speed = 4.0, .by = "token ada"},
+      [&](const ReplayReport& now) {
+        const std::optional<RunningReplay> replay = control_.status().replay;
+        ASSERT_TRUE(replay);
+        EXPECT_EQ(replay->by, "token ada");
+        EXPECT_EQ(replay->path, File("a"));
+        EXPECT_EQ(replay->ticks, now.state.ticks);
+        EXPECT_EQ(replay->total_ticks, recorded.size());
+        EXPECT_EQ(replay->speed, 4.0);
+        ++reports;
+      },
+      kNever);
+  EXPECT_GT(reports, 0u);
+  EXPECT_FALSE(control_.status().replay);
+  Refusal([&] { control_.Replay(File("absent"), {}, kUnwatched, kNever); });
+  EXPECT_FALSE(control_.status().replay);
 }
 
 // Where the volume lay is shown, too, and put back.
