@@ -69,6 +69,9 @@ void AddFailures(const client::DeviceHealth& before, const client::DeviceHealth&
   if (f.samples == 0) {
     f.failures.emplace_back("no ticks came: see 'palpate info', and palpated's log");
   }
+  if (f.replayed) {
+    f.failures.emplace_back("a recording was replayed: test the device when the replay has ended");
+  }
   if (streams) AddCountFailures(f);
 }
 
@@ -105,6 +108,7 @@ void DeviceTest::Add(const client::Pose& pose) {
   ++counts_.samples;
   counts_.stale_ticks += pose.forces.reason == client::ForceReason::kStale ? 1 : 0;
   counts_.fault_ticks += pose.mode == client::ProxyMode::kFault ? 1 : 0;
+  counts_.replayed = counts_.replayed || pose.replayed;
   counts_.buttons |= pose.buttons;
 }
 

@@ -30,6 +30,7 @@ struct DeviceTestFigures {
   std::uint64_t samples = 0;
   std::uint64_t stale_ticks = 0;
   std::uint64_t fault_ticks = 0;
+  bool replayed = false;                // some samples were of a replay, not of the device
   std::array<double, 3> range_mm{};     // along each axis
   std::array<double, 3> noise_mm{};     // standard deviation along each axis
   bool rested = false;                  // the stylus rested, so noise_mm is noise and not motion

@@ -1,8 +1,11 @@
+#include <optional>
+
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/device_description.h"
 #include "client/cli/isovalues.h"
 #include "client/cli/output.h"
+#include "client/cli/record_command.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
@@ -12,20 +15,21 @@ void PrintInfo(client::Calls& palpated, bool json) {
   const client::DaemonInfo daemon = palpated.GetDevice();
   const client::VolumeInfo volume = palpated.GetVolume();
   const client::Settings settings = palpated.GetSettings();
+  const std::optional<client::RunningReplay> replay = palpated.GetRecording().replay;
   if (json) {
     const Json info = {{"version", daemon.servo.version}, {"server", palpated.name()},
                        {"caller", CallerJson(daemon)},    {"device", ToJson(daemon.device)},
                        {"health", ToJson(daemon.health)}, {"forces", ForcesJson(daemon)},
                        {"servo", ToJson(daemon.servo)},   {"volume", ToJson(volume)},
-                       {"settings", ToJson(settings)}};
+                       {"settings", ToJson(settings)},    {"replay", ReplayJson(replay)}};
     WriteOutput(ToText(info, 2));
     return;
   }
   WriteOutput("palpated " + OneLine(daemon.servo.version) + " at " + palpated.name() + "\n" +
-              DescribeCaller(daemon) + Describe(daemon.device) + Describe(daemon.health) +
-              DescribeForces(daemon) + Describe(daemon.servo) + Describe(volume) +
-              DescribeIsovalues(volume, settings.isovalue) + DescribeWarnings(volume) +
-              Describe(settings));
+              DescribeCaller(daemon) + DescribeReplay(replay) + Describe(daemon.device) +
+              Describe(daemon.health) + DescribeForces(daemon) + Describe(daemon.servo) +
+              Describe(volume) + DescribeIsovalues(volume, settings.isovalue) +
+              DescribeWarnings(volume) + Describe(settings));
 }
 
 void PrintSettings(client::Calls& palpated, bool json) {
@@ -47,7 +51,8 @@ void Add(arguments::Command& app, Invocation& invocation, const std::string& nam
 }  // namespace
 
 void AddInfo(arguments::Command& app, Invocation& invocation) {
-  Add(app, invocation, "info", "Shows the daemon's version, device, servo, volume and settings",
+  Add(app, invocation, "info",
+      "Shows the daemon's version, device, servo, volume and settings, and whether a replay runs",
       "Example: palpate info --json | jq .servo.missed_ticks", PrintInfo);
 }
 

@@ -16,6 +16,7 @@
 #include "client/cli/output.h"
 #include "client/cli/paths_there.h"
 #include "client/interrupt/interrupt.h"
+#include "client/sdk/words.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
@@ -40,7 +41,7 @@ Json RecordingJson(const client::RecordingState& state) {
   return {{"running", state.running},       {"path", state.path},
           {"ticks", state.ticks},           {"lost_ticks", state.lost_ticks},
           {"size_bytes", state.size_bytes}, {"error", state.error},
-          {"left_out", state.left_out}};
+          {"left_out", state.left_out},     {"replay", ReplayJson(state.replay)}};
 }
 
 void ThrowIfEndedEarly(const client::RecordingState& state) {
@@ -106,6 +107,7 @@ void Show(client::Calls& palpated, bool json) {
               : state.running ? "recording: " + what + "\n"
               : what.empty()  ? "not recording\n"
                               : "not recording; the last: " + what + "\n");
+  if (!json && state.replay) WriteOutput(DescribeReplay(state.replay));
   WarnOfLeftOut(state);
   if (!state.running) ThrowIfEndedEarly(state);
 }
@@ -263,6 +265,28 @@ std::string DescribeRecording(const client::RecordingState& state) {
                                  ticks * 1e-3, state.lost_ticks, bytes * 1e-6);
   if (state.ticks > 0) text += fmt::format(", {:.0f} bytes per tick", bytes / ticks);
   return text + ", to " + OneLine(state.path);
+}
+
+std::string DescribeReplay(const std::optional<client::RunningReplay>& replay) {
+  std::string text;
+  AppendLine(text, "shows", replay ? client::InWords(replay) : "live");
+  if (replay) {
+    AppendLine(
+        text, "",
+        fmt::format(
+            "{} of {}, {}", TimeText(replay->ticks), TimeText(replay->total_ticks),
+            replay->is_paused() ? "paused" : fmt::format("{:g} times real time", replay->speed)));
+  }
+  return text;
+}
+
+Json ReplayJson(const std::optional<client::RunningReplay>& replay) {
+  if (!replay) return nullptr;
+  return {{"by", replay->by},
+          {"path", replay->path},
+          {"ticks", replay->ticks},
+          {"total_ticks", replay->total_ticks},
+          {"speed", replay->speed}};
 }
 
 }  // namespace palpate::cli

@@ -3,8 +3,10 @@
 // Threads: main only.
 #pragma once
 
+#include <optional>
 #include <string>
 
+#include "client/cli/description.h"
 #include "client/cli/invocation.h"
 
 namespace palpate::cli {
@@ -12,5 +14,10 @@ namespace palpate::cli {
 // Returns text such as "60000 ticks (60.0 s), 0 lost, 6.2 MB, 103 bytes per tick, to
 // /data/a.palrec". Pure.
 std::string DescribeRecording(const client::RecordingState& state);
+
+// What viewers see: the live ticks, or the replay. Returns lines that end with \n. Pure.
+std::string DescribeReplay(const std::optional<client::RunningReplay>& replay);
+// Null: the live ticks.
+Json ReplayJson(const std::optional<client::RunningReplay>& replay);
 
 }  // namespace palpate::cli

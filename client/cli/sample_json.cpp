@@ -33,7 +33,8 @@ Json ToJson(const client::Pose& pose) {
           {"update_ns", pose.update_ns},
           {"missed_ticks", pose.missed_ticks},
           {"iterations", pose.iterations},
-          {"capped_ticks", pose.capped_ticks}};
+          {"capped_ticks", pose.capped_ticks},
+          {"replayed", pose.replayed}};
 }
 
 }  // namespace palpate::cli

@@ -99,7 +99,7 @@ double MaxForceN(client::Calls& palpated) {
 
 class TextSink : public Sink {
  public:
-  explicit TextSink(client::Calls& palpated)
+  TextSink(client::Calls& palpated, double message_ms)
       : volume_(palpated),
         is_live_(IsTerminal(STDOUT_FILENO)),
         last_shown_ns_(NowNs()),
@@ -107,6 +107,7 @@ class TextSink : public Sink {
     status_.server = palpated.name();
     status_.age_is_exact = palpated.shares_clock();
     status_.max_force_n = MaxForceN(palpated);
+    status_.old_after_ms += 2.0 * message_ms;
   }
 
   ~TextSink() override {
@@ -164,9 +165,13 @@ class TextSink : public Sink {
   std::size_t shown_lines_ = 0;
 };
 
+double RateOf(const WatchOptions& options) {
+  return options.rate_hz.value_or(options.json ? 60.0 : 1000.0);
+}
+
 // Runs until the user ends it. Throws for any other end.
 void Pump(client::Calls& palpated, const WatchOptions& options, Sink& sink) {
-  const double rate_hz = options.rate_hz.value_or(options.json ? 60.0 : 1000.0);
+  const double rate_hz = RateOf(options);
   const std::int64_t start_ns = NowNs();
   client::PoseReader reader = palpated.ReadPoses(rate_hz, BatchFor(options, rate_hz));
   std::uint64_t left = options.count.value_or(UINT64_MAX);
@@ -191,7 +196,8 @@ void Watch(client::Calls& palpated, const WatchOptions& options) {
   if (options.json) {
     sink = std::make_unique<JsonSink>();
   } else {
-    sink = std::make_unique<TextSink>(palpated);
+    const double rate_hz = RateOf(options);
+    sink = std::make_unique<TextSink>(palpated, 1e3 * BatchFor(options, rate_hz) / rate_hz);
   }
   try {
     Pump(palpated, options, *sink);

@@ -65,6 +65,14 @@ std::string ProxyInWords(const client::Pose& pose) {
   return client::NameOf(pose.mode) + (pose.contact ? ", in contact" : ", no contact");
 }
 
+// Whether the sample is of now: live, old or of a replay.
+std::string WhatIsShown(const WatchStatus& status) {
+  if (status.figures.age_ms > status.old_after_ms) {
+    return fmt::format("old: nothing came for {:.1f} s", 1e-3 * status.figures.age_ms);
+  }
+  return status.pose->replayed ? client::InWords(std::nullopt) : "live";
+}
+
 std::vector<std::string> LoopLines(const WatchStatus& status) {
   const WatchFigures& f = status.figures;
   return {fmt::format("palpated at {}, {:.1f} s; Ctrl-C ends", status.server, f.seconds),
@@ -87,6 +95,7 @@ std::vector<std::string> LiveView(const WatchStatus& status, int columns, int ro
   } else {
     const client::Pose& s = *status.pose;
     const double force_n = s.force_n.norm();
+    lines.insert(lines.begin() + 1, "shows     " + WhatIsShown(status));
     lines.push_back("proxy     " + ProxyInWords(s));
     lines.push_back("HIP       " + Aligned(s.hip_mm));
     lines.push_back("SCP_H     " + Aligned(s.scp_h_mm));
@@ -113,14 +122,13 @@ std::string LogLine(const WatchStatus& status) {
   }
   const client::Pose& s = *status.pose;
   return fmt::format(
-      "{:.1f} s: {:.1f} samples/s, {:.1f} ticks/s, missed {:.1f}/s, {} in all ({:.3f} %), update "
-      "mean {:.1f} µs p99 {:.1f} µs, {}, HIP {} SCP_H {} SCP_V {} mm, SCP_H in LPS {} mm, force "
-      "{:.3f} N, "
-      "{}density {:.6g}, isovalue {}, settings {}, volume {}, age {}, dropped {}",
-      f.seconds, f.recent_samples_per_s, f.recent_ticks_per_s, f.recent_missed_per_s,
-      f.total_missed_ticks, f.total_missed_percent, f.recent_update.mean_us, f.recent_update.p99_us,
-      ProxyInWords(s), Compact(s.hip_mm), Compact(s.scp_h_mm), Compact(s.scp_v_mm),
-      Compact(status.scp_h_world_mm), s.force_n.norm(),
+      "{:.1f} s: {}, {:.1f} samples/s, {:.1f} ticks/s, missed {:.1f}/s, {} in all ({:.3f} %), "
+      "update mean {:.1f} µs p99 {:.1f} µs, {}, HIP {} SCP_H {} SCP_V {} mm, SCP_H in LPS {} mm, "
+      "force {:.3f} N, {}density {:.6g}, isovalue {}, settings {}, volume {}, age {}, dropped {}",
+      f.seconds, WhatIsShown(status), f.recent_samples_per_s, f.recent_ticks_per_s,
+      f.recent_missed_per_s, f.total_missed_ticks, f.total_missed_percent, f.recent_update.mean_us,
+      f.recent_update.p99_us, ProxyInWords(s), Compact(s.hip_mm), Compact(s.scp_h_mm),
+      Compact(s.scp_v_mm), Compact(status.scp_h_world_mm), s.force_n.norm(),
       LacksForces(s) ? "forces " + NameOf(s.forces) + ", " : "", s.density, Isovalue(status),
       s.settings_revision, s.volume_revision, Age(status), f.dropped_samples);
 }

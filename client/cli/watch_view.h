@@ -23,6 +23,8 @@ struct WatchStatus {
   double max_force_n = 0.0;
   // False between machines: the age then lacks the shortest network delay.
   bool age_is_exact = true;
+  // Samples this late or later are old: the daemon, or the way to it, is silent.
+  double old_after_ms = 500.0;
 };
 
 // The live view: at most `rows` lines without newlines, each at most `columns` characters wide.

@@ -7,7 +7,7 @@ namespace palpate::client {
 namespace {
 
 static_assert(static_cast<int>(ForceState::kStopped) == v1::FORCE_STATE_STOPPED);
-static_assert(static_cast<int>(ForceReason::kStopButton) == v1::FORCE_REASON_STOP_BUTTON);
+static_assert(static_cast<int>(ForceReason::kReplay) == v1::FORCE_REASON_REPLAY);
 static_assert(static_cast<int>(ForceReason::kDevice) == v1::FORCE_REASON_DEVICE);
 static_assert(static_cast<int>(VerificationLevel::kSimulated) == v1::VERIFICATION_LEVEL_SIMULATED);
 static_assert(static_cast<int>(DeviceConnection::kStreaming) == v1::DEVICE_CONNECTION_STREAMING);
@@ -52,7 +52,7 @@ ServoInfo ServoOf(const v1::ServoDescription& servo) {
 
 ForceStatus FromProto(const v1::ForceStatus& forces) {
   return {EnumOf(forces.state(), ForceState::kStopped),
-          EnumOf(forces.reason(), ForceReason::kStopButton), forces.limit_n()};
+          EnumOf(forces.reason(), ForceReason::kReplay), forces.limit_n()};
 }
 
 DeviceHealth FromProto(const v1::DeviceHealth& health) {
@@ -105,8 +105,14 @@ SeriesState FromProto(const v1::SeriesState& state, std::optional<std::uint64_t>
 }
 
 RecordingState FromProto(const v1::RecordingState& state) {
-  return {state.running(),    state.path(),  state.ticks(),     state.lost_ticks(),
-          state.size_bytes(), state.error(), state.disk_full(), state.left_out()};
+  RecordingState result = {state.running(),    state.path(),  state.ticks(),     state.lost_ticks(),
+                           state.size_bytes(), state.error(), state.disk_full(), state.left_out()};
+  if (state.has_replay()) {
+    const v1::RunningReplay& replay = state.replay();
+    result.replay = {replay.by(), replay.path(), replay.ticks(), replay.total_ticks(),
+                     replay.speed()};
+  }
+  return result;
 }
 
 v1::ControlSeriesRequest ToProto(const SeriesControl& control) {

@@ -97,6 +97,7 @@ Pose FromProto(const v1::PoseSample& sample) {
   pose.capped_ticks = sample.capped_ticks();
   pose.free_side = SideOf(sample.free_side());
   pose.forces = FromProto(sample.forces());
+  pose.replayed = sample.replayed();
   return pose;
 }
 

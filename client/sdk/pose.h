@@ -31,6 +31,7 @@ enum class ForceReason {
   kSpeed,
   kStopCall,
   kStopButton,
+  kReplay,
 };
 
 struct ForceStatus {
@@ -75,6 +76,9 @@ struct Pose {
   std::uint64_t capped_ticks = 0;  // at the cap on proxy moves, since the daemon started
   FreeSide free_side = FreeSide::kBelow;
   ForceStatus forces;
+  // A recording is replayed: this is a recorded tick in place of the live one. The forces are those
+  // of the live tick.
+  bool replayed = false;
 };
 
 // The samples of one message, or of all messages that waited during a slow callback.

@@ -5,10 +5,23 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace palpate::client {
+
+// What viewers get in place of the live ticks.
+struct RunningReplay {
+  std::string by;           // such as "token ada at ipv4:192.0.2.7:51544"
+  std::string path;         // on the daemon's machine
+  std::uint64_t ticks = 0;  // as in ReplayState
+  std::uint64_t total_ticks = 0;
+  double speed = 1.0;  // multiple of real time
+
+  // A viewer pauses by a very low speed.
+  bool is_paused() const { return speed < 1e-6; }
+};
 
 struct RecordingState {
   bool running = false;
@@ -20,6 +33,7 @@ struct RecordingState {
   bool disk_full = false;
   // Why some ticks cannot be computed again; empty: all can.
   std::string left_out;
+  std::optional<RunningReplay> replay{};  // none: viewers get the live ticks
 };
 
 struct RecordedMarker {

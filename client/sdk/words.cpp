@@ -44,6 +44,12 @@ std::string NameOf(DeviceConnection connection) {
 }
 std::string NameOf(Role role) { return After("ROLE_", v1::Role_Name(static_cast<v1::Role>(role))); }
 
+std::string InWords(const std::optional<RunningReplay>& replay) {
+  const std::string what =
+      replay ? " of " + replay->path.substr(replay->path.rfind('/') + 1) + " by " + replay->by : "";
+  return "replay" + what + ": forces are off";
+}
+
 std::string InWords(ForceReason reason) {
   return palpate::InWords(static_cast<v1::ForceReason>(reason));
 }

@@ -2,9 +2,11 @@
 // sentences for people. Pure; any thread.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "client/sdk/device.h"
+#include "client/sdk/recording.h"
 
 namespace palpate::client {
 
@@ -20,6 +22,10 @@ std::string NameOf(Role role);
 
 // "3 edits are not saved".
 std::string UnsavedInWords(std::uint64_t edits);
+
+// The sentence that everybody is told in a replay: "replay of trial-7.palrec by token ada: forces
+// are off". None: without the file and who replays it.
+std::string InWords(const std::optional<RunningReplay>& replay);
 
 // Says why forces are not fully on and what to do, in one line without a full stop. Empty if forces
 // are on.

@@ -230,6 +230,7 @@ TEST_F(DeviceJudgeTest, WhatIsNotWellFails) {
   using Change = std::function<void(Reading&)>;
   constexpr auto kAbsent = client::DeviceConnection::kAbsent;
   const std::vector<std::pair<Change, std::string>> cases = {
+      {[](Reading& r) { r.samples[5].replayed = true; }, "replay"},
       {[](Reading& r) { r.before.health.connection = kAbsent; }, "palpate device list"},
       {[](Reading& r) { r.after.health.connection = kAbsent; }, "palpate device list"},
       {[](Reading& r) {

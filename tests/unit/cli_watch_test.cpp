@@ -233,6 +233,22 @@ TEST(WatchViewTest, ShowsForcesThatAreNotOn) {
   EXPECT_TRUE(Shows(Live(status), "forces    stopped: ")) << Live(status);
 }
 
+TEST(WatchViewTest, SaysWhetherTheSampleIsOfNow) {
+  WatchStatus status = FullStatus();
+  const auto shows = [&](const std::string& what) {
+    return Shows(LogLine(status), ": " + what) && Shows(Live(status), "shows     " + what);
+  };
+  EXPECT_TRUE(shows("live")) << LogLine(status);
+  status.pose->replayed = true;
+  EXPECT_TRUE(shows("replay: forces are off")) << LogLine(status);
+  // Whatever the last sample was, it is not of now.
+  status.figures.age_ms = 2300.0;
+  EXPECT_TRUE(shows("old: ")) << LogLine(status);
+  EXPECT_TRUE(Shows(LogLine(status), "2.3 s")) << LogLine(status);
+  status.old_after_ms = 2400.0;
+  EXPECT_TRUE(shows("replay: ")) << LogLine(status);
+}
+
 TEST(WatchViewTest, SummaryAddsTicksAndMisses) {
   WatchFigures figures;
   figures.samples = 4;
@@ -254,6 +270,7 @@ TEST(SampleJsonTest, KeepsEveryBit) {
   EXPECT_EQ(json["stylus_orientation"], Json({1.0, 0.0, 0.0, 0.0}));
   EXPECT_EQ(json["scp_v_normal"], Json({0.0, 1.0, 0.0}));
   EXPECT_EQ(json["buttons"], 5);
+  EXPECT_EQ(json["replayed"], false);
 }
 
 TEST(SampleJsonTest, AbsentAndNoNumberAreNull) {

@@ -48,6 +48,20 @@ TEST(Progress, InAPipeIsALineEveryTwoSeconds) {
   EXPECT_EQ(::testing::internal::GetCapturedStderr(), " 40 % reading\n 80 % reading\n");
 }
 
+TEST(ReplayWords, SayWhoReplaysWhatAndThatForcesAreOff) {
+  EXPECT_EQ(DescribeReplay({}), "shows     live\n");
+  EXPECT_TRUE(ReplayJson({}).is_null());
+  const client::RunningReplay replay{"token ada", "/data/trial\n7.palrec", 61'000, 72'500, 0.25};
+  const std::string text = DescribeReplay(replay);
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2) << text;
+  for (const char* part :
+       {"token ada", "7.palrec", ": forces are off", "61.000 s", "72.500 s", "0.25"}) {
+    EXPECT_NE(text.find(part), text.npos) << text;
+  }
+  EXPECT_EQ(text.find("/data"), text.npos) << text;
+  EXPECT_EQ(ReplayJson(replay)["total_ticks"], 72'500);
+}
+
 TEST(VolumeWords, TheBoxInTheWorldHoldsAllVoxels) {
   client::VolumeInfo volume;
   volume.size = Vec3i(3, 5, 2);

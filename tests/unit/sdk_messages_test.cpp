@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <utility>
 #include <variant>
 
+#include "client/sdk/info_messages.h"
 #include "client/sdk/messages.h"
 #include "common/error/error.h"
 
@@ -118,6 +120,26 @@ TEST(SdkMessages, EnumeratorsOfALaterVersionAreUnknown) {
   EXPECT_EQ(pose.forces.reason, ForceReason::kUnknown);
   EXPECT_EQ(pose.mode, ProxyMode::kUnknown);
   EXPECT_FALSE(pose.scp_h_normal || pose.scp_v_mm || pose.scp_v_normal);
+}
+
+TEST(SdkMessages, WhatAReplayIsComesThrough) {
+  v1::PoseSample sample;
+  EXPECT_FALSE(FromProto(sample).replayed);
+  sample.set_replayed(true);
+  sample.mutable_forces()->set_reason(v1::FORCE_REASON_REPLAY);
+  EXPECT_TRUE(FromProto(sample).replayed);
+  EXPECT_EQ(FromProto(sample).forces.reason, ForceReason::kReplay);
+  v1::RecordingState state;
+  EXPECT_FALSE(FromProto(state).replay);
+  state.mutable_replay()->set_by("ada");
+  state.mutable_replay()->set_path("/a");
+  state.mutable_replay()->set_ticks(3);
+  state.mutable_replay()->set_total_ticks(4);
+  state.mutable_replay()->set_speed(0.5);
+  const auto replay = FromProto(state).replay.value();
+  EXPECT_EQ(replay.by + replay.path, "ada/a");
+  EXPECT_EQ(std::pair(replay.ticks, replay.total_ticks), std::pair(3ul, 4ul));
+  EXPECT_EQ(replay.speed, 0.5);
 }
 
 TEST(SdkMessages, ShapesAreThemselves) {
