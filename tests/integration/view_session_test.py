@@ -1,10 +1,13 @@
 """Recordings made and replayed in a window of palpate-view."""
 
+import contextlib
+import threading
 import unittest
 
 import numpy as np
+import palpate
 from support import DaemonTest, wait_until
-from view_support import RIGHT, Screen, Window
+from view_support import RIGHT, STATE, Screen, Window
 
 
 class ViewSession(DaemonTest):
@@ -111,6 +114,29 @@ class ViewSession(DaemonTest):
         self.becomes(lambda: self.state().running)
         self.assertEqual(self.state().path, str(self.daemon.folder / "again-2.palrec"))
         self.assertEqual((self.daemon.folder / "again.palrec").stat().st_size, size)
+
+    def test_somebody_elses_replay_is_no_live_state(self):
+        path = self.daemon.folder / "theirs.palrec"
+        self.conn.recording.start(path)
+        self.becomes(lambda: self.state().ticks > 600)
+        self.conn.recording.stop()
+        ends = threading.Event()
+
+        def replay():
+            with self.daemon.connect() as theirs, contextlib.suppress(palpate.Cancelled):
+                theirs.recording.replay(path, 1e-3, progress=lambda _: not ends.is_set())
+
+        self.becomes(lambda: self.window.shows("forces on", within=STATE))
+        somebody = threading.Thread(target=replay)
+        somebody.start()
+        self.addCleanup(somebody.join)
+        self.addCleanup(ends.set)
+        self.becomes(self.banner)
+        self.becomes(lambda: self.window.shows("theirs", within=STATE))
+        self.assertFalse(self.window.shows("forces on", within=STATE))
+        ends.set()
+        self.becomes(lambda: not self.banner())
+        self.becomes(lambda: self.window.shows("forces on", within=STATE))
 
     def test_the_window_outlives_a_daemon_that_ends_while_it_records(self):
         self.name("cut")

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -65,10 +66,34 @@ TEST(StateLine, ForcesThatAreOnButNotFeltAreNotGreen) {
   }
 }
 
+// Whoever replays it, and whatever comes after it.
+TEST(StateLine, AReplayIsNoLiveState) {
+  const std::string replay = "replay of a by ada: forces are off";
+  for (const auto& [state, reason, tone, action, words] :
+       {std::tuple{ForceState::kHeld, ForceReason::kReplay, Tone::kCaution, ForceAction::kDisable,
+                   "until the replay ends"},
+        {ForceState::kOff, ForceReason::kOperator, Tone::kCaution, ForceAction::kEnable,
+         "not enabled"},
+        {ForceState::kHeld, ForceReason::kDocked, Tone::kCaution, ForceAction::kDisable, "docked"},
+        {ForceState::kStopped, ForceReason::kStopCall, Tone::kAlarm, ForceAction::kEnable,
+         "emergency stop"}}) {
+    KnownState known = Connected(state, reason);
+    known.replay = replay;
+    const StateLine line = StateOf(known);
+    EXPECT_EQ(line.text.find(replay), 0u) << line.text;
+    EXPECT_NE(line.text.find(words), std::string::npos) << line.text;
+    EXPECT_EQ(line.tone, tone) << line.text;
+    EXPECT_EQ(line.action, action) << line.text;
+    // What came last is old, whatever it was.
+    known.silent_s = 0.7;
+    EXPECT_EQ(StateOf(known).text.find("replay"), std::string::npos);
+  }
+}
+
 // Each state and reason has words, and a sign.
 TEST(StateLine, HasWordsForAll) {
   for (int state = 0; state <= static_cast<int>(ForceState::kStopped); ++state) {
-    for (int reason = 0; reason <= static_cast<int>(ForceReason::kStopButton); ++reason) {
+    for (int reason = 0; reason <= static_cast<int>(ForceReason::kReplay); ++reason) {
       const StateLine line =
           StateOf(Connected(static_cast<ForceState>(state), static_cast<ForceReason>(reason)));
       EXPECT_FALSE(line.text.empty());

@@ -101,7 +101,8 @@ void NameField(SessionState& session, const Record& record) {
 void RecordButton(Viewer& viewer, const Record& record) {
   LiveFeed& feed = viewer.feed();
   const bool runs = record.state.running;
-  ImGui::BeginDisabled(!runs && (!record.problem.empty() || feed.replayer().position()));
+  const bool replays = feed.is_replay() || feed.replayer().position();
+  ImGui::BeginDisabled(!runs && (!record.problem.empty() || replays));
   if (ImGui::Button(runs ? "Stop recording###record" : "Record###record",
                     {ButtonWidth("Stop recording"), 0.0f})) {
     if (runs) {
@@ -272,7 +273,8 @@ void ReplayPart(Viewer& viewer, float scale) {
   const char* const label = !playing             ? "Replay###replay"
                             : position.is_paused ? "Play###replay"
                                                  : "Pause###replay";
-  ImGui::BeginDisabled(!playing && (chosen.empty() || IsRecording(viewer)));
+  const bool others = !playing && viewer.feed().is_replay();
+  ImGui::BeginDisabled(!playing && (chosen.empty() || IsRecording(viewer) || others));
   if (ImGui::Button(label, {ButtonWidth("Replay"), 0.0f})) {
     playing ? replayer.SetPaused(!position.is_paused) : replayer.Play(chosen);
   }
@@ -290,10 +292,29 @@ void ReplayPart(Viewer& viewer, float scale) {
     FixedLine(TimeText(position.tick) + " of " + TimeText(position.total_ticks) + ", " +
                   OneLine(RecordingName(position.path), kLongestText),
               kWarning);
+  } else if (others) {
+    FixedLine("somebody else replays", kWarning);
   } else {
     const std::string problem = OneLine(replayer.problem(), kLongestText);
     FixedLine(problem.empty() ? "live" : problem, problem.empty() ? kDim : kBad);
   }
+}
+
+// Empty: nothing is replayed. Between two parts of our own replay the live state is back for a
+// moment; the banner stays.
+std::string BannerOf(const LiveFeed& feed) {
+  const auto line = [](bool is_paused, std::uint64_t tick, std::uint64_t total_ticks) {
+    return std::string("REPLAY ") + (is_paused ? "paused " : "") + TimeText(tick) + " of " +
+           TimeText(total_ticks);
+  };
+  if (const auto own = feed.replayer().position()) {
+    return line(own->is_paused, own->tick, own->total_ticks);
+  }
+  if (!feed.is_replay()) return {};
+  const auto recording = feed.recording();
+  if (!recording || !recording->replay) return "REPLAY";
+  const client::RunningReplay& replay = *recording->replay;
+  return line(replay.is_paused(), replay.ticks, replay.total_ticks);
 }
 
 }  // namespace
@@ -348,10 +369,8 @@ void SessionPanel(Viewer& viewer, float scale) {
 }
 
 void DrawReplayBanner(const Viewer& viewer, const Area& area, float scale) {
-  const auto position = viewer.feed().replayer().position();
-  if (!position) return;
-  const std::string line = std::string("REPLAY ") + (position->is_paused ? "paused " : "") +
-                           TimeText(position->tick) + " of " + TimeText(position->total_ticks);
+  const std::string line = BannerOf(viewer.feed());
+  if (line.empty()) return;
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImU32 color = ImGui::GetColorU32(kWarning);
   const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};

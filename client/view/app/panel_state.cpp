@@ -1,6 +1,7 @@
 #include <optional>
 #include <string>
 
+#include "client/sdk/words.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 #include "client/view/live/state_line.h"
@@ -23,6 +24,11 @@ KnownState KnownOf(Viewer& viewer, const std::optional<client::DaemonInfo>& daem
   if (const auto& pose = feed.pose()) {
     known.forces = pose->forces;
     known.mode = pose->mode;
+  }
+  if (feed.is_replay()) {
+    const auto recording = feed.recording();
+    known.replay =
+        client::InWords(recording ? recording->replay : std::optional<client::RunningReplay>());
   }
   return known;
 }

@@ -31,7 +31,8 @@ std::string Obstacle(const LiveFeed& feed) {
   if (daemon && daemon->device.kind != "simulated") {
     return "the pointer leads the simulated stylus only; this is a " + daemon->device.model;
   }
-  if (feed.replayer().position()) return "the stylus can be taken when no recording is replayed";
+  if (feed.is_replay() || feed.replayer().position())
+    return "the stylus can be taken when no recording is replayed";
   if (!feed.May(client::Role::kOperator)) return "to take the stylus needs the role operator";
   return {};
 }

@@ -287,6 +287,8 @@ void LiveFeed::Poll() {
     p.volume.Take(*std::exchange(p.waiting, std::nullopt));
   }
   for (const PoseInbox::Arrived& arrived : p.line->inbox.Take()) {
+    // Who replays what is known at once, too.
+    if (arrived.pose.replayed != (p.pose && p.pose->replayed)) p.line->questions.Hurry();
     p.pose = arrived.pose;
     p.pose_came = Clock::now();
     p.plots.Add(arrived.pose, p.line->client.shares_clock() ? arrived.age_ms : -1.0);
@@ -349,6 +351,12 @@ std::optional<client::SeriesState> LiveFeed::series() const {
 }
 std::optional<client::RecordingState> LiveFeed::recording() const {
   return parts_->line->questions.answers().recording;
+}
+
+bool LiveFeed::is_replay() const {
+  const bool comes =
+      connection().state == client::ConnectionState::kConnected && !silent_s().has_value();
+  return comes && parts_->pose && parts_->pose->replayed;
 }
 
 std::optional<client::VolumeInfo> LiveFeed::volume_info() const {

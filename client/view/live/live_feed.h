@@ -71,6 +71,8 @@ class LiveFeed {
   std::optional<client::DaemonInfo> device() const;
   std::optional<client::SeriesState> series() const;
   std::optional<client::RecordingState> recording() const;
+  // The newest pose is of a replay, whoever runs it; false while nothing comes.
+  bool is_replay() const;
   std::optional<client::VolumeInfo> volume_info() const;
 
   // Who is connected and who changed what, as of the last Poll.

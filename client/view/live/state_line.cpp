@@ -39,6 +39,8 @@ const char* InWords(ForceReason reason) {
       return "emergency stop";
     case ForceReason::kStopButton:
       return "emergency stop by the stylus";
+    case ForceReason::kReplay:
+      return "until the replay ends";
   }
   return "";
 }
@@ -60,8 +62,7 @@ StateLine OfForces(const client::ForceStatus& forces, const KnownState& known) {
       return {Tone::kActing, "forces are coming on", ForceAction::kDisable};
     case ForceState::kOn:
       if (known.mode == client::ProxyMode::kSuspended) {
-        return {Tone::kIdle, "nothing is felt: the volume is moved or a recording is played",
-                ForceAction::kDisable};
+        return {Tone::kIdle, "nothing is felt: the volume is moved", ForceAction::kDisable};
       }
       if (known.mode == client::ProxyMode::kInside) {
         return {Tone::kCaution, "nothing is felt: the stylus is inside the surface, pull it out",
@@ -76,6 +77,16 @@ StateLine OfForces(const client::ForceStatus& forces, const KnownState& known) {
       return {Tone::kAlarm, With("forces stopped", why), ForceAction::kEnable};
   }
   return {Tone::kCaution, "forces unknown"};
+}
+
+// What the forces do after the replay.
+StateLine OfReplay(const client::ForceStatus& forces, const KnownState& known) {
+  StateLine line = OfForces(forces, known);
+  line.text = known.replay + (forces.reason == ForceReason::kReplay
+                                  ? " " + std::string(InWords(forces.reason))
+                                  : "; " + line.text);
+  if (line.tone != Tone::kAlarm) line.tone = Tone::kCaution;
+  return line;
 }
 
 }  // namespace
@@ -97,7 +108,7 @@ StateLine StateOf(const KnownState& known) {
             std::string("palpated sends nothing for ") + seconds + " s: forces unknown"};
   }
   if (!known.forces) return {Tone::kCaution, "no pose yet: forces unknown"};
-  return OfForces(*known.forces, known);
+  return known.replay.empty() ? OfForces(*known.forces, known) : OfReplay(*known.forces, known);
 }
 
 std::optional<double> FractionIn(const std::string& line) {

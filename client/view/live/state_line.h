@@ -13,7 +13,7 @@
 namespace palpate::view {
 
 // kActing: forces act. kIdle: they do not, and all is well. kCaution: they do not, and somebody
-// should look. kAlarm: a stop, a fault, a lost device or a lost daemon.
+// should look, as in a replay. kAlarm: a stop, a fault, a lost device or a lost daemon.
 enum class Tone { kActing, kIdle, kCaution, kAlarm };
 
 enum class ForceAction { kNone, kEnable, kDisable };
@@ -32,6 +32,7 @@ struct KnownState {
   std::optional<client::ForceStatus> forces{};
   client::ProxyMode mode = client::ProxyMode::kUnknown;
   std::string device_problem{};  // of DeviceHealth
+  std::string replay{};          // the sentence about the replay; empty: the newest pose is live
 };
 
 StateLine StateOf(const KnownState& known);
