@@ -86,6 +86,9 @@ TEST(PoseBytes, FlagsSayWhatIsThere) {
   pose.free_side = client::FreeSide::kBelow;
   EXPECT_EQ(flags(pose, false), 0);
   EXPECT_EQ(flags(pose, true), 16);
+  pose.replayed = true;
+  EXPECT_EQ(flags(pose, true), 48);
+  EXPECT_EQ(flags(pose, false), 32);
   EXPECT_TRUE(std::isnan(At<double>(EncodePose(pose, {0, false, true}), 32)));
 }
 

@@ -305,6 +305,33 @@ pageTest("the badge says in words how old the stream is, and is announced once",
   await says("^connection lost, trying again$");
 });
 
+pageTest("a replay is no live picture, and says what is with the forces", {}, async (page) => {
+  const shown = async (changed) => {
+    await page.evaluate((members) => {
+      clearInterval(window.replaying);
+      const pose = () => harness.pose(performance.now() / 1000, members);
+      pose();
+      window.replaying = setInterval(pose, 16);
+    }, changed);
+    await until(page, (is) => document.getElementById("stage").hasAttribute("data-replay") === is, changed.replayed ?? false);
+    return [await text(page, "#badge-words"), await text(page, "#mode")];
+  };
+  await page.evaluate(() => harness.connect());
+  assert.equal((await shown({}))[0], "live");
+  const words = "replay: forces are off";
+  let [badge, mode] = await shown({ replayed: true, forceState: "held", forceReason: "replay" });
+  assert.equal(badge, words);
+  assert.match(mode, /replay: forces are off until/);
+  assert.doesNotMatch(mode, /last known/);
+  await page.evaluate(() => clearInterval(window.replaying));
+  await until(page, () => document.getElementById("badge-words").textContent.endsWith("old"));
+  assert.equal(await page.$("#stage[data-replay]"), null);
+  await shown({});
+  [badge, mode] = await shown({ replayed: true, forceState: "stopped", forceReason: "stop call" });
+  assert.equal(badge, words);
+  assert.match(mode, /replay: forces are off; .*emergency stop/);
+});
+
 pageTest("the progress of the volume, and why there is the overview alone", {}, async (page) => {
   const says = (pattern) => until(page, (p) => new RegExp(p).test(document.getElementById("progress-words").textContent), pattern);
   await page.evaluate(() => {

@@ -86,14 +86,14 @@ function connect({ mayFeel = [], name = "head_ct_256.nrrd", patient = true } = {
 }
 // One pose, \`seconds\` after the first; without \`seconds\`: now.
 let tick = 0;
-function pose(seconds = performance.now() / 1000) {
+function pose(seconds = performance.now() / 1000, changed = {}) {
   const contact = Math.sin(seconds) > -0.4;
   const depth = contact ? 0.9 + 0.5 * Math.sin(2.3 * seconds) + 0.05 * Math.sin(31 * seconds) : 0;
   state.receivePose({
     sequence: ++tick, tick, timeMs: 1000 * seconds, sentMs: 1000 * seconds, ageMs: 3 + 2 * Math.abs(Math.sin(7 * seconds)), contact, freeAbove: false, fresh: true,
     mode: contact ? "constrained" : "free", forceState: "on", forceReason: "none",
     hip: [-2 + 8 * Math.sin(seconds), 1, 2 - depth], scpH: [-2 + 8 * Math.sin(seconds), 1, 2], scpHNormal: null, scpV: null, orientation: [0, 0, 0, 1],
-    force: [0, 0, depth * 0.6], forceLimit: 3.3, density: 320.4, isovalue: 320, buttons: 0, missedTicks: 3, updateUs: 8.4, settingsRevision: 1, volumeRevision: 1,
+    force: [0, 0, depth * 0.6], forceLimit: 3.3, density: 320.4, isovalue: 320, buttons: 0, missedTicks: 3, updateUs: 8.4, settingsRevision: 1, volumeRevision: 1, ...changed,
   });
 }
 let timer = 0;

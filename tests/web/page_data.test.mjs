@@ -8,7 +8,7 @@ const page = await modules("wire/pose.ts", "state.ts", "volume/manifest.ts", "vo
 const { decodePose, kPoseBytes, State, parseManifest, groupCounts, groupNumber, groupPlace, OverviewVoxels, VolumeCopy, Meanwhile } = page;
 
 // Bytes of the layout in client/web/source/pose_bytes.h.
-function poseBytes({ flags = 31, tick = 2 ** 40 + 1, isovalue = -300.5 } = {}) {
+function poseBytes({ flags = 31, tick = 2 ** 40 + 1, isovalue = -300.5, reason = 12 } = {}) {
   const bytes = Buffer.alloc(176);
   bytes.set([1, flags, 2, 3]);
   bytes.writeUInt32LE(4_000_000_000, 4);
@@ -18,7 +18,7 @@ function poseBytes({ flags = 31, tick = 2 ** 40 + 1, isovalue = -300.5 } = {}) {
   bytes.writeUInt32LE(5, 144);
   bytes.writeUInt32LE(77, 148);
   bytes.writeFloatLE(8.25, 152);
-  bytes[156] = 12;
+  bytes[156] = reason;
   return bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + 176);
 }
 
@@ -26,13 +26,15 @@ test("a pose is read from its bytes", () => {
   assert.equal(kPoseBytes, 176);
   assert.deepEqual(decodePose(poseBytes()), {
     sequence: 4_000_000_000, tick: 2 ** 40 + 1, timeMs: 12.5, sentMs: 13.5, ageMs: 0.75, settingsRevision: 7, volumeRevision: 9,
-    contact: true, freeAbove: true, fresh: true, mode: "constrained", forceState: "on", forceReason: "stop button",
+    contact: true, freeAbove: true, fresh: true, replayed: false, mode: "constrained", forceState: "on", forceReason: "stop button",
     hip: [0.5, 1.5, 2.5], scpH: [3.5, 4.5, 5.5], scpHNormal: [6.5, 7.5, 8.5], scpV: [9.5, 10.5, 11.5],
     orientation: [12.5, 13.5, 14.5, 15.5], force: [16.5, 17.5, 18.5], forceLimit: 19.5, density: 20.5, isovalue: -300.5,
     buttons: 5, missedTicks: 77, updateUs: 8.25,
   });
   const bare = decodePose(poseBytes({ flags: 0 }));
   assert.deepEqual([bare.contact, bare.freeAbove, bare.fresh, bare.scpHNormal, bare.scpV], [false, false, false, null, null]);
+  assert.equal(decodePose(poseBytes({ flags: 32 })).replayed, true);
+  assert.equal(decodePose(poseBytes({ reason: 13 })).forceReason, "replay");
 });
 
 test("other bytes are no pose", () => {

@@ -2,10 +2,11 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { createConnection, createServer } from "node:net";
+import path from "node:path";
 import { test } from "node:test";
 import { fileURLToPath } from "node:url";
 
-import { Room, awaitPage, awaitWhole, freePort, runToEnd, sleep, until } from "./support.mjs";
+import { Room, awaitPage, awaitWhole, freePort, run, runToEnd, sleep, until } from "./support.mjs";
 
 const TYPES = { uint8: "u1", int16: "<i2", uint16: "<u2", float32: "<f4" };
 const HASH = fileURLToPath(new URL("content_hash.py", import.meta.url));
@@ -114,6 +115,27 @@ test("palpated is killed and comes back with another volume: the page says so an
   await awaitPage(tab, "p.copy.shape.size[0] === 40 && p.copy.groupsLeft === 0");
   assert.equal(await tab.evaluate(() => window.isTheSamePage), true);
   assert.match(await events(tab), /palpated/i);
+});
+
+test("guests are told of a replay, but not who replays what", async (t) => {
+  const room = new Room();
+  t.after(() => room.end());
+  await room.startDaemon("builtin:bumps:48", "--save-folder", room.folder);
+  await room.startGateway();
+  const tab = await room.openBrowser({ width: 900, height: 600 });
+  await awaitWhole(tab);
+  const file = path.join(room.folder, "patient-7.palrec");
+  await room.palpate("record", "run", file, "--seconds", "1");
+  const replay = run(process.env.PALPATE, ["replay", file, "--speed", "0.001", "--socket", room.socket]);
+  t.after(() => replay.end());
+  const says = (words) => awaitPage(tab, `document.body.innerText.includes("${words}")`);
+  await says("replay: forces are off until");
+  assert.match(await room.palpate("info"), /replay of patient-7.palrec by local socket: forces are off/);
+  const seen = await tab.evaluate(() => document.body.innerText + JSON.stringify(window.palpate.state));
+  assert.doesNotMatch(seen, /patient-7|local socket/);
+  await replay.end("SIGINT");
+  await says("live");
+  await awaitPage(tab, "!p.state.pose.replayed");
 });
 
 // Forwards a port, until it is frozen: then nothing passes and nothing is refused, as when a cable

@@ -41,10 +41,11 @@ class Writer {
 };
 
 std::uint8_t Flags(const client::Pose& pose, bool is_fresh) {
-  return static_cast<std::uint8_t>(
-      (pose.contact ? kContact : 0) | (pose.scp_h_normal ? kHasNormal : 0) |
-      (pose.scp_v_mm ? kHasScpV : 0) |
-      (pose.free_side == client::FreeSide::kAbove ? kFreeAbove : 0) | (is_fresh ? kFresh : 0));
+  return static_cast<std::uint8_t>((pose.contact ? kContact : 0) |
+                                   (pose.scp_h_normal ? kHasNormal : 0) |
+                                   (pose.scp_v_mm ? kHasScpV : 0) |
+                                   (pose.free_side == client::FreeSide::kAbove ? kFreeAbove : 0) |
+                                   (is_fresh ? kFresh : 0) | (pose.replayed ? kReplayed : 0));
 }
 
 }  // namespace

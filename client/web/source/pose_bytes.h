@@ -48,6 +48,7 @@ enum PoseFlag : std::uint8_t {
   kHasScpV = 4,
   kFreeAbove = 8,
   kFresh = 16,
+  kReplayed = 32,
 };
 
 struct PoseSending {

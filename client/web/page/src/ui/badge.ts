@@ -1,8 +1,8 @@
-// Whether what is shown is live: a badge with a sign and words. Only changes of its kind are announced
-// to screen readers, and only those that last.
+// Whether what is shown is live, old or of a replay: a badge with a sign and words. Only changes of its
+// kind are announced to screen readers, and only those that last.
 import type { State } from "../state";
 import { find, setAttribute, setText } from "./dom";
-import { fixed } from "./words";
+import { fixed, kReplay } from "./words";
 
 export type Tone = "acting" | "idle" | "caution" | "alarm";
 export interface Badge {
@@ -44,6 +44,7 @@ export function badgeOf(state: State): Badge {
   if (!state.pose) return { tone: "caution", words: "no pose yet", kind: "no pose yet" };
   const ageMs = state.poseAgeMs();
   if (ageMs > kOldMs) return { tone: "caution", words: ageText(ageMs), kind: "the stream is old" };
+  if (state.pose.replayed) return { tone: "caution", words: kReplay, kind: kReplay };
   return { tone: "acting", words: "live", kind: "live" };
 }
 
@@ -53,6 +54,7 @@ export function showBadge(root: HTMLElement, state: State): () => void {
   const words = find(root, "badge-words");
   const sign = chip.querySelector("path")!;
   const announcement = find(root, "announcement");
+  const stage = find(root, "stage");
   let kind = "";
   let sinceMs = 0;
   const update = () => {
@@ -61,6 +63,7 @@ export function showBadge(root: HTMLElement, state: State): () => void {
     setAttribute(chip, "data-tone", badge.tone);
     setAttribute(chip, "title", state.link === "lost" && state.linkWhy ? state.linkWhy : badge.words);
     setAttribute(sign, "d", kSigns[badge.tone]);
+    stage.toggleAttribute("data-replay", badge.kind === kReplay);
     const now = performance.now();
     if (badge.kind !== kind) {
       kind = badge.kind;

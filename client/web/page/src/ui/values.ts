@@ -4,7 +4,7 @@ import type { VolumeCopy } from "../volume/copy";
 import { distance, length } from "../wire/pose";
 import { badgeOf } from "./badge";
 import { find, make, setText } from "./dom";
-import { bytesText, fixed, forcesText, grouped, modeText, valueText } from "./words";
+import { bytesText, fixed, forcesText, grouped, kReplay, modeText, valueText } from "./words";
 
 const kRows = {
   stream: ["Stream", "Whether what you see is now"],
@@ -82,7 +82,8 @@ export function showValues(root: HTMLElement, state: State, copy: VolumeCopy): (
     const { pose } = state;
     touch.hidden = !pose;
     if (!pose) return;
-    const last = badgeOf(state).kind === "live" ? "" : "last known: ";
+    const { kind } = badgeOf(state);
+    const last = kind === "live" || kind === kReplay ? "" : "last known: ";
     setText(mode, `${last}${modeText(pose)} · ${forcesText(pose)}`);
     setText(touch, `${last}${pose.contact ? `contact ${fixed(length(pose.force), 2, "N")}` : "no contact"}`);
   };

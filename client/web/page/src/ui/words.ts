@@ -33,13 +33,16 @@ const kModes: Record<Pose["mode"], string> = {
   constrained: "held by the surface",
   ejecting: "the surface moved over the tip, the proxy is being moved out",
   fault: "nothing is felt after a fault",
-  suspended: "nothing is felt: the volume is moved, or a recording is played",
+  suspended: "nothing is felt: the volume is moved",
   inside: "nothing is felt: the tip is inside the material until it is pulled out",
 };
 
 export function modeText(pose: Pose): string {
   return kModes[pose.mode];
 }
+
+// The sentence that everybody is told in a replay; guests do not learn who replays what.
+export const kReplay = "replay: forces are off";
 
 const kForceStates: Record<Pose["forceState"], string> = {
   unknown: "forces unknown",
@@ -65,11 +68,14 @@ const kForceReasons: Record<Pose["forceReason"], string> = {
   speed: "the stylus moved too fast",
   "stop call": "emergency stop",
   "stop button": "emergency stop by the stylus",
+  replay: "until the replay ends",
 };
 
 export function forcesText(pose: Pose): string {
   const why = pose.forceState === "on" ? "" : kForceReasons[pose.forceReason];
-  return why ? `${kForceStates[pose.forceState]}: ${why}` : kForceStates[pose.forceState];
+  const text = why ? `${kForceStates[pose.forceState]}: ${why}` : kForceStates[pose.forceState];
+  if (!pose.replayed) return text;
+  return pose.forceReason === "replay" ? `${kReplay} ${why}` : `${kReplay}; ${text}`;
 }
 
 // Who set this setting last, or "" if no guest did.

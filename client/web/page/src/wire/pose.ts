@@ -12,7 +12,7 @@ export const kProxyModes = ["unknown", "free", "constrained", "ejecting", "fault
 export const kForceStates = ["unknown", "off", "ramp in", "on", "held", "fault", "stopped"] as const;
 export const kForceReasons = [
   "unknown", "none", "operator", "docked", "uncalibrated", "stale", "deadlines", "device",
-  "position", "force", "speed", "stop call", "stop button",
+  "position", "force", "speed", "stop call", "stop button", "replay",
 ] as const;
 
 // Lengths in mm of D (x right, y up, z to the user), forces in N, values in data units.
@@ -25,6 +25,7 @@ export interface Pose {
   contact: boolean;
   freeAbove: boolean; // the stylus is free above the isovalue
   fresh: boolean; // the gateway hears from palpated
+  replayed: boolean; // of a recording that is replayed; the forces are those of now
   mode: (typeof kProxyModes)[number];
   forceState: (typeof kForceStates)[number];
   forceReason: (typeof kForceReasons)[number];
@@ -62,6 +63,7 @@ export function decodePose(bytes: ArrayBuffer): Pose | null {
     contact: (flags & 1) !== 0,
     freeAbove: (flags & 8) !== 0,
     fresh: (flags & 16) !== 0,
+    replayed: (flags & 32) !== 0,
     mode: kProxyModes[view.getUint8(2)] ?? "unknown",
     forceState: kForceStates[view.getUint8(3)] ?? "unknown",
     forceReason: kForceReasons[view.getUint8(156)] ?? "unknown",
