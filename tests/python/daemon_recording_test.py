@@ -168,6 +168,49 @@ class RecordingTest(unittest.TestCase):
         self.assertIn("a.palrec", self.palpate("record", "list").stdout)
         self.palpate("replay", self.file, "--from", "1", "--speed", "20")
 
+    def test_another_programs_replay_is_told_to_all_who_watch(self):
+        self.conn.recording.start(self.file)
+        self.wait_for_ticks(500)
+        self.conn.recording.stop()
+        hips = palpate.open_recording(self.file).ticks.hip_mm
+        before = self.enterContext(self.conn.poses())
+        next(before)
+        self.assertEqual(before.shows, "live")
+        self.assertIsNone(self.conn.recording.state().replay)
+
+        # So slow that it lasts until it is ended.
+        client = self.begun("replay", self.file, "--speed", "0.001")
+        self.assertTrue(wait_until(lambda: next(before).replayed[-1], PATIENCE_S))
+        with self.daemon.connect() as late, late.poses() as stream:
+            poses = next(stream)
+            self.assertTrue(poses.replayed.all())
+            self.assertEqual(stream.shows, "replay")
+        self.assertTrue((hips == poses.hip_mm).all(axis=1).any())
+        self.assertEqual((poses.force_state[-1], poses.force_reason[-1]),
+                         (palpate.ForceState.HELD, palpate.ForceReason.REPLAY))
+        forces = self.conn.device.info().forces
+        self.assertEqual((forces.state, forces.reason), ("held", "replay"))
+        replay = self.conn.recording.state().replay
+        self.assertEqual((replay.by, replay.path, replay.total_ticks, replay.speed),
+                         ("local socket", str(self.file), len(hips), 0.001))
+        self.assertIn("replay of a.palrec by local socket: forces are off",
+                      self.palpate("info").stdout)
+        self.assertIn("replay: forces are off", self.palpate("watch", "--seconds", "2").stdout)
+
+        # A stop in a replay outlasts it. Forces that are enabled in it come at its end.
+        self.assertEqual(self.conn.device.stop().state, "stopped")
+        self.assertTrue(wait_until(lambda: next(before).force_state[-1] == 6, PATIENCE_S))
+        self.assertEqual(self.conn.device.enable().reason, "replay")
+        client.send_signal(signal.SIGINT)
+        client.wait(PATIENCE_S)
+        self.assertTrue(wait_until(lambda: not next(before).replayed[-1], PATIENCE_S))
+        self.assertEqual(before.shows, "live")
+        self.assertTrue(wait_until(lambda: self.conn.device.info().forces.state == "on",
+                                   PATIENCE_S))
+        self.assertIsNone(self.conn.recording.state().replay)
+        self.daemon.end()
+        self.assertTrue(wait_until(lambda: before.shows == "old", PATIENCE_S))
+
     def test_the_client_records_and_replays_until_it_is_interrupted(self):
         self.palpate("record", "run", self.file, "--seconds", "0.5")
         client = self.begun("record", "run", self.daemon.folder / "b.palrec")

@@ -27,8 +27,9 @@ class Arrays(DaemonTest):
         for name in ("tick", "time_ns", "buttons", "mode", "contact", "density", "isovalue",
                      "settings_revision", "volume_revision", "update_ns", "missed_ticks",
                      "iterations", "capped_ticks", "free_side", "force_state", "force_reason",
-                     "force_limit_n"):
+                     "force_limit_n", "replayed"):
             self.assertEqual(getattr(poses, name).shape, (n,), name)
+        self.assertFalse(poses.replayed.any())
         self.assertTrue((poses.isovalue == self.conn.settings.isovalue).all())
         self.assertTrue((np.diff(poses.time_ns) > 0).all())
         self.assertRegex(repr(poses), rf"^<palpate poses: 20 samples, ticks {poses.tick[0]} to "

@@ -96,7 +96,8 @@ class Recorded(RecordingTest):
     def test_names_and_values_are_those_of_poses(self):
         for name, array in vars(self.recording.ticks).items():
             self.assertEqual(len(array), len(self.recording.ticks), name)
-        shared = set(palpate.Poses.__dataclass_fields__) - {"sent_time_ns", "dropped_samples"}
+        shared = set(palpate.Poses.__dataclass_fields__) - {"replayed", "sent_time_ns",
+                                                            "dropped_samples"}
         self.assertLessEqual(shared, set(palpate.RecordedTicks.__dataclass_fields__))
         for name in shared:
             self.assertEqual(palpate.Poses.__annotations__[name],

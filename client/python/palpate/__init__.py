@@ -24,7 +24,8 @@ from palpate._load_options import Raw
 from palpate._placement import Placement
 from palpate._poses import Poses, PoseStream
 from palpate._profiles import Profile, profiles
-from palpate._recording import ListedRecording, Recording, RecordingState, ReplayState
+from palpate._recording import (ListedRecording, Recording, RecordingState, ReplayState,
+                                RunningReplay)
 from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker,
                                       RecordedScene)
 from palpate._recorded_ticks import RecordedTicks
@@ -42,7 +43,7 @@ __all__ = [
     "ListedDevice", "ListedRecording", "LiveVolume", "NotFound", "PermissionDenied", "Placement",
     "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit", "RecordedGap",
     "RecordedMarker", "RecordedScene", "RecordedTicks", "Recording", "RecordingFile",
-    "RecordingState", "ReplayState", "Role", "Series", "SeriesState", "Settings",
+    "RecordingState", "ReplayState", "Role", "RunningReplay", "Series", "SeriesState", "Settings",
     "SuggestedIsovalue", "TooLarge", "Unavailable", "VerificationLevel", "Volume", "VolumeAccess",
     "VolumeInfo",
     "connect", "open_recording", "profiles",

@@ -32,7 +32,7 @@ class ProxyMode(Word):
     CONSTRAINED: held by the surface
     EJECTING: the surface moved over the proxy, and the proxy is being moved out
     FAULT: forces are off because of a fault
-    SUSPENDED: forces are off while the stylus moves the volume, or a recording is played
+    SUSPENDED: forces are off while the stylus moves the volume, or a recording is replayed
     INSIDE: the stylus is inside the object, and nothing is felt until it is pulled out
     """
 
@@ -101,6 +101,7 @@ class ForceReason(Word):
     SPEED: fault: the stylus moves faster than a hand
     STOP_CALL: stopped by a call
     STOP_BUTTON: stopped by the stylus's buttons
+    REPLAY: held: a recording is replayed to viewers; they come back at its end
     """
 
     NONE = 1
@@ -115,6 +116,7 @@ class ForceReason(Word):
     SPEED = 10
     STOP_CALL = 11
     STOP_BUTTON = 12
+    REPLAY = 13
 
 
 class DeviceConnection(Word):

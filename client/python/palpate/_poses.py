@@ -6,6 +6,7 @@ import collections.abc
 import dataclasses
 import queue
 import threading
+import time
 import types
 import typing
 
@@ -24,6 +25,7 @@ _MAX_UNACKNOWLEDGED = 4
 _MAX_RATE_HZ = 1000
 _MAX_BATCH = 256
 _MAX_WAITING = 1 << 31
+_SILENCE_S = 0.5
 _FINISH_TIMEOUT_S = 1.0
 _ABSENT = (np.nan, np.nan, np.nan)
 
@@ -60,6 +62,8 @@ class Poses(Table):
     force_state: (n,) of ForceState
     force_reason: (n,) of ForceReason
     force_limit_n: (n,) greatest force in the tick, N; warm motors lower it
+    replayed: (n,) a recording is replayed, and the sample is a recorded one; only tick, time_ns,
+        the revisions, missed_ticks, capped_ticks and the state of the forces are of now
     sent_time_ns: time_ns of the daemon when it sent the newest sample, ns
     dropped_samples: samples that this stream has lost so far because it was not read fast
         enough
@@ -89,6 +93,7 @@ class Poses(Table):
     force_state: npt.NDArray[np.uint8]
     force_reason: npt.NDArray[np.uint8]
     force_limit_n: npt.NDArray[np.float64]
+    replayed: npt.NDArray[np.bool_]
     sent_time_ns: int
     dropped_samples: int
 
@@ -151,7 +156,7 @@ def poses_of(message: pose_pb2.StreamPosesResponse, dropped_samples: int) -> Pos
         force_state=np.array([sample.forces.state for sample in samples], dtype=np.uint8),
         force_reason=np.array([sample.forces.reason for sample in samples], dtype=np.uint8),
         force_limit_n=np.array([sample.forces.limit_n for sample in samples], dtype=np.float64),
-        sent_time_ns=message.sent_time_ns, dropped_samples=dropped_samples)
+        replayed=column("replayed", np.bool_), sent_time_ns=message.sent_time_ns, dropped_samples=dropped_samples)
 
 
 class _Receiver:
@@ -167,6 +172,8 @@ class _Receiver:
             maxlen=waiting)
         self._failed: grpc.RpcError | None = None
         self._has_ended = False
+        # When the newest message came, and whether it is of a replay.
+        self._newest: tuple[float, bool] | None = None
         # Not empty: there may be a message, or the end.
         self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._receive, name="palpate poses", daemon=True)
@@ -177,6 +184,7 @@ class _Receiver:
         try:
             for message in self._call:
                 self._messages.append(message)
+                self._newest = (time.monotonic(), message.samples[-1].replayed)
                 self._wake()
         except grpc.RpcError as failed:
             self._failed = failed
@@ -202,6 +210,12 @@ class _Receiver:
             if has_ended:
                 return None
             self._news.get()
+
+    def shows(self, silence_s: float) -> typing.Literal["live", "old", "replay"]:
+        newest = self._newest
+        if newest is None or self._has_ended or time.monotonic() - newest[0] > silence_s:
+            return "old"
+        return "replay" if newest[1] else "live"
 
     @property
     def failed(self) -> grpc.RpcError | None:
@@ -256,6 +270,7 @@ class PoseStream:
                                           max_unacknowledged=_MAX_UNACKNOWLEDGED)
         link.check_open()
         self._link = link
+        self._silence_s = _SILENCE_S + 2 * start.batch / rate
         self._is_open = True
         self._taken = 0
         self._left_out = 0
@@ -284,6 +299,16 @@ class PoseStream:
         if not self._is_open:
             raise StopIteration
         raise self._link.error_of_end(self._receiver.failed)
+
+    @property
+    def shows(self) -> typing.Literal["live", "old", "replay"]:
+        """What the newest sample is; also samples that next() has not returned yet count.
+
+        "live": of now. "replay": of a recording that somebody replays: forces are off;
+        conn.recording.state().replay says who replays what. "old": nothing comes from the daemon.
+        Any thread. Example: print(stream.shows)
+        """
+        return self._receiver.shows(self._silence_s)
 
     def close(self) -> None:
         """Ends the stream, its thread, and an iteration over it. Closing twice is no error.

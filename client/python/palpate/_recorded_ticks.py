@@ -19,8 +19,8 @@ _MOST_SAMPLES = 1000
 class RecordedTicks(Table):
     """n recorded ticks, oldest first; len() is n.
 
-    The fields of Poses have the same meaning here, but sent_time_ns and dropped_samples are
-    missing. Frames, units and NaN are as in Poses. The further fields are
+    The fields of Poses have the same meaning here, but replayed, sent_time_ns and
+    dropped_samples are missing. Frames, units and NaN are as in Poses. The further fields are
 
     input_rejected: (n,) the device gave no position; hip_mm is the last good one
     scene_revision: (n,) rises with each scene published to the servo
@@ -82,7 +82,7 @@ _COLUMNS: dict[str, tuple[str, int, int]] = {
     "scene_revision": ("u8", 1, 0), "settings_revision": ("u8", 1, 0),
     "volume_revision": ("u8", 1, 0), "update_ns": ("i8", 1, 0), "iterations": ("u4", 1, 0),
     "missed_ticks": ("u8", 1, 0), "capped_ticks": ("u8", 1, 0), "faulty_ticks": ("u8", 1, 0),
-    "force_state": ("u1", 1, len(ForceState)), "force_reason": ("u1", 1, len(ForceReason)),
+    "force_state": ("u1", 1, len(ForceState)), "force_reason": ("u1", 1, ForceReason.STOP_BUTTON),
     "force_command": ("u1", 1, len(ForceCommand)), "force_limit_n": ("f8", 1, 0),
     "device_status": ("u1", 1, len(DeviceStatus)), "docked": ("u1", 1, 2),
     "calibrated": ("u1", 1, 2)}

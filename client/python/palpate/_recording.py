@@ -16,6 +16,24 @@ _MOST_MARKER_BYTES = 4096
 
 
 @dataclasses.dataclass(frozen=True)
+class RunningReplay:
+    """What all viewers get in place of the live ticks. Forces are off meanwhile.
+
+    by: who replays, and from where, such as "token ada at ipv4:192.0.2.7:51544"
+    path: of the recording, on the daemon's machine
+    ticks: ticks of the recording played so far, and those before the first one that was shown
+    total_ticks: ticks of the whole recording
+    speed: multiple of real time; below 1e-6: the one who replays has paused it
+    """
+
+    by: str
+    path: str
+    ticks: int
+    total_ticks: int
+    speed: float
+
+
+@dataclasses.dataclass(frozen=True)
 class RecordingState:
     """The state of the present recording, or of the last one.
 
@@ -26,6 +44,7 @@ class RecordingState:
     size_bytes: size of the file so far, bytes
     error: why the recording ended early; empty: it did not
     left_out: why some ticks cannot be computed again; empty: all can
+    replay: the replay that runs now, whoever runs it; None: viewers get the live ticks
     """
 
     running: bool
@@ -35,6 +54,7 @@ class RecordingState:
     size_bytes: int
     error: str
     left_out: str = ""
+    replay: RunningReplay | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,8 +91,11 @@ class ListedRecording:
 
 
 def _state_of(recording: recording_pb2.RecordingState) -> RecordingState:
+    now = recording.replay
+    replay = RunningReplay(now.by, now.path, now.ticks, now.total_ticks, now.speed)
     return RecordingState(recording.running, recording.path, recording.ticks, recording.lost_ticks,
-                          recording.size_bytes, recording.error, recording.left_out)
+                          recording.size_bytes, recording.error, recording.left_out,
+                          replay if recording.HasField("replay") else None)
 
 
 class Recording:
@@ -108,7 +131,7 @@ class Recording:
         return _state_of(self._link.call(self._stub.StopRecording, request).recording)
 
     def state(self) -> RecordingState:
-        """Returns the state of the present recording, or of the last one.
+        """Returns the state of the present recording, or of the last one, and of a replay.
 
         Errors: Unavailable. Example: conn.recording.state().lost_ticks
         """
