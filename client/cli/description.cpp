@@ -21,16 +21,26 @@ Json MapJson(const AffineMap& map) {
 
 std::string YesOrNo(bool value) { return value ? "yes" : "no"; }
 
-// The box in the world (LPS: towards the patient's left, back and head) that holds all voxels, by
-// their centres.
+// The box in the world that holds all voxels, by their centres. The world is LPS (towards the
+// patient's left, back and head) if the file says so.
 std::string WorldBox(const client::VolumeInfo& volume) {
   const Vec3 middle_I = 0.5 * (volume.size - Vec3i::Ones()).cast<double>();
   const Vec3 center = volume.world_from_index.Apply(middle_I);
   const Vec3 half = volume.world_from_index.linear.cwiseAbs() * middle_I;
   const Vec3 low = center - half, high = center + half;
+  const bool is_lps = volume.patient_axes == "LPS" && !volume.axes_are_answered;
   return fmt::format(
-      "world (LPS) x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm, centre {:g},{:g},{:g}",
-      low.x(), high.x(), low.y(), high.y(), low.z(), high.z(), center.x(), center.y(), center.z());
+      "world{} x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm, centre {:g},{:g},{:g}",
+      is_lps ? " (LPS)" : "", low.x(), high.x(), low.y(), high.y(), low.z(), high.z(), center.x(),
+      center.y(), center.z());
+}
+
+std::string Orientation(const client::VolumeInfo& volume) {
+  if (volume.patient_axes.empty()) {
+    return "orientation: unknown; 'palpate place --face=-y --head=+z' says where the patient faces";
+  }
+  return "orientation: " + volume.patient_axes +
+         (volume.axes_are_answered ? ", as somebody answered" : ", as the file states");
 }
 
 }  // namespace
@@ -68,6 +78,8 @@ Json ToJson(const client::VolumeInfo& volume) {
           {"world_from_index", MapJson(volume.world_from_index)},
           {"device_from_index", MapJson(volume.device_from_index)},
           {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm},
+          {"patient_axes", volume.patient_axes},
+          {"patient_axes_answered", volume.axes_are_answered},
           {"memory_bytes", volume.memory_bytes},
           {"unsaved_edits", volume.unsaved_edits},
           {"warnings", volume.warnings},
@@ -113,6 +125,7 @@ std::string Describe(const client::VolumeInfo& volume) {
   AppendLine(text, "",
              fmt::format("values {:g} to {:g}{}", volume.value_min, volume.value_max, unit));
   AppendLine(text, "", WorldBox(volume));
+  AppendLine(text, "", Orientation(volume));
   AppendLine(text, "",
              fmt::format("scale {:g} mm of the device per mm of the volume; {:.1f} MiB",
                          volume.device_mm_per_volume_mm,

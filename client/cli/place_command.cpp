@@ -25,6 +25,7 @@ struct PlaceValues {
   std::optional<double> cells_per_mm;
   std::vector<double> move_mm;
   std::string turn_deg;
+  client::PatientFacing facing;
 };
 
 // Returns text such as "turned by 90° about (0, 1, 0)".
@@ -72,6 +73,22 @@ void AddRelative(arguments::Command& command, PlaceValues& values) {
       ->check(arguments::Positive());
 }
 
+void AddFacing(arguments::Command& command, PlaceValues& values) {
+  arguments::Option* face = command.add_option(
+      "--face", values.facing.face,
+      "Where the patient's face points in the file, as in --face=-y; only if the file states\n"
+      "no orientation. Left and right follow if the file is not mirrored");
+  arguments::Option* head = command.add_option("--head", values.facing.head,
+                                               "Where the patient's head points, as in --head=+z");
+  const auto& words = client::kWorldDirections;
+  for (arguments::Option* option : {face, head}) {
+    option->check(arguments::IsMember({words.begin(), words.end()}))
+        ->option_text("+x|-x|+y|-y|+z|-z");
+  }
+  face->needs(head);
+  head->needs(face);
+}
+
 client::PlacementChange ChangeOf(const PlaceValues& values, bool has_turn) {
   client::PlacementChange change = values.change;
   if (!values.center_mm.empty()) change.center_mm = VectorOf(values.center_mm);
@@ -81,6 +98,7 @@ client::PlacementChange ChangeOf(const PlaceValues& values, bool has_turn) {
   }
   if (values.cells_per_mm) change.device_mm_per_voxel = 1.0 / *values.cells_per_mm;
   if (!values.move_mm.empty()) change.translate_mm = VectorOf(values.move_mm);
+  if (!values.facing.face.empty()) change.facing = values.facing;
   if (has_turn) {
     change.rotate = ParseTurn(values.turn_deg);
     if (!change.rotate) {
@@ -93,7 +111,7 @@ client::PlacementChange ChangeOf(const PlaceValues& values, bool has_turn) {
 
 bool IsAny(const client::PlacementChange& c) {
   return c.reset || c.center_mm || c.rotation || c.device_mm_per_volume_mm ||
-         c.device_mm_per_voxel || c.translate_mm || c.rotate || c.scale_by;
+         c.device_mm_per_voxel || c.translate_mm || c.rotate || c.scale_by || c.facing;
 }
 
 void Print(const client::Placement& placement, std::optional<std::uint64_t> applied_tick,
@@ -122,10 +140,12 @@ void AddPlace(arguments::Command& app, Invocation& invocation) {
   SetFooter(*command,
             "Examples: palpate place --json\n"
             "          palpate place --move-mm 10,0,0 --turn-deg y,90\n"
-            "          palpate place --reset --cells-per-mm 2");
+            "          palpate place --reset --cells-per-mm 2\n"
+            "          palpate place --face=-y --head=+z");
   const auto values = std::make_shared<PlaceValues>();
   AddAbsolute(*command, *values);
   AddRelative(*command, *values);
+  AddFacing(*command, *values);
   command->add_option("--expected-revision", values->change.expected_revision,
                       "Change it only on top of this settings revision, else exit with 7");
   AddJson(*command, invocation);

@@ -97,7 +97,8 @@ class Calls {
   virtual SettingsResult Set(const SettingsUpdate& update);
   Placement GetPlacement();
   // Returns when the servo has used the placement. Errors: kInvalidArgument (not finite, a scale
-  // out of range, not a rotation), kConflict (expected_revision).
+  // out of range, not a rotation, not a direction), kFailedPrecondition (a facing of a file that
+  // states its orientation), kConflict (expected_revision).
   PlacementResult Place(const PlacementChange& change);
 
   // --- Volumes

@@ -4,8 +4,11 @@
 // Threads: plain values.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <string_view>
 
 #include "client/sdk/pose.h"
 #include "common/geometry/geometry.h"
@@ -21,6 +24,17 @@ struct Placement {
   std::uint64_t settings_revision = 0;
 };
 
+// Where the patient faces: directions of W, each one of kWorldDirections.
+struct PatientFacing {
+  std::string face;  // anterior
+  std::string head;  // superior
+};
+inline constexpr std::array<const char*, 6> kWorldDirections = {"+x", "-x", "+y", "-y", "+z", "-z"};
+// The key under which a guest of palpate-web steers it, beside those of settings. The value is 6
+// times the number of the face's direction, plus that of the head's.
+inline constexpr std::string_view kFacingKey = "facing";
+inline constexpr int kFacings = 36;
+
 // Applied in this order: `reset`, absolute values, relative values. Absent fields change nothing.
 struct PlacementChange {
   bool reset = false;  // into the middle of the workspace, fitted, without a rotation
@@ -33,6 +47,8 @@ struct PlacementChange {
   std::optional<Vec3> translate_mm{};
   std::optional<UnalignedQuaternion> rotate{};
   std::optional<double> scale_by{};
+  // An answer, for a file that states no orientation. Moves nothing.
+  std::optional<PatientFacing> facing{};
   // Fails with ErrorKind::kConflict unless the settings are at this revision.
   std::optional<std::uint64_t> expected_revision{};
 };

@@ -42,6 +42,9 @@ struct VolumeInfo {
   AffineMap world_from_index;
   AffineMap device_from_index;
   double device_mm_per_volume_mm = 0.0;
+  // Where +x, +y and +z of world_from_index point in the patient, such as "LPS"; empty: unknown.
+  std::string patient_axes;
+  bool axes_are_answered = false;  // by a person (PlacementChange::facing), not stated by the file
   std::uint64_t memory_bytes = 0;
   std::uint32_t frames = 0;         // frames of the source file; this volume is one of them
   std::uint64_t unsaved_edits = 0;  // since the voxels were loaded or saved

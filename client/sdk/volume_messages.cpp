@@ -54,6 +54,8 @@ VolumeInfo FromProto(const v1::VolumeDescription& volume) {
   info.device_from_index = MapOf(volume.device_from_index());
   info.device_mm_per_volume_mm = volume.device_mm_per_volume_mm();
   info.memory_bytes = volume.memory_bytes();
+  info.patient_axes = volume.patient_axes();
+  info.axes_are_answered = volume.patient_axes_answered();
   info.frames = volume.frames();
   info.unsaved_edits = volume.unsaved_edits();
   info.warnings.assign(volume.warnings().begin(), volume.warnings().end());
@@ -120,6 +122,10 @@ v1::UpdateRegistrationRequest ToProto(const PlacementChange& change) {
   }
   if (change.rotate) *request.mutable_rotate() = RotationOf(*change.rotate);
   if (change.scale_by) request.set_scale_by(*change.scale_by);
+  if (change.facing) {
+    request.mutable_facing()->set_face(change.facing->face);
+    request.mutable_facing()->set_head(change.facing->head);
+  }
   if (change.expected_revision) request.set_expected_revision(*change.expected_revision);
   return request;
 }

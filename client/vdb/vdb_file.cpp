@@ -180,6 +180,7 @@ void Describe(const VolumeLattice& lattice, const VdbOrigin& origin, openvdb::Gr
   text("palpate_original_type",
        origin.original_type.empty() ? std::string(Name(lattice.type)) : origin.original_type);
   text("palpate_source", lattice.source);
+  if (!origin.patient_axes.empty()) text("palpate_patient_axes", origin.patient_axes);
 }
 
 // A file that calls `check` now and then.

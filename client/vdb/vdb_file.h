@@ -23,6 +23,7 @@ namespace palpate::client {
 struct VdbOrigin {
   std::string original_type{};  // such as "uint8"; empty: the lattice's type
   int frames = 1;
+  std::string patient_axes{};  // as the file stated them; empty: it did not
 };
 
 // `bricks` are those of the lattice. `check` is called now and then and may throw. The file is

@@ -79,6 +79,9 @@ struct VolumeComplete {
 struct VolumePlacement {
   AffineMap X_DI;
   std::uint64_t settings_revision = 0;
+  // Where +x, +y and +z of W point in the patient, such as "LPS"; empty: unknown.
+  std::string patient_axes{};
+  bool axes_are_answered = false;  // by a person, not stated by the file
 };
 
 using VolumeEvent =

@@ -70,6 +70,8 @@ void Put(VolumePlacement&& placement, v1::StreamVolumeResponse& out) {
   v1::VolumePlacement& message = *out.mutable_placement();
   *message.mutable_device_from_index() = ToProto(placement.X_DI);
   message.set_settings_revision(placement.settings_revision);
+  message.set_patient_axes(std::move(placement.patient_axes));
+  message.set_patient_axes_answered(placement.axes_are_answered);
 }
 
 void Put(VolumeOverview&& overview, v1::StreamVolumeResponse& out) {
@@ -117,7 +119,8 @@ VolumeLattice Take(v1::VolumeLattice&& message) {
 }
 
 VolumePlacement Take(v1::VolumePlacement&& message) {
-  return {FromProto(message.device_from_index()), message.settings_revision()};
+  return {FromProto(message.device_from_index()), message.settings_revision(),
+          std::move(*message.mutable_patient_axes()), message.patient_axes_answered()};
 }
 
 VolumeOverview Take(v1::VolumeOverview&& message) {

@@ -59,7 +59,11 @@ Reply* RegistrationService::UpdateRegistration(CallContext* context,
                          std::optional<std::uint64_t> expected;
                          if (request->has_expected_revision())
                            expected = request->expected_revision();
-                         const VolumeState state = session_.Move(change, expected);
+                         std::optional<PatientFacing> facing;
+                         if (request->has_facing()) {
+                           facing = {request->facing().face(), request->facing().head()};
+                         }
+                         const VolumeState state = session_.Move(change, expected, true, facing);
                          by.Changed("placement");
                          const AppliedTick applied = session_.WaitForServo(state.scene_revision);
                          *response->mutable_registration() = ToProto(state);

@@ -59,10 +59,13 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   *out.mutable_device_from_world_rotation() = palpate::ToProto(state.registration.R_DW);
   out.set_is_level_set(metadata.is_level_set);
   out.set_unsaved_edits(state.unsaved_edits);
+  out.set_patient_axes(state.patient_axes);
+  out.set_patient_axes_answered(state.patient_axes_answered());
   out.set_frames(static_cast<std::uint32_t>(metadata.frames));
   for (const std::string& warning : metadata.warnings) out.add_warnings(warning);
   if (!state.place_problem.empty()) {
-    out.add_warnings("the volume's place is not kept for its next load: " + state.place_problem);
+    out.add_warnings("the volume's place or its sides are not kept for its next load: " +
+                     state.place_problem);
   }
   for (const auto& [name, isovalue, reason] : state.values->suggested) {
     v1::SuggestedIsovalue& suggested = *out.add_suggested_isovalues();

@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 
 #include "server/haptics/haptic_surface.h"
 #include "server/haptics/settings.h"
@@ -24,6 +25,7 @@ struct Scene {
   HapticSettings settings;
   std::uint64_t settings_revision = 0;
   std::uint64_t scene_revision = 0;  // of the whole scene
+  std::string patient_axes;          // of the file or answered, as in VolumeMetadata; for listeners
   bool forces_off = false;           // nothing is felt; afterwards the proxy starts anew
 };
 

@@ -142,7 +142,9 @@ VolumeState Session::VolumeLocked() const {
           store_.unsaved_edits(),
           settings_.isovalue,
           values_,
-          registration_store_ ? registration_store_->Failure(volume_->metadata()) : std::string()};
+          registration_store_ ? registration_store_->Failure(volume_->metadata(), voxels_name_)
+                              : std::string(),
+          patient_axes_};
 }
 
 void Session::SetInitial(const RenderSettings& settings) {
@@ -161,6 +163,7 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
   scene->settings = settings_.haptics;
   scene->settings_revision = settings_revision_;
   scene->scene_revision = ++scene_revision_;
+  scene->patient_axes = patient_axes_;
   scene->forces_off = forces_off_ || !has_volume_;
   scene->surface =
       MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue), settings_.method,
@@ -360,6 +363,11 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
   ++geometry_revision_;
   registration_ = registration;
   X_DI_ = registration.X_DW * metadata.WorldFromIndex();
+  patient_axes_ = metadata.patient_axes;
+  voxels_name_ = RegistrationStore::VoxelsName(metadata, volume->bricks().content_hash());
+  if (patient_axes_.empty() && registration_store_) {
+    patient_axes_ = registration_store_->FindAxes(voxels_name_);
+  }
   settings_.isovalue = isovalue;
   settings_.normalized_isovalue = volume->Normalize(isovalue);
   ++settings_revision_;
@@ -404,17 +412,28 @@ void Session::TakeLattice() {
 }
 
 VolumeState Session::Move(const std::function<Registration(const VolumeState&)>& change,
-                          const std::optional<std::uint64_t>& expected_revision, bool keep) {
+                          const std::optional<std::uint64_t>& expected_revision, bool keep,
+                          const std::optional<PatientFacing>& facing) {
   const std::lock_guard lock(mutex_);
   CheckRevision(expected_revision, settings_revision_);
+  const VolumeMetadata& metadata = volume_->metadata();
+  if (facing && !metadata.patient_axes.empty()) {
+    throw Error(ErrorKind::kFailedPrecondition,
+                "the file states its orientation: where the patient faces cannot be answered");
+  }
+  std::string axes = facing ? PatientAxesOf(*facing) : patient_axes_;
   registration_ = change(VolumeLocked());
-  X_DI_ = registration_.X_DW * volume_->metadata().WorldFromIndex();
+  const AffineMap before = std::exchange(X_DI_, registration_.X_DW * metadata.WorldFromIndex());
+  // An answer alone is not felt, and leaves a fitted place to be fitted anew.
+  const bool moves = !facing || X_DI_ != before;
   // After a reshape, the registration is not stored: it would replace the registration of the
   // file's lattice.
-  if (registration_store_ && keep && !is_reshaped_) {
-    registration_store_->Keep(volume_->metadata(), registration_);
+  if (registration_store_ && keep && moves && !is_reshaped_) {
+    registration_store_->Keep(metadata, registration_);
   }
-  ++geometry_revision_;
+  if (registration_store_ && facing) registration_store_->KeepAxes(voxels_name_, axes);
+  patient_axes_ = std::move(axes);
+  if (moves) ++geometry_revision_;
   ++settings_revision_;
   PublishLocked();
   return VolumeLocked();

@@ -26,6 +26,7 @@
 
 #include "server/device/haptic_device.h"
 #include "server/samples/pump.h"
+#include "server/scene/patient_facing.h"
 #include "server/scene/registration.h"
 #include "server/scene/render_settings.h"
 #include "server/scene/scene.h"
@@ -100,7 +101,13 @@ struct VolumeState {
   std::uint64_t unsaved_edits = 0;
   double isovalue = 0.0;                       // data units
   std::shared_ptr<const VolumeValues> values;  // as loaded; edits do not change them
-  std::string place_problem;  // why a changed place is not kept for the next load; empty: it is
+  // Why a changed place or a new answer is not kept for the next load; empty: it is.
+  std::string place_problem;
+  std::string patient_axes;  // of the file or answered, as in VolumeMetadata; empty: unknown
+
+  bool patient_axes_answered() const {
+    return !patient_axes.empty() && volume->metadata().patient_axes.empty();
+  }
 };
 
 class Session {
@@ -165,9 +172,12 @@ class Session {
 
   // Moves the volume. `change` computes the new registration from the present state, under the
   // session's lock. Throws kInvalidArgument; kConflict if the settings revision is not the expected
-  // one. `keep`: stores the registration for the next load of the volume.
+  // one. `keep`: stores the registration for the next load of the volume. `facing`: an answer to
+  // where the patient faces, which is stored for these voxels. Throws kFailedPrecondition if the
+  // file states its orientation.
   VolumeState Move(const std::function<Registration(const VolumeState&)>& change,
-                   const std::optional<std::uint64_t>& expected_revision = {}, bool keep = true);
+                   const std::optional<std::uint64_t>& expected_revision = {}, bool keep = true,
+                   const std::optional<PatientFacing>& facing = {});
 
   // No force is felt while this is on.
   void SetForcesOff(bool off);
@@ -226,6 +236,8 @@ class Session {
   std::optional<std::pair<double, double>> held_isovalue_{};
   Registration registration_;
   AffineMap X_DI_;
+  std::string patient_axes_;  // of the file or answered; empty: unknown
+  std::string voxels_name_;   // of the voxels as loaded, for answers
   RenderSettings settings_;
   FreeSide side_of_densities_ = FreeSide::kBelow;  // the free side to restore after a level set
   std::atomic<bool> forces_off_{false};            // written under the lock

@@ -4,12 +4,14 @@
 
 #include <optional>
 
+#include "server/scene/patient_facing.h"
 #include "server/state/state_file.h"
 
 namespace palpate {
 namespace {
 
 constexpr const char* kTable = "registration";
+constexpr const char* kAxesTable = "orientation";
 
 toml::table ToTable(const StoredRegistration& entry) {
   const Eigen::Quaterniond& q = entry.R_DW;
@@ -45,43 +47,67 @@ std::optional<StoredRegistration> ToEntry(const toml::node& node) {
   return entry;
 }
 
+std::optional<StoredAxes> ToAxes(const toml::node& node) {
+  const toml::table* table = node.as_table();
+  if (!table) return std::nullopt;
+  const auto voxels = (*table)["voxels"].value_exact<std::string>();
+  const auto axes = (*table)["patient_axes"].value_exact<std::string>();
+  if (!voxels || !axes || !IsAnsweredAxes(*axes)) return std::nullopt;
+  return StoredAxes{*voxels, *axes};
+}
+
+template <class Entry>
+void Take(const toml::array& nodes, std::optional<Entry> (*to_entry)(const toml::node&),
+          std::vector<Entry>& entries, std::string& damage) {
+  for (const toml::node& node : nodes) {
+    if (auto entry = to_entry(node)) {
+      entries.push_back(*std::move(entry));
+    } else {
+      damage = fmt::format("the entry at line {} is incomplete", node.source().begin.line);
+    }
+  }
+}
+
 void Take(const toml::table& file, RegistrationFile& result) {
   if (file.empty()) return;
   const toml::array* entries = file[kTable].as_array();
-  if (!entries) {
+  const toml::array* axes = file[kAxesTable].as_array();
+  if (!entries && !axes) {
     result.damage = fmt::format("there is no [[{}]] in it", kTable);
     return;
   }
-  for (const toml::node& node : *entries) {
-    if (auto entry = ToEntry(node)) {
-      result.entries.push_back(*std::move(entry));
-    } else {
-      result.damage = fmt::format("the entry at line {} is incomplete", node.source().begin.line);
-    }
-  }
+  if (entries) Take(*entries, ToEntry, result.entries, result.damage);
+  if (axes) Take(*axes, ToAxes, result.axes, result.damage);
 }
 
 }  // namespace
 
 RegistrationFile ReadRegistrations(const std::filesystem::path& path) {
   const StateFile file = ReadStateFile(path);
-  RegistrationFile result{{}, file.damage};
+  RegistrationFile result{{}, {}, file.damage};
   Take(file.table, result);
   return result;
 }
 
 void WriteRegistrations(const std::filesystem::path& path,
-                        const std::vector<StoredRegistration>& entries) {
-  toml::array array;
+                        const std::vector<StoredRegistration>& entries,
+                        const std::vector<StoredAxes>& axes) {
+  toml::array array, axes_array;
   for (const StoredRegistration& entry : entries) {
     if (HoldsAsToml(entry.source)) array.push_back(ToTable(entry));
   }
+  for (const StoredAxes& entry : axes) {
+    axes_array.push_back(
+        toml::table{{"voxels", entry.voxels}, {"patient_axes", entry.patient_axes}});
+  }
   toml::table table;
   if (!array.empty()) table.insert(kTable, std::move(array));
-  WriteStateFile(path,
-                 "# Where volumes lie in the workspace of the device, the oldest first. palpated\n"
-                 "# writes this file, and reads changes when it starts.\n",
-                 table);
+  if (!axes_array.empty()) table.insert(kAxesTable, std::move(axes_array));
+  WriteStateFile(
+      path,
+      "# Where volumes lie in the workspace of the device, and where patients face in them, the\n"
+      "# oldest first. palpated writes this file, and reads changes when it starts.\n",
+      table);
 }
 
 }  // namespace palpate

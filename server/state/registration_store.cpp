@@ -1,9 +1,12 @@
 #include "server/state/registration_store.h"
 
+#include <fmt/core.h>
 #include <pthread.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <span>
 #include <utility>
 
 #include "common/error/error.h"
@@ -43,9 +46,13 @@ FileLock LockBeside(const std::filesystem::path& path) {
   return lock;
 }
 
-// Adds the entry as the newest and removes an older one of the same source.
-void Put(const StoredRegistration& entry, std::vector<StoredRegistration>& entries) {
-  std::erase_if(entries, [&](const auto& other) { return other.source == entry.source; });
+const std::string& NameOf(const StoredRegistration& entry) { return entry.source; }
+const std::string& NameOf(const StoredAxes& entry) { return entry.voxels; }
+
+// Adds the entry as the newest and removes an older one of the same name.
+template <class Entry>
+void Put(const Entry& entry, std::vector<Entry>& entries) {
+  std::erase_if(entries, [&](const auto& other) { return NameOf(other) == NameOf(entry); });
   entries.push_back(entry);
   if (entries.size() > RegistrationStore::kMostEntries) entries.erase(entries.begin());
 }
@@ -57,7 +64,9 @@ RegistrationStore::RegistrationStore(std::filesystem::path folder,
     : path_(folder.empty() ? std::filesystem::path() : folder / "registrations.toml"),
       save_delay_(save_delay) {
   if (path_.empty()) return;
-  for (const StoredRegistration& entry : Read().entries) Put(entry, entries_);
+  const RegistrationFile file = Read();
+  for (const StoredRegistration& entry : file.entries) Put(entry, entries_);
+  for (const StoredAxes& entry : file.axes) Put(entry, axes_);
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -90,27 +99,56 @@ void RegistrationStore::Keep(const VolumeMetadata& volume, const Registration& r
   const StoredRegistration entry{Key(volume),       volume.size,
                                  volume.spacing_mm, registration.p_DCenter_mm,
                                  registration.R_DW, registration.device_mm_per_volume_mm};
-  {
-    const std::lock_guard lock(mutex_);
-    Put(entry, entries_);
-    if (path_.empty()) return;
-    unsaved_.insert(entry.source);
-    dirty_ = true;
+  const std::lock_guard lock(mutex_);
+  Put(entry, entries_);
+  Note(entry.source);
+}
+
+std::string RegistrationStore::VoxelsName(const VolumeMetadata& volume, const ContentHash& voxels) {
+  std::array<double, 12> shape{};
+  for (Eigen::Index n = 0; n < 3; ++n) shape[static_cast<std::size_t>(n)] = volume.size[n];
+  // Adding 0 turns a negative zero into a positive one.
+  for (Eigen::Index n = 0; n < 9; ++n) {
+    shape[static_cast<std::size_t>(3 + n)] = volume.direction(n / 3, n % 3) + 0.0;
   }
+  ContentHash name = HashOfBytes(std::byte{0}, std::as_bytes(std::span(shape)));
+  name += voxels;
+  return fmt::format("{:016x}{:016x}", name.high, name.low);
+}
+
+std::string RegistrationStore::FindAxes(const std::string& voxels) const {
+  const std::lock_guard lock(mutex_);
+  const auto entry = std::find_if(axes_.begin(), axes_.end(),
+                                  [&](const auto& other) { return other.voxels == voxels; });
+  return entry == axes_.end() ? "" : entry->patient_axes;
+}
+
+void RegistrationStore::KeepAxes(const std::string& voxels, const std::string& patient_axes) {
+  const std::lock_guard lock(mutex_);
+  Put(StoredAxes{voxels, patient_axes}, axes_);
+  Note(voxels);
+}
+
+// The caller holds mutex_.
+void RegistrationStore::Note(const std::string& unsaved) {
+  if (path_.empty()) return;
+  unsaved_.insert(unsaved);
+  dirty_ = true;
   changed_.notify_one();
 }
 
 void RegistrationStore::Save() {
   const std::lock_guard writing(file_mutex_);
-  std::set<std::string> sources;
-  std::vector<StoredRegistration> changed;
+  std::set<std::string> names;
+  RegistrationFile changed;
   {
     const std::lock_guard lock(mutex_);
-    sources.swap(unsaved_);
-    std::copy_if(entries_.begin(), entries_.end(), std::back_inserter(changed),
-                 [&](const auto& entry) { return sources.contains(entry.source); });
+    names.swap(unsaved_);
+    const auto is_unsaved = [&](const auto& entry) { return names.contains(NameOf(entry)); };
+    std::ranges::copy_if(entries_, std::back_inserter(changed.entries), is_unsaved);
+    std::ranges::copy_if(axes_, std::back_inserter(changed.axes), is_unsaved);
   }
-  if (changed.empty()) return;
+  if (changed.entries.empty() && changed.axes.empty()) return;
   std::string failure;
   try {
     WriteMerged(changed);
@@ -120,7 +158,7 @@ void RegistrationStore::Save() {
   std::string before;
   {
     const std::lock_guard lock(mutex_);
-    if (!failure.empty()) unsaved_.merge(sources);  // saved with the next change
+    if (!failure.empty()) unsaved_.merge(names);  // saved with the next change
     before = std::exchange(failure_, failure);
   }
   // A failure is logged once, not at every move.
@@ -129,19 +167,23 @@ void RegistrationStore::Save() {
   }
 }
 
-std::string RegistrationStore::Failure(const VolumeMetadata& volume) const {
+std::string RegistrationStore::Failure(const VolumeMetadata& volume,
+                                       const std::string& voxels) const {
   const std::lock_guard lock(mutex_);
-  return unsaved_.contains(Key(volume)) ? failure_ : "";
+  return unsaved_.contains(Key(volume)) || unsaved_.contains(voxels) ? failure_ : "";
 }
 
 // Adds the changes to the file's present entries: another daemon of the same user may have written
 // to the file.
-void RegistrationStore::WriteMerged(const std::vector<StoredRegistration>& changed) {
+void RegistrationStore::WriteMerged(const RegistrationFile& changed) {
   const FileLock lock = LockBeside(path_);
   std::vector<StoredRegistration> entries;
-  for (const StoredRegistration& entry : Read().entries) Put(entry, entries);
-  for (const StoredRegistration& entry : changed) Put(entry, entries);
-  WriteRegistrations(path_, entries);
+  std::vector<StoredAxes> axes;
+  for (const RegistrationFile& file : {Read(), changed}) {
+    for (const StoredRegistration& entry : file.entries) Put(entry, entries);
+    for (const StoredAxes& entry : file.axes) Put(entry, axes);
+  }
+  WriteRegistrations(path_, entries, axes);
 }
 
 RegistrationFile RegistrationStore::Read() const {

@@ -1,6 +1,7 @@
-// Remembers the places of volumes, also after a restart of the daemon.
+// Remembers the places of volumes and where patients face in them, also after a restart of the
+// daemon.
 //
-// Keeps the places in memory. If a folder is given, saves them in its registrations.toml. A thread
+// Keeps them in memory. If a folder is given, saves them in its registrations.toml. A thread
 // of its own saves shortly after a change; the destructor saves the rest. A damaged file is set
 // aside as registrations.toml.damaged. Damage and failures to write are logged; neither stops
 // anything.
@@ -19,6 +20,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/bricks/brick.h"
 #include "server/scene/registration.h"
 #include "server/state/registration_file.h"
 
@@ -42,16 +44,25 @@ class RegistrationStore {
   std::optional<Registration> Find(const VolumeMetadata& volume) const;
   void Keep(const VolumeMetadata& volume, const Registration& registration);
 
+  // Names voxels by their contents and their directions in W, not by their source: a renamed file
+  // has the same name, also with another spacing. `voxels`: their content hash as loaded, so this
+  // costs next to nothing.
+  static std::string VoxelsName(const VolumeMetadata& volume, const ContentHash& voxels);
+  // What somebody answered (PatientAxesOf) for voxels of this name; empty: nothing yet.
+  std::string FindAxes(const std::string& voxels) const;
+  void KeepAxes(const std::string& voxels, const std::string& patient_axes);
+
   // Writes all unsaved changes now.
   void Save();
-  // Why the place of this volume could not be saved; empty: it was, or there is nothing to save.
-  // Does not wait for the disk.
-  std::string Failure(const VolumeMetadata& volume) const;
+  // Why the place or the answer of this volume could not be saved; empty: it was, or there is
+  // nothing to save. Does not wait for the disk.
+  std::string Failure(const VolumeMetadata& volume, const std::string& voxels = {}) const;
 
  private:
   void Run();
   RegistrationFile Read() const;
-  void WriteMerged(const std::vector<StoredRegistration>& changed);
+  void Note(const std::string& unsaved);
+  void WriteMerged(const RegistrationFile& changed);
 
   const std::filesystem::path path_;  // empty: nothing is written
   const std::chrono::milliseconds save_delay_;
@@ -61,7 +72,8 @@ class RegistrationStore {
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable changed_;
   std::vector<StoredRegistration> entries_;  // oldest first
-  std::set<std::string> unsaved_;            // sources of the unsaved entries
+  std::vector<StoredAxes> axes_;             // oldest first
+  std::set<std::string> unsaved_;            // sources of unsaved entries, names of unsaved answers
   std::string failure_;
   bool dirty_ = false;  // changed since the thread last checked
   bool stop_ = false;

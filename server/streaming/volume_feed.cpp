@@ -145,7 +145,8 @@ bool VolumeFeed::IsBehind(const VolumeNow& now) const {
 
 // The placement maps voxel indices. It means nothing to a subscriber that has another volume.
 bool VolumeFeed::IsMisplaced(const VolumeNow& now) const {
-  return loaded_revision_ == now.volume->loaded_revision() && (!X_DI_ || *X_DI_ != now.X_DI);
+  return loaded_revision_ == now.volume->loaded_revision() &&
+         (!X_DI_ || *X_DI_ != now.X_DI || patient_axes_ != now.patient_axes);
 }
 
 bool VolumeFeed::HasWork(const VolumeNow& now) const {
@@ -188,7 +189,9 @@ std::optional<VolumeEvent> VolumeFeed::NextEvent(const VolumeNow& now) {
   if (IsMisplaced(now) && !(placed_last_ && IsBehind(now))) {
     placed_last_ = true;
     X_DI_ = now.X_DI;
-    return VolumePlacement{now.X_DI, now.settings_revision};
+    patient_axes_ = now.patient_axes;
+    const bool answered = !patient_axes_.empty() && now.volume->metadata().patient_axes.empty();
+    return VolumePlacement{now.X_DI, now.settings_revision, patient_axes_, answered};
   }
   placed_last_ = false;
   // Drops the rest of a replaced volume: the subscriber would throw it away.

@@ -24,6 +24,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "common/bricks/volume_event.h"
@@ -37,6 +38,7 @@ struct VolumeNow {
   std::shared_ptr<const VolumeSnapshot> volume;
   AffineMap X_DI;
   std::uint64_t settings_revision = 0;  // of the settings that set X_DI, or later
+  std::string patient_axes{};           // of the file or answered, as in VolumeMetadata
   // Of this volume's lattice, shared by all feeds. Null: the feed computes its own.
   std::shared_ptr<BackgroundHash> background_hash{};
 };
@@ -125,6 +127,7 @@ class VolumeFeed {
   std::optional<std::uint64_t> loaded_revision_;
   std::uint64_t overview_sent_ = 0;  // its overview's blocks
   std::optional<AffineMap> X_DI_;    // the subscriber's placement
+  std::string patient_axes_;         // of that placement
   bool placed_last_ = false;         // the last step sent a placement
   bool told_complete_ = false;       // on this stream
   std::optional<Transfer> transfer_;

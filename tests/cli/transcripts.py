@@ -35,7 +35,8 @@ NO_DAEMON = {
             "device", "device enable a b", "device test --seconds 0", "device test --seconds nan",
             "place --move-mm 1,2", "place --move-mm 1,2,x", "place --center-mm 1,nan,2",
             "place --scale-by 0", "place --turn-deg 90", "place --turn-deg y,ninety",
-            "place --scale-by -1", "place --cells-per-mm 0", "place --expected-revision 3",
+            "place --scale-by -1", "place --face=-y", "place --face=y --head=+z",
+            "place --cells-per-mm 0", "place --expected-revision 3",
             "place --cells-per-mm 2 --device-mm-per-voxel 0.5",
             "place --cells-per-mm 2 --device-mm-per-volume-mm 0.5",
             "place --device-mm-per-voxel 2 --device-mm-per-volume-mm 0.5",
@@ -71,7 +72,7 @@ DAEMON = {
     "info": [
         Step("info", has=[
             "palpated ", " at unix:", "device    simulated", "verification level: simulated",
-            "1000 Hz", " ticks, ", "32 x 32 x 32 voxels", "world (LPS) x ", "values ", "scale ",
+            "1000 Hz", " ticks, ", "32 x 32 x 32 voxels", "world x ", "orientation: unknown", "values ", "scale ",
             "isovalue ",
             "stiffness 0.5 N/mm", "method tpbcc", "off: damping",
         ]),
@@ -244,6 +245,9 @@ VOLUMES = {
         Step("place --reset --expected-revision 1", exit=7),
         Step("place --reset --expected-revision $REVISION"),
         Step("place --json", json={"center_mm": [0, 0, 0]}),
+        Step("place --face=-y --head=-y", exit=3, error="face"),
+        Step("place --face=+y --head=+z --json", keys=["applied_tick"]),
+        Step("info", has=["orientation: RAS, as somebody answered"]),
     ],
 }
 

@@ -49,10 +49,11 @@ void ReadRegistrationFile(const ScratchFile& file) {
   FUZZ_CHECK(first.damage.find('\n') == std::string::npos);
   for (const StoredRegistration& entry : first.entries) CheckRegistration(entry);
   CheckThatItComesBack(
-      file, [&] { return ReadRegistrations(file.path()).entries; },
-      [&](const auto& entries) { WriteRegistrations(file.path(), entries); });
+      file, [&] { return ReadRegistrations(file.path()); },
+      [&](const auto& read) { WriteRegistrations(file.path(), read.entries, read.axes); });
   const RegistrationFile again = ReadRegistrations(file.path());
-  FUZZ_CHECK(again.damage.empty() && again.entries.size() == first.entries.size());
+  FUZZ_CHECK(again.damage.empty() && again.entries.size() == first.entries.size() &&
+             again.axes.size() == first.axes.size());
 }
 
 // Nobody's token is anybody's.

@@ -70,9 +70,20 @@ class Offscreen(Drawn):
         for options in (("--no-box",), ("--veil", "0.2,0.5"), ("--color", "255,0,0"),
                         ("--coloring", "slope", "--color-map", "viridis"),
                         ("--crop", "0,0.5,0,1,0,1"), ("--target", "20,0,0"),
-                        ("--camera", "20,15,100"), ("--camera", "anterior")):
+                        ("--camera", "20,15,100")):
             with self.subTest(options=options):
                 self.assertFalse(np.array_equal(plain, look(*options)))
+
+    def test_a_side_of_the_patient_is_refused_until_it_is_known(self):
+        picture = self.daemon.folder / "never.png"
+        code, said, problem = run_view("--socket", self.daemon.socket, "--offscreen",
+                                       "--screenshot", picture, "--camera", "anterior")
+        self.assertEqual((code, said, picture.exists()), (2, "", False))
+        self.assertRegex(problem, r"^palpate-view: [^\n]*palpate place[^\n]*\n$")
+        self.conn.volume.place(face="-x", head="-z")
+        sides = [self.draw("--size", "200x150", "--no-overlay", "--camera", side)[0]
+                 for side in ("anterior", "left")]
+        self.assertFalse(np.array_equal(*sides))
 
     def test_a_veil_beyond_the_volumes_range_is_refused(self):
         picture = self.daemon.folder / "never.png"

@@ -45,6 +45,16 @@ class Place(DaemonTest):
         np.testing.assert_allclose(
             self.place(turn_deg=("z", -90)).rotation_wxyz, before.rotation_wxyz, atol=1e-12)
 
+    def test_an_answer_to_where_the_patient_faces_is_kept_for_the_voxels(self):
+        values = pattern((9, 8, 7))
+        info = self.conn.volume.upload(values, name="first")
+        self.assertEqual((info.patient_axes, info.patient_axes_answered), ("", False))
+        self.place(face="+y", head="+z")
+        info = self.conn.volume.info()
+        self.assertEqual((info.patient_axes, info.patient_axes_answered), ("RAS", True))
+        self.assertEqual(self.conn.volume.upload(values, name="second").patient_axes, "RAS")
+        self.assertEqual(self.conn.volume.upload(values + 1, name="second").patient_axes, "")
+
     def test_what_is_refused(self):
         before = self.place()
         for change in ({"cells_per_mm": 2, "device_mm_per_voxel": 1}, {"cells_per_mm": 0},
@@ -52,7 +62,8 @@ class Place(DaemonTest):
                        {"rotation_wxyz": (1, 0, 0)}, {"rotation_wxyz": (2, 0, 0, 0)},
                        {"center_mm": (1, 2)}, {"move_mm": (float("nan"), 0, 0)},
                        {"scale_by": True}, {"scale_by": 0}, {"device_mm_per_volume_mm": -1},
-                       {"reset": "no"}, {"expected_revision": 3}):
+                       {"reset": "no"}, {"expected_revision": 3}, {"face": "-y"},
+                       {"face": "y", "head": "+z"}, {"face": "-y", "head": "+y"}):
             with self.subTest(change), self.assertRaises(palpate.InvalidArgument):
                 self.place(**change)
         self.assertEqual(self.place().settings_revision, before.settings_revision)

@@ -40,8 +40,9 @@ void AwaitVolume(LiveFeed& feed) {
 
 Camera CameraOf(const std::vector<double>& numbers, const ViewVolume& volume) {
   Camera camera;
-  if (IsOfPatient(*volume.lattice())) {
-    camera.SetUpright(UprightPatient(volume.X_DI()->linear, volume.lattice()->X_WI.linear));
+  const PatientFrame frame = PatientFrameOf(volume);
+  if (frame.is_known) {
+    camera.SetUpright(UprightPatient(volume.X_DI()->linear, frame.X_PI.linear));
   }
   camera.Set({numbers[5], numbers[6], numbers[7]}, numbers[2], numbers[3], numbers[4]);
   return camera;

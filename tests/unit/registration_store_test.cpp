@@ -8,6 +8,7 @@
 #include "common/error/error.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate {
@@ -300,6 +301,72 @@ TEST_F(RegistrationStoreTest, ASessionUsesIt) {
     EXPECT_THROW(load(scaled), Error);
     EXPECT_EQ(session.volume().registration.device_mm_per_volume_mm, 0.5);
   }
+}
+
+// A volume that states no orientation, loaded from `source`.
+VolumeState LoadUnoriented(Session& session, const std::string& source, float value = 0.5f,
+                           double spacing_mm = 1.0) {
+  VolumeMetadata metadata;
+  metadata.size = {20, 18, 16};
+  metadata.spacing_mm = Vec3::Constant(spacing_mm);
+  metadata.source = source;
+  return session.PublishVolume(
+      {.source = source}, metadata,
+      testing::MakeBricks(metadata.size, [&](int i, int, int) { return i < 9 ? value : 0.0f; }));
+}
+
+TEST_F(RegistrationStoreTest, AnAnswerIsKeptForTheVoxelsWhateverTheirName) {
+  for (const bool restarted : {false, true}) {
+    RegistrationStore store(state_);
+    testing::EditableSession data;
+    Session& session = data.session();
+    session.SetRegistrationStore(store);
+    const VolumeState first = LoadUnoriented(session, "/data/head.nrrd");
+    EXPECT_EQ(first.patient_axes, restarted ? "RAS" : "");
+    EXPECT_EQ(first.patient_axes_answered(), restarted);
+    const auto stay = [](const VolumeState& state) { return state.registration; };
+    EXPECT_THROW(session.Move(stay, {}, true, PatientFacing{"+y", "-y"}), Error);
+    EXPECT_EQ(session.volume().patient_axes, first.patient_axes);
+    session.Move(stay, {}, true, PatientFacing{"+y", "+z"});
+    EXPECT_EQ(session.volume().patient_axes, "RAS");
+    // Moved, renamed, with another spacing: the same voxels. Not: other voxels of the same name.
+    session.Move(stay);
+    EXPECT_EQ(session.volume().patient_axes, "RAS");
+    EXPECT_EQ(LoadUnoriented(session, "/elsewhere/x.nii", 0.5f, 0.7).patient_axes, "RAS");
+    EXPECT_EQ(LoadUnoriented(session, "/data/head.nrrd", 0.25f).patient_axes, "");
+  }
+}
+
+TEST_F(RegistrationStoreTest, AnAnswerAloneMovesNothing) {
+  RegistrationStore store(state_);
+  testing::EditableSession data;
+  data.session().SetRegistrationStore(store);
+  LoadUnoriented(data.session(), "/data/head.nrrd");
+  data.inbox().ReaderRestarts();
+  const auto geometry = [&] { return data.inbox().Acquire()->surface.geometry_revision; };
+  const auto before = geometry();
+  data.session().Move([](const VolumeState& state) { return state.registration; }, {}, true,
+                      PatientFacing{"+y", "+z"});
+  EXPECT_EQ(geometry(), before);
+  EXPECT_FALSE(store.Find(data.volume()->metadata()).has_value());
+}
+
+TEST_F(RegistrationStoreTest, AStatedOrientationTakesNoAnswer) {
+  testing::EditableSession data;
+  VolumeMetadata metadata;
+  metadata.size = {8, 8, 8};
+  metadata.patient_axes = "LPS";
+  data.session().PublishVolume({.source = "x"}, metadata,
+                               testing::MakeBricks(metadata.size, [](int i, int, int) {
+                                 return static_cast<float>(i) / 8.0f;
+                               }));
+  const auto stay = [](const VolumeState& state) { return state.registration; };
+  EXPECT_EQ(testing::Refusal([&] {
+              data.session().Move(stay, {}, true, PatientFacing{"+y", "+z"});
+            }),
+            ErrorKind::kFailedPrecondition);
+  EXPECT_EQ(data.session().volume().patient_axes, "LPS");
+  EXPECT_FALSE(data.session().volume().patient_axes_answered());
 }
 
 TEST_F(RegistrationStoreTest, ManyThreadsMayKeepAndFind) {

@@ -7,8 +7,11 @@
 #include <limits>
 #include <numbers>
 #include <random>
+#include <set>
+#include <string>
 
 #include "server/device/simulated_device.h"
+#include "server/scene/patient_facing.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scaled.h"
 
@@ -258,6 +261,31 @@ TEST(Registration, BadInputIsRefused) {
       {.reset = true, .rotate_D = identity, .scale_by = 1e12}};
   for (std::size_t n = 0; n < bad.size(); ++n) {
     EXPECT_EQ(Refusal([&] { Change(Fit(), bad[n]); }), ErrorKind::kInvalidArgument) << n;
+  }
+}
+
+TEST(PatientFacing, LeftIsOnTheLeftOfWhoFacesThere) {
+  // As DICOM has them; seen from the feet; lying on the right side, with the head to -x.
+  EXPECT_EQ(PatientAxesOf({"-y", "+z"}), "LPS");
+  EXPECT_EQ(PatientAxesOf({"+y", "+z"}), "RAS");
+  EXPECT_EQ(PatientAxesOf({"+z", "-x"}), "ILA");
+  std::set<std::string> all;
+  for (const std::string face : {"+x", "-x", "+y", "-y", "+z", "-z"}) {
+    for (const std::string head : {"+x", "-x", "+y", "-y", "+z", "-z"}) {
+      if (face[1] == head[1]) {
+        EXPECT_EQ(Refusal([&] { PatientAxesOf({face, head}); }), ErrorKind::kInvalidArgument);
+      } else {
+        all.insert(PatientAxesOf({face, head}));
+      }
+    }
+  }
+  EXPECT_EQ(all.size(), 24u);
+  for (const std::string& axes : all) EXPECT_TRUE(IsAnsweredAxes(axes)) << axes;
+  for (const char* const none : {"", "LP", "RPS", "LPX", "LLS", "lps"}) {
+    EXPECT_FALSE(IsAnsweredAxes(none)) << none;
+  }
+  for (const char* const word : {"", "x", "+X", "+w", "y+"}) {
+    EXPECT_EQ(Refusal([&] { PatientAxesOf({word, "+z"}); }), ErrorKind::kInvalidArgument) << word;
   }
 }
 

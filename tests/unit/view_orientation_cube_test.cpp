@@ -84,8 +84,8 @@ TEST(ViewOrientationCube, ThePatientsFacesHaveTheirLetters) {
   }
   EXPECT_EQ(texts, (std::set<std::string>{"L", "R", "A", "P", "S", "I"}));
   EXPECT_EQ(FaceText({1, -1}, true), "A");
-  EXPECT_EQ(FaceText({1, -1}, false), "-Y");
-  EXPECT_EQ(FaceText({2, 1}, false), "+Z");
+  EXPECT_EQ(FaceText({1, -1}, false), "-y");
+  EXPECT_EQ(FaceText({2, 1}, false), "+z");
 }
 
 // The face in the middle of the cube, and the one that is up, after a key.
@@ -129,8 +129,8 @@ TEST(ViewOrientationCube, KeysLookFromTheSidesOfAPatientInAnyOrientationAndPlace
 TEST(ViewOrientationCube, KeysLookFromTheSidesOfOtherThingsAsTheyStand) {
   // y of the volume is up, z to the front: as D.
   const Mat3 same = Mat3::Identity();
-  const std::map<int, std::string> from = {{1, "+Z"}, {2, "-Z"}, {3, "-X"},
-                                           {4, "+X"}, {5, "+Y"}, {6, "-Y"}};
+  const std::map<int, std::string> from = {{1, "+z"}, {2, "-Z"}, {3, "-X"},
+                                           {4, "+X"}, {5, "+Y"}, {6, "-y"}};
   for (const auto& [key, side] : from) {
     EXPECT_EQ(FaceText(LookAfterKey(key, false, same, same).middle, false), side);
   }

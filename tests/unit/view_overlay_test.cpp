@@ -335,14 +335,14 @@ TEST(ViewOverlay, LettersAreBesideTheFacesOfThePatientsSides) {
   };
   EXPECT_EQ(sides(), (std::array<int, 6>{}));  // not known
   // L 2, R 7, P 6, A 3, S 11, I 3 lines; S and I are nearly on the line of sight.
-  scene.W_from_I = Mat3::Identity();
+  scene.P_from_I = Mat3::Identity();
   EXPECT_EQ(sides(), (std::array<int, 6>{2, 7, 6, 3, 0, 0}));
   // Right, anterior, superior as the voxels run; then superior, left, posterior.
-  scene.W_from_I = Vec3(-1.0, -1.0, 1.0).asDiagonal();
+  scene.P_from_I = Vec3(-1.0, -1.0, 1.0).asDiagonal();
   EXPECT_EQ(sides(), (std::array<int, 6>{7, 2, 3, 6, 0, 0}));
-  scene.W_from_I->row(2) << 1.0, 0.0, 0.0;
-  scene.W_from_I->row(0) << 0.0, 1.0, 0.0;
-  scene.W_from_I->row(1) << 0.0, 0.0, 1.0;
+  scene.P_from_I->row(2) << 1.0, 0.0, 0.0;
+  scene.P_from_I->row(0) << 0.0, 1.0, 0.0;
+  scene.P_from_I->row(1) << 0.0, 0.0, 1.0;
   EXPECT_EQ(sides(), (std::array<int, 6>{11, 3, 2, 7, 0, 0}));
   options.letters = false;
   EXPECT_EQ(sides(), (std::array<int, 6>{}));

@@ -113,21 +113,47 @@ TEST(ViewPatientAxes, EachViewShowsItsSideUpright) {
   }
 }
 
-TEST(ViewPatientAxes, AFileOfAPatientSaysWhereItLies) {
-  VolumeLattice plain;  // of a file that states a spacing only
-  plain.X_WI.linear = kSpacing_mm.asDiagonal();
-  plain.value_max = 255.0;
-  EXPECT_FALSE(IsOfPatient(plain));
-  VolumeLattice in_hu = plain, turned = plain, placed = plain, vdb = plain;
-  in_hu.unit = "HU";
-  EXPECT_TRUE(IsOfPatient(in_hu));
-  turned.X_WI.linear.col(0) *= -1.0;
-  EXPECT_TRUE(IsOfPatient(turned));
-  placed.X_WI.translation = {0.0, -120.0, 0.0};
-  EXPECT_TRUE(IsOfPatient(placed));
-  vdb.X_WI.translation = placed.X_WI.translation;
-  vdb.source = "/data/bunny.vdb";
-  EXPECT_FALSE(IsOfPatient(vdb));
+TEST(ViewPatientAxes, AnAnswerTurnsTheWorldByRightAngles) {
+  // Columns: where x, y and z of W point in LPS.
+  Mat3 of_ila;
+  of_ila << 0, 1, 0, 0, 0, -1, -1, 0, 0;
+  EXPECT_EQ(PatientFromWorld("LPS"), Mat3(Mat3::Identity()));
+  EXPECT_EQ(PatientFromWorld("RAS"), Mat3(Vec3(-1, -1, 1).asDiagonal()));
+  EXPECT_EQ(PatientFromWorld("ILA"), of_ila);
+  // Not known, mirrored, and no axes.
+  for (const char* const none : {"", "RPS", "LLS", "LP", "LPSS", "XYZ"}) {
+    EXPECT_FALSE(PatientFromWorld(none).has_value()) << none;
+  }
+}
+
+Mat3 Turn(double degrees, const Vec3& about) {
+  return Eigen::AngleAxisd(degrees * std::acos(-1.0) / 180.0, about.normalized())
+      .toRotationMatrix();
+}
+
+TEST(ViewPatientAxes, ObliqueDirectionsHaveTheLettersOfTheirGreatComponents) {
+  EXPECT_EQ(LettersOf({3.0, 0.0, 0.0}), "L");
+  EXPECT_EQ(LettersOf({0.0, 0.0, -0.1}), "I");
+  EXPECT_EQ(LettersOf(Turn(22.0, Vec3::UnitZ()) * Vec3::UnitX()), "L");
+  EXPECT_EQ(LettersOf(Turn(23.0, Vec3::UnitZ()) * Vec3::UnitX()), "LP");
+  EXPECT_EQ(LettersOf(Turn(-50.0, Vec3::UnitZ()) * Vec3::UnitX()), "AL");
+  EXPECT_EQ(LettersOf({1.0, 1.0 + 1e-12, -1.0}), "LPI");
+}
+
+TEST(ViewPatientAxes, APlaneIsObliqueIfItsNormalIs) {
+  for (const Mat3& orientation : testing::Orientations()) {
+    const auto name = [&](int axis, const Mat3& turn) {
+      return PlaneName(axis, turn * orientation * kSpacing_mm.asDiagonal());
+    };
+    const Mat3 little = Turn(1.5, Vec3(1, 2, 3)), pitch = Turn(-31.2, Vec3::UnitX());
+    EXPECT_EQ(name(0, little), "sagittal");
+    EXPECT_EQ(name(1, little), "coronal");
+    EXPECT_EQ(name(2, little), "axial");
+    // A pitch about the axis from right to left turns sagittal planes in themselves.
+    EXPECT_EQ(name(0, pitch), "sagittal");
+    EXPECT_EQ(name(1, pitch), "oblique 31°");
+    EXPECT_EQ(name(2, pitch), "oblique 31°");
+  }
 }
 
 }  // namespace

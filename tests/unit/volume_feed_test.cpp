@@ -75,7 +75,7 @@ class VolumeFeedTest : public ::testing::Test {
   }
   VolumeNow Now() const {
     const VolumeState state = data_.session().volume();
-    return {state.volume, state.X_DI, state.settings_revision, {}};
+    return {state.volume, state.X_DI, state.settings_revision, state.patient_axes};
   }
   void Keep() { kept_[data_.volume()->revision()] = data_.volume(); }
   VolumeFeed MakeFeed(std::optional<VolumeRevision> resume = {}, std::uint64_t window = 64) {
@@ -565,6 +565,21 @@ TEST_F(VolumeFeedTest, AMoveIsAPlacementAlone) {
   // Settings that move nothing.
   data_.session().SetForcesOff(true);
   EXPECT_FALSE(feed.HasWork(Now()));
+}
+
+TEST_F(VolumeFeedTest, AnAnswerToWhereThePatientFacesIsAPlacementAlone) {
+  VolumeFeed feed = MakeFeed();
+  PassAll(feed);
+  EXPECT_EQ(mirror_.placement()->patient_axes, "");
+  EXPECT_FALSE(mirror_.placement()->axes_are_answered);
+  counts_ = {};
+  data_.session().Move([](const VolumeState& state) { return state.registration; }, {}, true,
+                       PatientFacing{"+y", "+z"});
+  PassAll(feed);
+  EXPECT_EQ(counts_.placements, 1);
+  EXPECT_EQ(counts_.lattices + counts_.completes, 0);
+  EXPECT_EQ(mirror_.placement()->patient_axes, "RAS");
+  EXPECT_TRUE(mirror_.placement()->axes_are_answered);
 }
 
 TEST_F(VolumeFeedTest, BricksComeWhileTheVolumeIsMovedAllTheTime) {

@@ -188,6 +188,19 @@ TEST(WebSteering, OnlyWhatWasAllowed) {
   }
 }
 
+TEST(WebSteering, WhereThePatientFacesIsOneOf36) {
+  SteeringRules rules;
+  const Session lecturer = SessionOf("lecturer", {"facing"});
+  EXPECT_TRUE(IsSetting("facing"));
+  for (const double good : {0.0, 22.0, 35.0}) {
+    EXPECT_EQ(rules.Refusal(lecturer, "facing", good, kStart), "");
+  }
+  for (const double bad : {-1.0, 36.0, 0.5, std::nan("")}) {
+    EXPECT_NE(rules.Refusal(lecturer, "facing", bad, kStart), "") << bad;
+  }
+  EXPECT_NE(rules.Refusal(SessionOf("guest", {"isovalue"}), "facing", 0.0, kStart), "");
+}
+
 // Each setting's edges, from the list that palpated has.
 TEST(WebSteering, OnlyValuesInRange) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();

@@ -161,8 +161,10 @@ TEST(TopicTexts, TextsOfOthersAreHarmless) {
   EXPECT_EQ(volume["size"], (json{10, 20, 300}));
   EXPECT_EQ(volume["voxel_type"], "int16");
   EXPECT_EQ(volume["background"], -5.0);
-  EXPECT_EQ(volume["patient"], true);
   EXPECT_EQ(volume["world_from_index"], (json{1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3}));
+  const json placement = json::parse(PlacementText({{}, 7, "RAS\n", true}));
+  EXPECT_EQ(placement["patient_axes"], "RAS ");
+  EXPECT_EQ(placement["patient_axes_answered"], true);
   EXPECT_EQ(json::parse(NoVolumeText("loading\nx"))["loading"], "loading x");
   EXPECT_FALSE(json::parse(NoVolumeText("")).contains("loading"));
 }
@@ -242,6 +244,17 @@ TEST(TopicTexts, OnlyValuesOfASettingsKindAreTaken) {
   EXPECT_FALSE(UpdateOf("free_side", -1.0));
   EXPECT_FALSE(UpdateOf("expected_revision", 1.0));
   EXPECT_FALSE(UpdateOf("", 1.0));
+}
+
+TEST(TopicTexts, AFacingIsTwoDirections) {
+  EXPECT_EQ(FacingOf("facing", 0.0)->face, "+x");
+  EXPECT_EQ(FacingOf("facing", 22.0)->face, "-y");
+  EXPECT_EQ(FacingOf("facing", 22.0)->head, "+z");
+  EXPECT_EQ(FacingOf("facing", 35.0)->head, "-z");
+  for (const double bad : {-1.0, 36.0, double{NAN}, double{INFINITY}}) {
+    EXPECT_FALSE(FacingOf("facing", bad));
+  }
+  EXPECT_FALSE(FacingOf("isovalue", 0.0));
 }
 
 }  // namespace

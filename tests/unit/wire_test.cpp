@@ -178,7 +178,7 @@ TEST(VolumeMessage, EveryEventComesBackAsItWas) {
                     .unit = "HU",
                     .loaded_revision = 7,
                     .type = LeafType::kInt16},
-      VolumePlacement{Map(), 11},
+      VolumePlacement{Map(), 11, "RAS", true},
       VolumeOverview{Vec3i(4, 5, 6), 1ull << 40, bytes},
       VolumeBricks{LeafType::kUint16, {0, 1, 1ull << 50}, bytes, {{{7, 1ull << 40}, -2.5f}}, 99},
       VolumeComplete{{~0ull, 5}, {~0ull - 1, 3}, {4, ~0ull - 2}},

@@ -443,16 +443,51 @@ for (const [width, height] of [[320, 568], [844, 390], [3840, 2160]]) {
 test("slices of a patient lie as radiologists see them, whatever the order of the voxels", async () => {
   const { sectionsOf } = await pure("sections");
   // Voxels from inferior to superior, from left to right, from anterior to posterior.
-  const [axial, coronal, sagittal] = sectionsOf([0, -0.5, 0, 90, 0, 0, 0.7, -20, 2, 0, 0, 5]);
+  const fromIndex = [0, -0.5, 0, 90, 0, 0, 0.7, -20, 2, 0, 0, 5];
+  const [axial, coronal, sagittal] = sectionsOf({ isKnown: true, fromIndex });
   const axis = (number, sign) => ({ axis: number, sign });
   assert.deepEqual(axial, {
-    name: "axial", across: axis(0, 1), right: axis(1, -1), down: axis(2, 1), letters: { right: "L", left: "R", down: "P", up: "A" },
+    name: "axial", across: axis(0, 1), right: axis(1, -1), down: axis(2, 1), labels: { right: "L", left: "R", down: "P", up: "A" },
   });
   assert.deepEqual([coronal.across, coronal.right, coronal.down], [axis(2, 1), axis(1, -1), axis(0, -1)]);
   assert.deepEqual([sagittal.across, sagittal.right, sagittal.down], [axis(1, -1), axis(2, 1), axis(0, -1)]);
-  assert.deepEqual(sectionsOf(null).map(({ name, letters }) => [name, letters]), [
-    ["across z", null], ["across y", null], ["across x", null],
-  ]);
+  // The same planes and directions, without the patient's words.
+  const unknown = sectionsOf({ isKnown: false, fromIndex });
+  assert.deepEqual(unknown[0], { ...axial, name: "across z", labels: { right: "+x", left: "−x", down: "+y", up: "−y" } });
+  assert.deepEqual(unknown.map(({ name }) => name), ["across z", "across y", "across x"]);
+});
+
+pageTest("where the patient faces is asked once, of who may answer", {}, async (page) => {
+  const line = () => page.$eval("#facing", ({ hidden, textContent }) => (hidden ? "" : textContent));
+  const told = (options) => page.evaluate((given) => harness.connect(given), options).then(line);
+  assert.equal(await told({}), "");
+  assert.equal(await told({ axes: "", name: "builtin:bumps" }), "");
+  const question = await told({ axes: "" });
+  assert.notEqual(question, "");
+  // A guest reads who can answer.
+  await page.click("#facing");
+  assert.equal(await page.$eval("#facing-fields", (fields) => fields.checkVisibility()), false);
+  await page.keyboard.press("Escape");
+  await told({ axes: "", mayFeel: ["facing"] });
+  await page.click("#facing");
+  assert.deepEqual(await findings(page), []);
+  const chosen = async (face, head) => {
+    await page.select("#facing-face", face);
+    await page.select("#facing-head", head);
+    return page.$eval("#facing-keep", (keep) => !keep.disabled);
+  };
+  assert.equal(await chosen("3", ""), false);
+  assert.equal(await chosen("3", "2"), false); // one axis
+  assert.equal(await chosen("3", "4"), true);
+  await page.evaluate(() => (harness.room.refusal = "not now"));
+  await page.click("#facing-keep");
+  await until(page, () => document.getElementById("facing-error").textContent === "not now");
+  await page.evaluate(() => (harness.room.refusal = ""));
+  await page.click("#facing-keep");
+  await until(page, () => !document.getElementById("facing-dialog").open);
+  assert.deepEqual(await page.evaluate(() => harness.calls.map(({ key, value }) => [key, value])), [["facing", 22], ["facing", 22]]);
+  const answered = await told({ axes: "LPS", answered: true });
+  assert.ok(answered !== "" && answered !== question);
 });
 
 // Pixels as an ImageData has them, in node.

@@ -65,17 +65,17 @@ const kOthers = [
   { key: "method", label: "Method", unit: "", help: "how the proxy moves", kind: "choice", minimum: null, maximum: null, words: ["tetrahedra", "trilinear"] },
 ];
 function receive(type, members) { state.receive({ type, ...members }); }
-function connect({ mayFeel = [], name = "head_ct_256.nrrd", patient = true } = {}) {
+function connect({ mayFeel = [], name = "head_ct_256.nrrd", axes = "LPS", answered = false } = {}) {
   state.link = "open";
   state.emit("link");
   receive("hello", { protocol: 1, version: "0.9.0", user: mayFeel.length ? "lecturer-1" : "guest-12", may_steer: mayFeel, settings: [kIsovalue, ...kOthers], server_time_ms: 0 });
   receive("connection", { state: "connected", why: "", palpated: "theatre-2", since_ms: 0 });
   copy.shape = { size: kSize, type: "int16", background: -1000, valueMin: -1000, valueMax: 1000 };
   const counts = Array.from({ length: 128 }, (_, n) => Math.round(90000 * Math.exp(-(((n - 20) / 9) ** 2)) + 30000 * Math.exp(-(((n - 66) / 6) ** 2)) + 6000 * Math.exp(-n / 60)));
-  receive("volume", { name, size: kSize, voxel_type: "int16", value_min: -1000, value_max: 1000, background: -1000, unit: "HU", patient,
+  receive("volume", { name, size: kSize, voxel_type: "int16", value_min: -1000, value_max: 1000, background: -1000, unit: "HU",
     world_from_index: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1, -24], histogram: { low: -1000, high: 1000, counts },
     suggested: [{ name: "skin", isovalue: -300, reason: "between air and soft tissue" }, { name: "bone", isovalue: 320, reason: "above soft tissue" }] });
-  receive("placement", { device_from_index: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1.4, -24], settings_revision: 1 });
+  receive("placement", { device_from_index: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1.4, -24], settings_revision: 1, patient_axes: axes, patient_axes_answered: answered });
   receive("copy", { bricks_left: 0, problem: "" });
   receive("settings", { revision: 1, values: { isovalue: 320, stiffness_n_per_mm: 0.6, friction: true, method: "trilinear" } });
   receive("steering", { changes: [{ user: "lecturer-1", key: "isovalue", value: 320, time_ms: 0 }] });

@@ -6,7 +6,7 @@ import { test } from "node:test";
 
 import { assertNear, modules, pageFolder, random } from "./page_harness.mjs";
 
-const { Camera, boundsIn, uprightPatient, readFragment, writeFragment, faceLetters, inverse, compose, apply, indexFromBlocks, State } =
+const { Camera, boundsIn, uprightPatient, readFragment, writeFragment, faceLabels, lettersOf, patientFrame, planeName, inverse, compose, apply, indexFromBlocks, State } =
   await modules("view/camera.ts", "view/fragment.ts", "view/geometry.ts", "view/patient_axes.ts", "state.ts");
 
 // The numbers of both tests are what the desktop viewer's Camera gives for the same calls.
@@ -49,11 +49,33 @@ test("maps: inverse, composition, blocks", () => {
   assert.deepEqual(boundsIn([0, -2, 0, 1, 1, 0, 0, 0, 0, 0, 1, 0], [0, 0, 0], [3, 4, 5]), { min: [-7, 0, 0], max: [1, 3, 5] });
 });
 
+const frameOf = (world_from_index, patient_axes) => patientFrame({ world_from_index }, { patient_axes });
+const found = (frame) => Object.fromEntries(faceLabels(frame).map(({ label, axis, sign }) => [label, [axis, sign]]));
+
 test("letters stand at the nearest faces, whatever the order and the spacings of the axes", () => {
   // i to inferior, j to the right, k to anterior and a little to the right.
-  const letters = faceLetters([0, -9, -0.3, 0, 0, 0, -1, 0, -0.2, 0, 0, 0]);
-  const found = Object.fromEntries(letters.map(({ letter, axis, sign }) => [letter, [axis, sign]]));
-  assert.deepEqual(found, { L: [1, -1], R: [1, 1], P: [2, -1], A: [2, 1], S: [0, -1], I: [0, 1] });
+  const voxels = [0, -9, -0.3, 0, 0, 0, -1, 0, -0.2, 0, 0, 0];
+  assert.deepEqual(found(frameOf(voxels, "LPS")), { L: [1, -1], R: [1, 1], P: [2, -1], A: [2, 1], S: [0, -1], I: [0, 1] });
+  // Not known, not there yet, mirrored: the axes of the world.
+  for (const frame of [frameOf(voxels, ""), patientFrame({ world_from_index: voxels }, null), frameOf(voxels, "RPS")]) {
+    assert.equal(frame.isKnown, false);
+    assert.deepEqual(found(frame), { "+x": [1, -1], "−x": [1, 1], "+y": [2, -1], "−y": [2, 1], "+z": [0, -1], "−z": [0, 1] });
+  }
+  // x to inferior, y to the left, z to anterior, as somebody answered.
+  assert.deepEqual(found(frameOf([2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0], "ILA")), { I: [0, 1], S: [0, -1], L: [1, 1], R: [1, -1], A: [2, 1], P: [2, -1] });
+});
+
+test("oblique directions have the letters of their great components, oblique planes their angle", () => {
+  const about = (axis, degrees) => {
+    const [c, s] = [Math.cos((degrees * Math.PI) / 180), Math.sin((degrees * Math.PI) / 180)];
+    return axis === 2 ? [c, -s, 0, 0, s, c, 0, 0, 0, 0, 1, 0] : [1, 0, 0, 0, 0, c, -s, 0, 0, s, c, 0];
+  };
+  const towards = (degrees) => lettersOf([Math.cos((degrees * Math.PI) / 180), Math.sin((degrees * Math.PI) / 180), 0]);
+  assert.deepEqual([3, 22, 23, -50].map(towards), ["L", "L", "LP", "AL"]);
+  assert.equal(lettersOf([1, 1 + 1e-12, -1]), "LPI");
+  assert.deepEqual([0, 1, 2].map((world) => planeName(about(2, 1.5), world)), ["sagittal", "coronal", "axial"]);
+  // A pitch about the axis from right to left turns sagittal planes in themselves.
+  assert.deepEqual([0, 1, 2].map((world) => planeName(about(0, -31.2), world)), ["sagittal", "oblique 31°", "oblique 31°"]);
 });
 
 test("an address keeps the room and the view", () => {

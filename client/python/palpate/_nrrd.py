@@ -11,10 +11,11 @@ _TYPES = {"i1": "int8", "u1": "uint8", "i2": "int16", "u2": "uint16", "i4": "int
 
 
 def nrrd_of(values: npt.ArrayLike, world_from_index: npt.NDArray[np.float64],
-            unit: str) -> tuple[bytes, memoryview]:
+            unit: str, *, is_lps: bool = True) -> tuple[bytes, memoryview]:
     """Returns header and voxels of the file. Copies the voxels only if necessary.
 
-    values: (nx, ny, nz), indexed [x, y, z]; world_from_index: (4, 4), mm, LPS.
+    values: (nx, ny, nz), indexed [x, y, z]; world_from_index: (4, 4), mm; is_lps: the world is
+    the patient's LPS, otherwise the file states no orientation.
     """
     array = np.asarray(values)
     if array.ndim != 3 or array.size == 0:
@@ -30,15 +31,16 @@ def nrrd_of(values: npt.ArrayLike, world_from_index: npt.NDArray[np.float64],
         raise InvalidArgument("the unit is a short word, such as HU")
     # x fastest: the transposed array in NumPy's usual order.
     voxels = np.ascontiguousarray(array.T, dtype="<" + kind)
-    return _header(array.shape, _TYPES[kind], world_from_index, unit), voxels.data.cast("B")
+    return _header(array.shape, _TYPES[kind], world_from_index, unit, is_lps), voxels.data.cast("B")
 
 
 def _header(shape: tuple[int, ...], type_name: str, world_from_index: npt.NDArray[np.float64],
-            unit: str) -> bytes:
+            unit: str, is_lps: bool) -> bytes:
     def text(vector: npt.NDArray[np.float64]) -> str:
         return "(" + ",".join(repr(float(component)) for component in vector) + ")"
 
-    lines = ["NRRD0004", f"type: {type_name}", "dimension: 3", "space: left-posterior-superior",
+    lines = ["NRRD0004", f"type: {type_name}", "dimension: 3",
+             "space: left-posterior-superior" if is_lps else "space dimension: 3",
              f"sizes: {shape[0]} {shape[1]} {shape[2]}",
              "space directions: " + " ".join(text(world_from_index[:3, n]) for n in range(3)),
              f"space origin: {text(world_from_index[:3, 3])}", "endian: little", "encoding: raw"]

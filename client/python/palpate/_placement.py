@@ -11,7 +11,7 @@ import numpy.typing as npt
 from palpate._errors import InvalidArgument
 from palpate._geometry import Triple, array_of_vector, numbers_of, vector_of
 from palpate._link import Link
-from palpate._values import number, number_or_none, switch, whole
+from palpate._values import number, number_or_none, switch, text_of, whole
 from palpate.v1 import geometry_pb2, registration_pb2, registration_pb2_grpc
 
 Quadruple = collections.abc.Sequence[float] | npt.NDArray[typing.Any]
@@ -44,7 +44,8 @@ def update_of(*, reset: bool = False, center_mm: Triple | None = None,
               device_mm_per_volume_mm: float | None = None,
               device_mm_per_voxel: float | None = None, cells_per_mm: float | None = None,
               move_mm: Triple | None = None, turn_deg: Turn | None = None,
-              scale_by: float | None = None) -> registration_pb2.UpdateRegistrationRequest:
+              scale_by: float | None = None, face: str = "",
+              head: str = "") -> registration_pb2.UpdateRegistrationRequest:
     """Makes the request for VolumeAccess.place(). Errors: InvalidArgument."""
     given = [scale for scale in (device_mm_per_volume_mm, device_mm_per_voxel, cells_per_mm)
              if scale is not None]
@@ -69,6 +70,9 @@ def update_of(*, reset: bool = False, center_mm: Triple | None = None,
         request.translate_mm.CopyFrom(vector_of("move_mm", move_mm))
     if turn_deg is not None:
         request.rotate.CopyFrom(_turn(turn_deg))
+    if face or head:
+        request.facing.face = text_of("face", face)
+        request.facing.head = text_of("head", head)
     return request
 
 

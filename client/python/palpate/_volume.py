@@ -55,6 +55,9 @@ class VolumeInfo:
     world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
+    patient_axes: where +x, +y and +z of the world point in the patient: "LPS" if the file states
+        an orientation, or what somebody answered (VolumeAccess.place), such as "RAS"; "": unknown
+    patient_axes_answered: True if somebody answered them, False if the file states them
     memory_bytes: memory of the voxels on the daemon's machine, bytes
     frames: frames of the source file; this volume is one of them
     unsaved_edits: edits since the voxels were loaded or saved
@@ -77,6 +80,8 @@ class VolumeInfo:
     world_from_index: npt.NDArray[np.float64]
     device_from_index: npt.NDArray[np.float64]
     device_mm_per_volume_mm: float
+    patient_axes: str
+    patient_axes_answered: bool
     memory_bytes: int
     frames: int
     unsaved_edits: int
@@ -89,7 +94,8 @@ class VolumeInfo:
             ("source", self.source), ("voxels", numbers(self.shape)),
             ("spacing", numbers(self.spacing_mm) + " mm"),
             ("values", f"{self.value_min:g} to {self.value_max:g} {self.unit}".strip()),
-            ("type", self.original_type), ("revision", self.volume_revision),
+            ("type", self.original_type), ("orientation", self.patient_axes or "unknown"),
+            ("revision", self.volume_revision),
             ("1 mm of the volume", f"{self.device_mm_per_volume_mm:.6g} mm of the device"),
             *([("not saved", f"{self.unsaved_edits} edits")] if self.unsaved_edits else []),
             *(("warning", warning) for warning in self.warnings)))
@@ -105,6 +111,7 @@ def info_of(volume: volume_pb2.VolumeDescription, applied_tick: int | None = Non
         world_from_index=matrix_of_map(volume.world_from_index),
         device_from_index=matrix_of_map(volume.device_from_index),
         device_mm_per_volume_mm=volume.device_mm_per_volume_mm,
+        patient_axes=volume.patient_axes, patient_axes_answered=volume.patient_axes_answered,
         memory_bytes=volume.memory_bytes, frames=volume.frames,
         unsaved_edits=volume.unsaved_edits, is_level_set=volume.is_level_set,
         warnings=tuple(volume.warnings), applied_tick=applied_tick)
@@ -189,6 +196,7 @@ class VolumeAccess:
         values: (nx, ny, nz), indexed [x, y, z], data units; integers of at most 32 bits, or
         floats. spacing_mm: along x, y, z. world_from_index: (4, 4), voxel index to world, mm,
         LPS, with axes at right angles. It includes the spacing, so spacing_mm is then ignored.
+        Without it, the array states no orientation.
         unit: of the values, such as "HU". name: VolumeInfo.source is then "upload:NAME.nrrd".
         Other arguments and errors: as load().
         Example: conn.volume.upload(values, (0.5, 0.5, 1.0), unit="HU")
@@ -199,7 +207,8 @@ class VolumeAccess:
             matrix = numbers_of("world_from_index", world_from_index)
         if matrix.shape != (4, 4):
             raise InvalidArgument("world_from_index is a 4 by 4 matrix")
-        header, voxels = nrrd_of(values, matrix, text_of("unit", unit))
+        header, voxels = nrrd_of(values, matrix, text_of("unit", unit),
+                                 is_lps=world_from_index is not None)
         options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
                                discard_edits=discard_edits, settings=settings)
         answer = send_volume(self._link, self._stub, f"{name}.nrrd", [header, voxels], options,
@@ -258,7 +267,7 @@ class VolumeAccess:
               device_mm_per_volume_mm: float | None = None,
               device_mm_per_voxel: float | None = None, cells_per_mm: float | None = None,
               move_mm: Triple | None = None, turn_deg: Turn | None = None,
-              scale_by: float | None = None,
+              scale_by: float | None = None, face: str = "", head: str = "",
               expected_revision: int | None = None) -> Placement:
         """Moves the volume in the device's workspace, at one tick. Returns the placement.
 
@@ -276,15 +285,20 @@ class VolumeAccess:
             move_mm: (x, y, z).
             turn_deg: an axis through the centre, and degrees, as in ("y", 90).
             scale_by: about the centre.
+        Where the patient faces, for a file that states no orientation (patient_axes is empty):
+            face, head: the directions of the world in which face and head point, both of "+x",
+            "-x", "+y", "-y", "+z", "-z". Left and right follow if the file is not mirrored. The
+            daemon keeps the answer for these voxels.
         expected_revision: fail with Conflict unless the settings are at this revision.
-        Errors: InvalidArgument, Conflict, Unavailable.
+        Errors: InvalidArgument, FailedPrecondition (face and head of a file that states its
+        orientation), Conflict, Unavailable.
         Example: conn.volume.place(turn_deg=("y", 90), scale_by=1.5)
         """
         request = update_of(
             reset=reset, center_mm=center_mm, rotation_wxyz=rotation_wxyz,
             device_mm_per_volume_mm=device_mm_per_volume_mm,
             device_mm_per_voxel=device_mm_per_voxel, cells_per_mm=cells_per_mm, move_mm=move_mm,
-            turn_deg=turn_deg, scale_by=scale_by)
+            turn_deg=turn_deg, scale_by=scale_by, face=face, head=head)
         return place(self._link, request, expected_revision)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False,

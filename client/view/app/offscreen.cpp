@@ -116,9 +116,9 @@ void AwaitScene(Viewer& viewer, const Options& options) {
   const bool here = Await(viewer, [&] {
     const bool is_lost = feed.connection().state == client::ConnectionState::kLost;
     return viewer.complete() || (is_lost && Clock::now() > absent_from) ||
-           !viewer.volume_problem().empty() || !viewer.veil_problem().empty();
+           !viewer.volume_problem().empty() || !viewer.option_problem().empty();
   });
-  if (const std::string& problem = viewer.veil_problem(); !problem.empty()) {
+  if (const std::string& problem = viewer.option_problem(); !problem.empty()) {
     throw arguments::UsageError(problem);
   }
   if (const std::string problem = viewer.volume_problem(); !problem.empty()) {

@@ -3,7 +3,6 @@
 #include "client/view/app/overlays.h"
 #include "client/view/app/theme.h"
 #include "client/view/scene/orientation_cube.h"
-#include "client/view/scene/value_window.h"
 
 namespace palpate::view {
 namespace {
@@ -17,22 +16,27 @@ constexpr float kLeastView = 5.0f * kCubeRadius;
 struct Cube {
   ImVec2 middle;
   float radius_px;
-  std::vector<CubeFace> faces;
+  std::vector<CubeFace> faces;  // directions of P (patient_axes.h)
   bool of_patient;
 };
 
+// The linear part of the map from P to D. Call it only with a lattice and its place.
+Mat3 DeviceFromPatient(const ViewVolume& volume) {
+  return volume.X_DI()->linear * PatientFrameOf(volume).X_PI.linear.inverse();
+}
+
 std::optional<Cube> CubeOf(const Viewer& viewer, const Area& view, float scale) {
   const ViewVolume& volume = viewer.feed().volume();
-  const std::optional<AffineMap> X_DW = volume.X_DW();
-  if (!X_DW) return std::nullopt;
+  if (!volume.lattice() || !volume.X_DI()) return std::nullopt;
   if (std::min(view.size.x, view.size.y) < kLeastView * scale) return std::nullopt;
-  const Mat3 R_VW = (viewer.state().camera.X_VD().linear * X_DW->linear).colwise().normalized();
+  const Mat3 R_VP =
+      (viewer.state().camera.X_VD().linear * DeviceFromPatient(volume)).colwise().normalized();
   const float radius_px = kCubeRadius * scale;
   return Cube{.middle = {view.min.x + view.size.x - kCubeFromRight * scale - radius_px,
                          view.min.y + kCubeFromTop * scale + radius_px},
               .radius_px = radius_px,
-              .faces = SeenFaces(R_VW),
-              .of_patient = viewer.state().overlay.letters && IsSeenAsPatient(*volume.lattice())};
+              .faces = SeenFaces(R_VP),
+              .of_patient = viewer.state().overlay.letters && PatientFrameOf(volume).is_known};
 }
 
 Eigen::Vector2d InCube(const Cube& cube, const ImVec2& at) {
@@ -47,14 +51,13 @@ std::optional<SignedAxis> FaceUnderPointer(const Cube& cube) {
 // The frame that standard views keep upright.
 Mat3 UprightOf(const ViewVolume& volume) {
   const Mat3& D_from_I = volume.X_DI()->linear;
-  const Mat3& W_from_I = volume.lattice()->X_WI.linear;
-  return IsSeenAsPatient(*volume.lattice()) ? UprightPatient(D_from_I, W_from_I)
-                                            : UprightVolume(D_from_I, W_from_I);
+  const auto& [is_known, X_PI] = PatientFrameOf(volume);
+  return is_known ? UprightPatient(D_from_I, X_PI.linear) : UprightVolume(D_from_I, X_PI.linear);
 }
 
 void LookFrom(Viewer& viewer, const Vec3& direction_U) {
   const ViewVolume& volume = viewer.feed().volume();
-  const SideView side = LookFromSide(direction_U, IsSeenAsPatient(*volume.lattice()));
+  const SideView side = LookFromSide(direction_U, PatientFrameOf(volume).is_known);
   Camera& camera = viewer.state().camera;
   camera.SetUpright(UprightOf(volume));
   camera.Set(camera.target(), side.azimuth_deg, side.elevation_deg, camera.distance_mm());
@@ -65,20 +68,22 @@ void LookFrom(Viewer& viewer, const Vec3& direction_U) {
 void LookFromKey(Viewer& viewer, int key) {
   const ViewVolume& volume = viewer.feed().volume();
   if (!volume.lattice() || !volume.X_DI()) return;
-  const SignedAxis side_U = SideOfKey(key, IsSeenAsPatient(*volume.lattice()));
+  const SignedAxis side_U = SideOfKey(key, PatientFrameOf(volume).is_known);
   LookFrom(viewer, side_U.sign * Vec3::Unit(side_U.axis));
 }
 
 void TakeCube(Viewer& viewer, const Area& view, float scale) {
   const std::optional<Cube> cube = CubeOf(viewer, view, scale);
-  if (!cube || !FaceUnderPointer(*cube)) return;
+  if (!cube) return;
+  AskFacing(viewer, {cube->middle.x + cube->radius_px, cube->middle.y + cube->radius_px}, scale);
+  if (!FaceUnderPointer(*cube)) return;
   const ImVec2 before = ImGui::GetCursorScreenPos();
   ImGui::SetCursorScreenPos({cube->middle.x - cube->radius_px, cube->middle.y - cube->radius_px});
   const float edge = 2.0f * cube->radius_px;
   if (ImGui::InvisibleButton("cube", {edge, edge})) {
     const ViewVolume& volume = viewer.feed().volume();
-    const SignedAxis side_W = *FaceUnderPointer(*cube);
-    const Vec3 side_D = side_W.sign * volume.X_DW()->linear.col(side_W.axis);
+    const SignedAxis side_P = *FaceUnderPointer(*cube);
+    const Vec3 side_D = side_P.sign * DeviceFromPatient(volume).col(side_P.axis);
     LookFrom(viewer, UprightOf(volume).transpose() * side_D);
   }
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("click: look from this side (keys 1 to 6)");
@@ -112,11 +117,7 @@ void DrawCube(const Viewer& viewer, const Area& view, float scale) {
     list.AddText(ImGui::GetFont(), size, {middle.x - 0.5f * extent.x, middle.y - 0.5f * extent.y},
                  IM_COL32(255, 255, 255, 255), text.c_str());
   }
-  if (!cube->of_patient || IsOfPatient(*viewer.feed().volume().lattice())) return;
-  const char* const text = "sides assumed (LPS)";
-  const ImVec2 extent = ImGui::CalcTextSize(text);
-  list.AddText({cube->middle.x + cube->radius_px - extent.x, cube->middle.y + cube->radius_px},
-               kDim.u32(), text);
+  DrawFacing(viewer, {cube->middle.x + cube->radius_px, cube->middle.y + cube->radius_px});
 }
 
 }  // namespace palpate::view

@@ -1,9 +1,9 @@
 #include <cmath>
 
 #include "client/view/app/overlays.h"
+#include "client/view/scene/patient_axes.h"
 #include "client/view/scene/projection.h"
 #include "client/view/scene/readout.h"
-#include "client/view/scene/value_window.h"
 
 namespace palpate::view {
 namespace {
@@ -133,9 +133,9 @@ void DrawScaleBar(const ScaleBar& bar, const ImVec2& right_top, float scale) {
 
 std::string Readout(const Viewer& viewer, const Vec3& p_I, const char* between) {
   const ViewVolume& volume = viewer.feed().volume();
-  const VolumeLattice& lattice = *volume.lattice();
-  return ValueText(volume.Interpolate(p_I), lattice) + between +
-         PlaceText(lattice.X_WI.Apply(p_I), IsSeenAsPatient(lattice));
+  const PatientFrame frame = PatientFrameOf(volume);
+  return ValueText(volume.Interpolate(p_I), *volume.lattice()) + between +
+         PlaceText(frame.X_PI.Apply(p_I), frame.is_known);
 }
 
 void DrawMeasures(const MeasureState& measure, const MeasurePicture& picture,

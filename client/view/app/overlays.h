@@ -28,6 +28,10 @@ void DrawLabel(ImDrawList& list, const ImVec2& at, const Label& label, float sca
 // pointer has it.
 void TakeCube(Viewer& viewer, const Area& view, float scale);
 void DrawCube(const Viewer& viewer, const Area& view, float scale);
+// Below the cube, if the file states no orientation: the question where the patient faces, or that
+// somebody has answered. A click opens the form. `right_top`: of the line.
+void AskFacing(Viewer& viewer, const ImVec2& right_top, float scale);
+void DrawFacing(const Viewer& viewer, const ImVec2& right_top);
 // Looks from a side of the volume: keys 1 to 6, see SideOfKey.
 void LookFromKey(Viewer& viewer, int key);
 

@@ -4,7 +4,7 @@
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 #include "client/view/scene/cut_rulers.h"
-#include "client/view/scene/value_window.h"
+#include "client/view/scene/patient_axes.h"
 
 namespace palpate::view {
 namespace {
@@ -12,11 +12,11 @@ namespace {
 // A drag moves a face by this share of the volume.
 constexpr double kSharePerPixel = 0.003;
 
-void EditCrop(CropBox& crop, const VolumeLattice& lattice) {
-  const bool of_patient = IsSeenAsPatient(lattice);
+void EditCrop(CropBox& crop, const ViewVolume& volume) {
+  const auto& [of_patient, X_PI] = PatientFrameOf(volume);
   static constexpr std::array<const char*, 3> kOfPatient = {"R to L", "A to P", "I to S"};
   static constexpr std::array<const char*, 3> kOfOthers = {"Crop x", "Crop y", "Crop z"};
-  const auto rulers = RulersOf(lattice.X_WI, lattice.size);
+  const auto rulers = RulersOf(X_PI, volume.lattice()->size);
   for (std::size_t n = 0; n < rulers.size(); ++n) {
     const CutRuler& ruler = rulers[n];
     const auto [low_mm, high_mm] = FacesOnRuler(crop, ruler);
@@ -113,7 +113,7 @@ void CutsPanel(Viewer& viewer) {
   if (!lattice) return;
   viewer.state().cuts.panel_frame = ImGui::GetFrameCount();
   SurfaceOptions& surface = viewer.state().surface;
-  EditCrop(surface.crop, *lattice);
+  EditCrop(surface.crop, viewer.feed().volume());
   for (std::size_t n = 0; n < surface.planes.size(); ++n) EditPlane(viewer, n, *lattice);
   ImGui::Checkbox("Show values where it is cut", &surface.caps);
   Tip("the cut faces show the values in the colour map; else they are open");

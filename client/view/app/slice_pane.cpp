@@ -10,12 +10,14 @@
 #include "client/view/app/overlays.h"
 #include "client/view/app/tool_measure.h"
 #include "client/view/app/widgets.h"
+#include "client/view/scene/orientation_cube.h"
 #include "client/view/scene/slice_view.h"
 #include "client/view/scene/value_window.h"
 
 namespace palpate::view {
 namespace {
 
+// Of the panes; what they show may be oblique.
 constexpr std::array<const char*, 3> kPlanes = {"sagittal", "coronal", "axial"};
 constexpr ImU32 kCaption = IM_COL32(255, 235, 120, 255);
 constexpr double kZoomPerStep = 1.2;
@@ -28,6 +30,8 @@ struct Pane {
   SliceView view;
   double position_voxels;  // across
   AffineMap X_WI;
+  PatientFrame frame;
+  SliceSide side;
 
   Vec3 PointUnder(const Eigen::Vector2d& at_px) const {
     return view.PointAt(at_px, position_voxels);
@@ -40,8 +44,9 @@ struct Pane {
 Pane PaneOf(const Viewer& viewer, int world_axis, const Area& area) {
   const ViewVolume& volume = viewer.feed().volume();
   const ViewState& state = viewer.state();
-  const AffineMap& X_WI = volume.lattice()->X_WI;
-  const SliceAxes axes = SliceInVolume(world_axis, viewer.slice_side(), NearestAxes(X_WI.linear));
+  const PatientFrame frame = PatientFrameOf(volume);
+  const SliceSide side = frame.is_known ? viewer.slice_side() : SliceSide::kRadiological;
+  const SliceAxes axes = SliceInVolume(world_axis, side, NearestAxes(frame.X_PI.linear));
   return {.world_axis = world_axis,
           .min = area.min,
           .size = area.size,
@@ -50,7 +55,9 @@ Pane PaneOf(const Viewer& viewer, int world_axis, const Area& area) {
                             PixelsOf(area.size),
                             state.slice_zoom[static_cast<std::size_t>(world_axis)]),
           .position_voxels = state.cross_I[axes.across.axis],
-          .X_WI = X_WI};
+          .X_WI = volume.lattice()->X_WI,
+          .frame = frame,
+          .side = side};
 }
 
 // So that the picture is not stretched.
@@ -146,37 +153,42 @@ void TakePointerInPane(Viewer& viewer, const Pane& pane) {
   }
 }
 
-// The letters at the middles of the edges.
-void DrawLetters(const Pane& pane, const SliceAxes& in_world, float scale) {
+// At the middles of the edges: the patient's sides, or the axes of W.
+void DrawLetters(const Pane& pane, float scale) {
   const float margin = 6.0f * scale;
-  const auto draw = [&](const SignedAxis& direction, float share_x, float share_y) {
-    const std::string letter(1, LetterOf(direction));
-    const ImVec2 text = ImGui::CalcTextSize(letter.c_str());
+  const SliceAxes in_world = SliceInWorld(pane.world_axis, pane.side);
+  const auto draw = [&](const SignedAxis& axis_I, const SignedAxis& axis_P, float share_x,
+                        float share_y) {
+    const std::string side = pane.frame.is_known
+                                 ? LettersOf(axis_I.sign * pane.frame.X_PI.linear.col(axis_I.axis))
+                                 : FaceText(axis_P, false);
+    const ImVec2 text = ImGui::CalcTextSize(side.c_str());
     DrawLabel(*ImGui::GetWindowDrawList(),
               {pane.min.x + margin + share_x * (pane.size.x - text.x - 2.0f * margin),
                pane.min.y + margin + share_y * (pane.size.y - text.y - 2.0f * margin)},
-              {.text = letter}, scale);
+              {.text = side}, scale);
   };
-  draw(in_world.right, 1.0f, 0.5f);
-  draw(-in_world.right, 0.0f, 0.5f);
-  draw(in_world.down, 0.5f, 1.0f);
-  draw(-in_world.down, 0.5f, 0.0f);
+  draw(pane.axes.right, in_world.right, 1.0f, 0.5f);
+  draw(-pane.axes.right, -in_world.right, 0.0f, 0.5f);
+  draw(pane.axes.down, in_world.down, 0.5f, 1.0f);
+  draw(-pane.axes.down, -in_world.down, 0.5f, 0.0f);
 }
 
 // The plane, and where the cross-hair is across it: in the patient's frame, with a letter or a
 // sign, and in voxels of the file.
 void DrawCaption(const Pane& pane, const ViewState& state, float scale) {
   const SignedAxis& across = pane.axes.across;
+  const AffineMap& X_PI = pane.frame.X_PI;
+  const bool has_letter = pane.frame.is_known && state.overlay.letters;
+  const std::string plane = pane.frame.is_known ? PlaneName(pane.world_axis, X_PI.linear)
+                                                : fmt::format("across {}", "xyz"[pane.world_axis]);
   // Rounded first, so that the middle is not "A 0.0".
-  const double at_mm =
-      std::round(10.0 * pane.X_WI.Apply(state.cross_I)[pane.world_axis]) / 10.0 + 0.0;
+  const double at_mm = std::round(10.0 * X_PI.Apply(state.cross_I)[pane.world_axis]) / 10.0 + 0.0;
   const char letter = LetterOf({pane.world_axis, at_mm < 0.0 ? -1 : 1});
-  const std::string place = state.overlay.letters
-                                ? fmt::format("{} {:.1f}", letter, std::abs(at_mm))
-                                : fmt::format("{:.1f}", at_mm);
-  const std::string text =
-      fmt::format("{}\n{} mm\n{} = {:.1f}", kPlanes[static_cast<std::size_t>(pane.world_axis)],
-                  place, "xyz"[across.axis], state.cross_I[across.axis]);
+  const std::string place =
+      has_letter ? fmt::format("{} {:.1f}", letter, std::abs(at_mm)) : fmt::format("{:.1f}", at_mm);
+  const std::string text = fmt::format("{}\n{} mm\n{} = {:.1f}", plane, place, "xyz"[across.axis],
+                                       state.cross_I[across.axis]);
   DrawLabel(*ImGui::GetWindowDrawList(), {pane.min.x + 6.0f * scale, pane.min.y + 3.0f * scale},
             {.text = text, .color = kCaption}, scale);
 }
@@ -249,8 +261,7 @@ void DrawSlicePane(Viewer& viewer, int world_axis, const Area& given, float scal
   DrawBrushInSlice(viewer, pane.view, pane.axes.across, area.min);
   DrawPaneScaleBar(pane, scale);
   DrawCaption(pane, state, scale);
-  if (state.overlay.letters)
-    DrawLetters(pane, SliceInWorld(world_axis, viewer.slice_side()), scale);
+  if (state.overlay.letters) DrawLetters(pane, scale);
   if (ImGui::IsItemHovered() && pane.view.Shows(PointerIn(pane.min))) {
     DrawLabel(*ImGui::GetWindowDrawList(),
               {area.min.x + 6.0f * scale, max.y - 2.0f * ImGui::GetTextLineHeight() - 6.0f * scale},

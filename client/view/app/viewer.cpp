@@ -161,6 +161,7 @@ void Viewer::BeginVolumeIfNew() {
   const double range = lattice.value_max - lattice.value_min;
   const ValueWindow window = FirstWindow(lattice);
   if (!begun_) CheckVeil(lattice);
+  if (!begun_) CheckCamera();
   surface.window_min = options_.window ? options_.window->x() : window.min();
   surface.window_max = options_.window ? options_.window->y() : window.max();
   if (begun_ || !options_.surface.veil.shown || !veil_problem_.empty()) {
@@ -216,7 +217,9 @@ std::optional<Bounds> Viewer::VolumeBounds() const {
 
 // None: the camera's own.
 std::optional<CameraStart> Viewer::FirstLook() const {
-  if (options_.camera || !IsSeenAsPatient(*feed_.volume().lattice())) return options_.camera;
+  const bool is_known = PatientFrameOf(feed_.volume()).is_known;
+  if (options_.camera && (is_known || !options_.camera->of_patient)) return options_.camera;
+  if (!is_known) return {};
   return CameraStart{.of_patient = true, .azimuth_deg = 20.0, .elevation_deg = 10.0};
 }
 
@@ -229,13 +232,14 @@ void Viewer::Aim() {
   if (start && !start->in_profile) {
     const ViewVolume& volume = feed_.volume();
     if (start->of_patient) {
-      camera.SetUpright(UprightPatient(volume.X_DI()->linear, volume.lattice()->X_WI.linear));
+      camera.SetUpright(UprightPatient(volume.X_DI()->linear, PatientFrameOf(volume).X_PI.linear));
     }
     camera.Set(camera.target(), start->azimuth_deg, start->elevation_deg,
                start->distance_mm.value_or(camera.distance_mm()));
     if (!start->distance_mm) camera.Fit(*bounds);
   }
   aimed_ = true;
+  aimed_axes_ = feed_.volume().patient_axes();
   if (options_.target == TargetStart::kPoint) camera.LookAt(options_.target_D);
   if (options_.target == TargetStart::kProxy) {
     if (feed_.pose()) camera.LookAt(feed_.pose()->scp_h_mm);
@@ -264,6 +268,9 @@ void Viewer::FollowSettings() {
     aimed_at_whole_ = true;
     if (state_.camera == aimed_camera_) Aim();
   }
+  // Somebody has answered where the patient faces.
+  if (aimed_ && aimed_axes_ != feed_.volume().patient_axes() && state_.camera == aimed_camera_)
+    Aim();
   state_.surface.isovalue = held_.Shown(kIsovalueControl, feed_.settings()->isovalue);
   state_.surface.free_above = feed_.settings()->free_side == client::FreeSide::kAbove;
 }
@@ -329,6 +336,15 @@ void Viewer::Draw(const ImageSize& size) {
   }
 }
 
+void Viewer::CheckCamera() {
+  if (!options_.camera || !options_.camera->of_patient) return;
+  if (PatientFrameOf(feed_.volume()).is_known) return;
+  camera_problem_ =
+      "--camera names a side of the patient, and the file states no orientation: answer where the "
+      "patient faces ('palpate place --face=-y --head=+z')";
+  Say(camera_problem_);
+}
+
 // The size at which a cast is quick enough.
 ImageSize Viewer::CoarseSize(const ImageSize& size) const {
   const double pixels = std::clamp(last_cast_ms_ / kCoarseCast_ms, 4.0, kMostPixelsPerCoarsePixel);
@@ -349,7 +365,8 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   scene.X_DI = volume.X_DI();
   if (volume.lattice()) {
     scene.lattice_size = volume.lattice()->size;
-    scene.W_from_I = volume.lattice()->X_WI.linear;
+    const PatientFrame frame = PatientFrameOf(volume);
+    if (frame.is_known) scene.P_from_I = frame.X_PI.linear;
   }
   if (const auto device = feed_.device(); device && device->device.max_force_n > 0.0) {
     scene.max_force_n = device->device.max_force_n;

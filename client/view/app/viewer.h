@@ -65,6 +65,12 @@ struct SessionState {
   std::optional<std::uint64_t> sought{};  // where the timeline is dragged to
 };
 
+// The answer to where the patient faces, as chosen so far: numbers of client::kWorldDirections.
+struct FacingForm {
+  int face = -1;  // -1: not chosen
+  int head = -1;
+};
+
 // Everything that the user sets.
 struct ViewState {
   Camera camera;
@@ -97,6 +103,7 @@ struct ViewState {
   // The role for which the headings on the right were opened or closed.
   std::optional<client::Role> headings_opened_for{};
   bool help_shown = false;
+  FacingForm facing{};
   ConnectForm connect{};
   SessionState session{};
   // Requested; done at the end of the frame.
@@ -123,8 +130,11 @@ class Viewer {
   std::string volume_problem() const;
   // Why the picture is coarser than the volume; empty: it is not.
   std::string memory_problem() const;
-  // Why the first volume cannot have the veil of the options; empty: it can, or none is known.
-  const std::string& veil_problem() const { return veil_problem_; }
+  // Why the first volume cannot have the veil or the camera of the options; empty: it can, or none
+  // is known.
+  const std::string& option_problem() const {
+    return veil_problem_.empty() ? camera_problem_ : veil_problem_;
+  }
   // Turns the camera as the options say.
   void Aim();
 
@@ -206,6 +216,7 @@ class Viewer {
   void BeginVolumeIfNew();
   void ForgetActionsIfRestarted();
   void CheckVeil(const VolumeLattice& lattice);
+  void CheckCamera();
   void FollowSettings();
   void FollowProxy();
   void UpdateHapticLines(const Vec3& p_I);
@@ -234,7 +245,9 @@ class Viewer {
   bool aimed_ = false;
   bool aimed_at_whole_ = false;  // when no part of the volume was missing
   Camera aimed_camera_;          // that the last Aim has set
+  std::string aimed_axes_;       // the patient's, then
   std::string veil_problem_;
+  std::string camera_problem_;
   bool bricks_left_ = true;
   std::string refused_;  // why the renderer refused the volume; empty: it did not
   Vec3i refused_size_ = Vec3i::Zero();

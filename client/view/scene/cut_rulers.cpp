@@ -17,16 +17,16 @@ double OffsetOfMiddle(const Vec3& normal_I, const Vec3i& lattice_size) {
 
 }  // namespace
 
-std::array<CutRuler, 3> RulersOf(const AffineMap& X_WI, const Vec3i& lattice_size) {
-  const PatientAxes axes = NearestAxes(X_WI.linear);
+std::array<CutRuler, 3> RulersOf(const AffineMap& X_PI, const Vec3i& lattice_size) {
+  const PatientAxes axes = NearestAxes(X_PI.linear);
   std::array<CutRuler, 3> rulers;
   for (std::size_t n = 0; n < rulers.size(); ++n) {
     const SignedAxis& along_I = axes[n];
-    const Vec3 unit_W = along_I.sign * X_WI.linear.col(along_I.axis).normalized();
+    const Vec3 unit_P = along_I.sign * X_PI.linear.col(along_I.axis).normalized();
     const auto at = [&](double fraction) {
       Vec3 p_I = Vec3::Zero();
       p_I[along_I.axis] = PointOfFractions(Vec3::Constant(fraction), lattice_size)[along_I.axis];
-      return unit_W.dot(X_WI.Apply(p_I));
+      return unit_P.dot(X_PI.Apply(p_I));
     };
     rulers[n] = {.along_I = along_I,
                  .begin_mm = at(along_I.sign > 0 ? 0.0 : 1.0),

@@ -1,7 +1,8 @@
-// Places of cuts in mm of the volume (W), for people. A lattice's axes are nearly those of W; each
-// axis has a ruler, which runs in the direction of W's axis and has W's zero.
+// Places of cuts in mm of the volume, for people. A lattice's axes are nearly those of P
+// (patient_axes.h); each axis has a ruler, which runs in the direction of P's axis and has P's
+// zero.
 //
-// Frames: I (voxels), W (mm). Threads: pure.
+// Frames: I (voxels), P, W (mm). Threads: pure.
 #pragma once
 
 #include <array>
@@ -12,13 +13,13 @@
 namespace palpate::view {
 
 struct CutRuler {
-  SignedAxis along_I;     // the direction of W's axis in the lattice
+  SignedAxis along_I;     // the direction of P's axis in the lattice
   double begin_mm = 0.0;  // ends of the lattice with its layer of background
   double end_mm = 0.0;    // above begin_mm
 };
 
-// Along x, y and z of W.
-std::array<CutRuler, 3> RulersOf(const AffineMap& X_WI, const Vec3i& lattice_size);
+// Along x, y and z of P.
+std::array<CutRuler, 3> RulersOf(const AffineMap& X_PI, const Vec3i& lattice_size);
 
 // The two faces of the crop box across a ruler, the lower one first.
 std::array<double, 2> FacesOnRuler(const CropBox& crop, const CutRuler& ruler);

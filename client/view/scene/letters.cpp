@@ -27,8 +27,6 @@ std::string_view StrokesOf(char letter) {
   }
 }
 
-}  // namespace
-
 void AddLetter(char letter, const Vec3& center_D, const Vec3& right_D, const Vec3& up_D,
                Overlay& overlay) {
   const std::string_view strokes = StrokesOf(letter);
@@ -41,6 +39,18 @@ void AddLetter(char letter, const Vec3& center_D, const Vec3& right_D, const Vec
     if (strokes[at - 1] == '/') continue;
     overlay.lines.push_back(corner(at - 3));
     overlay.lines.push_back(corner(at));
+  }
+}
+
+}  // namespace
+
+void AddLetters(std::string_view letters, const Vec3& center_D, const Vec3& right_D,
+                const Vec3& up_D, Overlay& overlay) {
+  constexpr double kApart = 0.9;  // of the height
+  double aside = -0.5 * kApart * static_cast<double>(letters.size() - 1);
+  for (const char letter : letters) {
+    AddLetter(letter, center_D + aside * right_D, right_D, up_D, overlay);
+    aside += kApart;
   }
 }
 

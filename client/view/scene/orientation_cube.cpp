@@ -59,7 +59,7 @@ std::optional<SignedAxis> FaceAt(const std::vector<CubeFace>& faces, const Eigen
 
 std::string FaceText(const SignedAxis& direction_W, bool of_patient) {
   if (of_patient) return {LetterOf(direction_W)};
-  return {direction_W.sign > 0 ? '+' : '-', "XYZ"[direction_W.axis]};
+  return {direction_W.sign > 0 ? '+' : '-', "xyz"[direction_W.axis]};
 }
 
 Mat3 UprightVolume(const Mat3& D_from_I, const Mat3& W_from_I) {

@@ -1,9 +1,9 @@
 // The orientation cube in a corner of the view: its faces show where the volume's sides are, and a
 // click on a face looks from there.
 //
-// Frames: D (mm); W (mm, LPS for a patient); V view (x right, y up, z towards the viewer); U what
-// the camera keeps upright. Points of the cube's picture: x right, y down, from its middle; a
-// corner of the cube is at most 1 from it. Threads: pure functions.
+// Frames: D (mm); W (mm; P of patient_axes.h where it is known); V view (x right, y up, z towards
+// the viewer); U what the camera keeps upright. Points of the cube's picture: x right, y down, from
+// its middle; a corner of the cube is at most 1 from it. Threads: pure functions.
 #pragma once
 
 #include <array>
@@ -29,7 +29,7 @@ std::vector<CubeFace> SeenFaces(const Mat3& R_VW);
 // The face at a point of the picture; none beside the cube.
 std::optional<SignedAxis> FaceAt(const std::vector<CubeFace>& faces, const Eigen::Vector2d& point);
 
-// A, P, L, R, S or I of a patient; otherwise "+X" to "-Z".
+// A, P, L, R, S or I of a patient; otherwise "+x" to "-z".
 std::string FaceText(const SignedAxis& direction_W, bool of_patient);
 
 // The frame U in which a volume's axes are those of D that are nearest to them.

@@ -222,21 +222,19 @@ void AddBox(const AffineMap& X_DI, const Vec3i& lattice_size, Overlay& overlay) 
 void AddBoxLetters(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
                    Overlay& overlay) {
   constexpr double kAlongSight = 0.8;
-  const PatientAxes axes = NearestAxes(*scene.W_from_I);
   const Vec3 edges = scene.lattice_size.cast<double>();
   const Vec3 center_D = scene.X_DI->Apply(0.5 * (edges - Vec3::Ones()));
   const Mat3 R_DV = camera.X_VD().linear.transpose();
   for (int face = 0; face < 6; ++face) {
-    const SignedAxis direction_W{face / 2, face % 2 == 0 ? 1 : -1};
-    const SignedAxis& axis_I = axes[static_cast<std::size_t>(direction_W.axis)];
-    const int sign = axis_I.sign * direction_W.sign;
-    const Vec3 to_face_D = 0.5 * sign * edges[axis_I.axis] * scene.X_DI->linear.col(axis_I.axis);
+    const int axis = face / 2;
+    const double sign = face % 2 == 0 ? 1.0 : -1.0;
+    const Vec3 to_face_D = 0.5 * sign * edges[axis] * scene.X_DI->linear.col(axis);
     const Vec3 outward_D = to_face_D.normalized();
     if (std::abs(outward_D.dot(R_DV.col(2))) > kAlongSight) continue;
     const Vec3 face_D = center_D + to_face_D;
     const double height_mm = kLetter_px * pixel.At(face_D);
-    AddLetter(LetterOf(direction_W), face_D + height_mm * outward_D, height_mm * R_DV.col(0),
-              height_mm * R_DV.col(1), overlay);
+    AddLetters(LettersOf(sign * scene.P_from_I->col(axis)), face_D + height_mm * outward_D,
+               height_mm * R_DV.col(0), height_mm * R_DV.col(1), overlay);
   }
 }
 
@@ -248,7 +246,7 @@ Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, c
   const PixelSize pixel(camera, size);
   if (scene.X_DI && options.box && (scene.lattice_size.array() > 0).all()) {
     AddBox(*scene.X_DI, scene.lattice_size, overlay);
-    if (scene.W_from_I && options.letters) AddBoxLetters(scene, camera, pixel, overlay);
+    if (scene.P_from_I && options.letters) AddBoxLetters(scene, camera, pixel, overlay);
   }
   if (scene.X_DI && options.haptic_surface) {
     AddHapticSurface(scene, camera, pixel, overlay);

@@ -55,8 +55,8 @@ struct OverlayScene {
   std::vector<Vec3> haptic_lines_I{};
   std::optional<AffineMap> X_DI{};
   Vec3i lattice_size = Vec3i::Zero();
-  // The linear part of the volume's map to W. None: no letters.
-  std::optional<Mat3> W_from_I{};
+  // The linear part of the volume's map to P (patient_axes.h). None: no letters.
+  std::optional<Mat3> P_from_I{};
   double max_force_n = 3.3;
   // Where the person who leads the hand wants HIP to be. None: nobody leads it here.
   std::optional<Vec3> hand_target_D{};

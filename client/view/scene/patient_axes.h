@@ -1,18 +1,21 @@
 // The patient's axes in a volume, whatever the orientation of its voxels.
 //
-// W is LPS as in DICOM: x to the patient's left, y to posterior, z to superior. Each axis of W gets
-// the axis of I that is nearest to it, which is exact unless the volume is oblique. Slices are
-// drawn across axes of I, so nothing is resampled; those of an oblique volume are as oblique as it
-// is.
+// P is the patient's frame, LPS as in DICOM: x to the patient's left, y to posterior, z to
+// superior. It is W where the file states an orientation, and a turn of W by right angles where
+// somebody has answered where the patient faces. Where neither is known, P is W, and its axes have
+// no letters. Each axis of P gets the axis of I that is nearest to it, which is exact unless the
+// volume is oblique. Slices are drawn across axes of I, so nothing is resampled; those of an
+// oblique volume are as oblique as it is, and are called so.
 //
-// Frames: I (voxels), W (mm). Threads: plain values and pure functions.
+// Frames: I (voxels), W, P (mm). Threads: plain values and pure functions.
 #pragma once
 
 #include <array>
+#include <optional>
+#include <string>
 #include <string_view>
 
-#include "client/sdk/of_patient.h"
-#include "common/bricks/volume_event.h"
+#include "client/view/volume/view_volume.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::view {
@@ -25,11 +28,21 @@ struct SignedAxis {
   friend bool operator==(const SignedAxis&, const SignedAxis&) = default;
 };
 
-// The axes of I along the x, y and z of W; each axis of I once.
+// The turn from W to P. None if `patient_axes` (VolumePlacement) is empty, or mirrors.
+std::optional<Mat3> PatientFromWorld(std::string_view patient_axes);
+
+struct PatientFrame {
+  bool is_known = false;  // P is the patient's LPS
+  AffineMap X_PI;
+};
+// Call it only with a lattice.
+PatientFrame PatientFrameOf(const ViewVolume& volume);
+
+// The axes of I along the x, y and z of P; each axis of I once. (Or of another frame for P.)
 using PatientAxes = std::array<SignedAxis, 3>;
-// `W_from_I`: linear part of the volume's map, invertible. Of all assignments, the one with the
+// `P_from_I`: linear part of the volume's map, invertible. Of all assignments, the one with the
 // greatest sum of cosines.
-PatientAxes NearestAxes(const Mat3& W_from_I);
+PatientAxes NearestAxes(const Mat3& P_from_I);
 
 // How slices show the patient's left.
 enum class SliceSide {
@@ -45,15 +58,24 @@ struct SliceAxes {
   friend bool operator==(const SliceAxes&, const SliceAxes&) = default;
 };
 
-// Directions in W of the slice across x (sagittal), y (coronal) or z (axial). Superior is up, in
+// Directions in P of the slice across x (sagittal), y (coronal) or z (axial). Superior is up, in
 // axial slices anterior is. A sagittal slice is seen from the patient's left, with anterior at the
 // left, on either side.
 SliceAxes SliceInWorld(int world_axis, SliceSide side);
 // The same slice's directions in I.
 SliceAxes SliceInVolume(int world_axis, SliceSide side, const PatientAxes& axes);
 
-// The letter of a direction of W: L or R, P or A, S or I.
-char LetterOf(const SignedAxis& direction_W);
+// The letter of a direction of P: L or R, P or A, S or I.
+char LetterOf(const SignedAxis& direction_P);
+// The letters of any direction of P, such as "L" or "LA": those of its components of at least
+// sin 22.5° of its length, the greatest first.
+std::string LettersOf(const Vec3& direction_P);
+
+// A slice's plane is called oblique from this angle to the patient's plane on.
+inline constexpr double kOblique_deg = 2.0;
+// The name of the slice across an axis of P: "axial", "coronal", "sagittal", or such as
+// "oblique 31°", the angle between the slice's plane and that plane of the patient.
+std::string PlaneName(int patient_axis, const Mat3& P_from_I);
 
 // A look at the patient, in the camera's angles while the patient is upright. From above and from
 // below, anterior is up.
@@ -71,8 +93,6 @@ inline constexpr std::array<PatientView, 6> kPatientViews = {{{"anterior", 0.0, 
 
 // The camera's frame U for which superior is up and anterior is in front. Both maps: linear parts,
 // of the same volume, whose placement is a similarity.
-Mat3 UprightPatient(const Mat3& D_from_I, const Mat3& W_from_I);
-
-using client::IsOfPatient;
+Mat3 UprightPatient(const Mat3& D_from_I, const Mat3& P_from_I);
 
 }  // namespace palpate::view

@@ -21,11 +21,11 @@ std::string WindowText(double value, double width) {
                         : fmt::format("{:.4g}", value);
 }
 
-std::string PlaceText(const Vec3& p_W, bool of_patient) {
+std::string PlaceText(const Vec3& p_P, bool of_patient) {
   std::string text;
   for (int axis = 0; axis < 3; ++axis) {
     // Rounded first: "R 0.0" and "-0.0" would puzzle.
-    const double at = std::round(10.0 * p_W[axis]) / 10.0 + 0.0;
+    const double at = std::round(10.0 * p_P[axis]) / 10.0 + 0.0;
     text += of_patient
                 ? fmt::format("{} {:.1f} ", LetterOf({axis, at < 0.0 ? -1 : 1}), std::abs(at))
                 : fmt::format("{} {:.1f} ", "xyz"[axis], at);

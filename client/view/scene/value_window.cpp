@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "client/sdk/of_patient.h"
-
 namespace palpate::view {
 namespace {
 
@@ -22,10 +20,6 @@ bool HasHounsfieldUnits(const VolumeLattice& lattice) {
   if (!lattice.unit.empty()) return lattice.unit == "HU";
   return lattice.type == LeafType::kInt16 && lattice.value_min <= kAir &&
          lattice.value_min >= kLeastOfAScanner && lattice.value_max >= kBone;
-}
-
-bool IsSeenAsPatient(const VolumeLattice& lattice) {
-  return client::IsOfPatient(lattice) || HasHounsfieldUnits(lattice);
 }
 
 ValueWindow WholeRange(const VolumeLattice& lattice) {

@@ -35,10 +35,6 @@ inline constexpr std::array<WindowPreset, 4> kWindowPresets = {{{"Bone", {400.0,
 // that of air to that of bone.
 bool HasHounsfieldUnits(const VolumeLattice& lattice);
 
-// True if the volume is shown with a patient's sides: it is a patient's, or has Hounsfield units. A
-// file that states no orientation then counts as LPS.
-bool IsSeenAsPatient(const VolumeLattice& lattice);
-
 ValueWindow WholeRange(const VolumeLattice& lattice);
 // The window of a volume just loaded: soft tissue and bone at once for Hounsfield units, otherwise
 // the whole range.

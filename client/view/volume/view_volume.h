@@ -18,6 +18,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -71,6 +72,9 @@ class ViewVolume {
   // The place of the frame W, in which the volume's file gives positions (mm); none before lattice
   // and place are known.
   std::optional<AffineMap> X_DW() const;
+  // Where the axes of W point in the patient, and who says so: see VolumePlacement.
+  const std::string& patient_axes() const { return patient_axes_; }
+  bool axes_are_answered() const { return axes_are_answered_; }
   // Bricks still to come, as far as is known; 0: complete. Until then the overview's means or the
   // background stand in for them.
   std::uint64_t bricks_left() const { return bricks_left_; }
@@ -126,6 +130,8 @@ class ViewVolume {
 
   std::optional<VolumeLattice> lattice_;
   std::optional<AffineMap> X_DI_;
+  std::string patient_axes_;
+  bool axes_are_answered_ = false;
   std::uint64_t bricks_left_ = 0;
   std::optional<VolumeRevision> revision_;
   std::shared_ptr<const BrickMap> bricks_;

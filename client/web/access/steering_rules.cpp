@@ -5,6 +5,7 @@
 #include <cmath>
 #include <variant>
 
+#include "client/sdk/placement.h"
 #include "client/sdk/settings.h"
 
 namespace palpate::web {
@@ -17,6 +18,10 @@ const client::Setting* FindSetting(std::string_view key) {
   return found == client::kSettings.end() ? nullptr : &*found;
 }
 
+bool IsNumberBelow(double count, double value) {
+  return value >= 0.0 && value < count && value == std::floor(value);
+}
+
 bool IsInRange(const client::Setting& setting, double value) {
   if (!std::isfinite(value)) return false;
   if (const auto* number = std::get_if<client::NumberSetting>(&setting.kind)) {
@@ -26,21 +31,25 @@ bool IsInRange(const client::Setting& setting, double value) {
   if (const auto* choice = std::get_if<client::ChoiceSetting>(&setting.kind)) {
     count = static_cast<double>(choice->words.size());
   }
-  return value >= 0.0 && value < count && value == std::floor(value);
+  return IsNumberBelow(count, value);
 }
 
 }  // namespace
 
-bool IsSetting(std::string_view key) { return FindSetting(key) != nullptr; }
+bool IsSetting(std::string_view key) {
+  return key == client::kFacingKey || FindSetting(key) != nullptr;
+}
 
 std::string SteeringRules::Refusal(const Session& session, std::string_view key, double value,
                                    Time now) {
   const auto& allowed = session.may_steer;
-  const client::Setting* setting = FindSetting(key);
-  if (setting == nullptr || std::find(allowed.begin(), allowed.end(), key) == allowed.end()) {
+  if (!IsSetting(key) || std::find(allowed.begin(), allowed.end(), key) == allowed.end()) {
     return "you may not change this setting";
   }
-  if (!IsInRange(*setting, value)) return "the value is out of range";
+  const client::Setting* setting = FindSetting(key);
+  const bool is_in_range =
+      setting ? IsInRange(*setting, value) : IsNumberBelow(client::kFacings, value);
+  if (!is_in_range) return "the value is out of range";
   Changes& changes = changes_[session.user];
   Time& oldest = changes.times.at(changes.next);
   if (oldest != Time() && now - oldest < std::chrono::seconds(1)) {

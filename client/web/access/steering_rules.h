@@ -14,7 +14,8 @@
 
 namespace palpate::web {
 
-// True if a setting of palpated has this key, such as "isovalue" or "stiffness_n_per_mm".
+// True if a setting of palpated has this key, such as "isovalue" or "stiffness_n_per_mm"; and for
+// "facing", where the patient faces (client/sdk/placement.h).
 bool IsSetting(std::string_view key);
 
 class SteeringRules {

@@ -225,7 +225,7 @@ void RoomSource::Poll() {
 
 void RoomSource::Steer(const SteerRequest& request, std::function<void(std::string error)> done) {
   std::string refusal;
-  if (!UpdateOf(request.key, request.value)) {
+  if (!UpdateOf(request.key, request.value) && !FacingOf(request.key, request.value)) {
     refusal = request.key + " does not take this value";
   } else if (options_.server.user.empty()) {
     refusal = "this gateway may not change settings";

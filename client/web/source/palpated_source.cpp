@@ -200,17 +200,19 @@ void PalpatedSource::PutHeld() {
 void PalpatedSource::Steer(const SteerRequest& request,
                            std::function<void(std::string error)> done) {
   const auto update = UpdateOf(request.key, request.value);
-  if (!update) {
+  const auto facing = FacingOf(request.key, request.value);
+  if (!update && !facing) {
     options_.steered(false);
     done(request.key + " does not take this value");
     return;
   }
   worker_->PutLast(request.user + " " + request.key,
-                   [this, request, update, done = std::move(done)](bool is_replaced) {
+                   [this, request, update, facing, done = std::move(done)](bool is_replaced) {
                      if (is_replaced) return done("");
                      std::string error, plain;
                      try {
-                       client_->Set(*update);
+                       if (update) client_->Set(*update);
+                       if (facing) client_->Place({.facing = facing});
                      } catch (const Error& refusal) {
                        error = refusal.what();
                        plain = PlainRefusal(refusal);

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <variant>
 
-#include "client/sdk/of_patient.h"
 #include "common/error/one_line.h"
 
 namespace palpate::web {
@@ -169,7 +168,6 @@ std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& latt
                {"value_max", info.value_max},
                {"background", lattice.Background()},
                {"unit", OneLine(info.unit)},
-               {"patient", client::IsOfPatient(lattice)},
                {"world_from_index", Rows(lattice.X_WI)},
                {"histogram",
                 {{"low", histogram.low}, {"high", histogram.high}, {"counts", histogram.counts}}},
@@ -179,7 +177,9 @@ std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& latt
 std::string PlacementText(const VolumePlacement& placement) {
   return Dump({{"type", "placement"},
                {"device_from_index", Rows(placement.X_DI)},
-               {"settings_revision", placement.settings_revision}});
+               {"settings_revision", placement.settings_revision},
+               {"patient_axes", OneLine(placement.patient_axes)},
+               {"patient_axes_answered", placement.axes_are_answered}});
 }
 
 std::string CopyText(std::uint64_t bricks_left, const std::string& problem) {
@@ -238,6 +238,14 @@ std::optional<client::SettingsUpdate> UpdateOf(const std::string& key, double va
     if (setting.key == key && std::visit(Store{value, update}, setting.kind)) return update;
   }
   return std::nullopt;
+}
+
+std::optional<client::PatientFacing> FacingOf(const std::string& key, double value) {
+  if (key != client::kFacingKey) return std::nullopt;
+  if (!(value >= 0.0 && value < client::kFacings)) return std::nullopt;
+  const auto number = static_cast<std::size_t>(value);
+  return client::PatientFacing{client::kWorldDirections[number / 6],
+                               client::kWorldDirections[number % 6]};
 }
 
 }  // namespace palpate::web

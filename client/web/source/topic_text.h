@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "client/sdk/connection.h"
+#include "client/sdk/placement.h"
 #include "client/sdk/recording.h"
 #include "client/sdk/series.h"
 #include "client/sdk/settings.h"
@@ -65,5 +66,7 @@ std::string RecordingText(const std::optional<client::RecordingState>& recording
 // None if there is no such setting, or if it does not take the value: flags are 0 or 1, choices the
 // number of a word. The daemon checks the ranges of numbers.
 std::optional<client::SettingsUpdate> UpdateOf(const std::string& key, double value);
+// None for another key than kFacingKey, and for another value than its.
+std::optional<client::PatientFacing> FacingOf(const std::string& key, double value);
 
 }  // namespace palpate::web

@@ -1,6 +1,7 @@
 // The bar, the line at the bottom, and the list of what happened.
 import type { State } from "../state";
 import { find, make, setText } from "./dom";
+import { kFacingKey } from "./facing";
 
 export function showHeader(root: HTMLElement, state: State): void {
   const name = find(root, "volume-name");
@@ -58,7 +59,8 @@ export function tellSteering(state: State): void {
     const isNews = newestMs !== null && change !== undefined && change.time_ms > newestMs;
     newestMs = change?.time_ms ?? newestMs ?? 0;
     if (!isNews) return;
-    const label = state.hello?.settings.find(({ key }) => key === change.key)?.label ?? change.key;
+    const setting = state.hello?.settings.find(({ key }) => key === change.key);
+    const label = change.key === kFacingKey ? "Where it faces" : (setting?.label ?? change.key);
     const text = `${label} set by ${change.user}`;
     if (text !== toldText || change.time_ms - toldMs > kSameChangeMs) state.tell(text);
     [toldText, toldMs] = [text, change.time_ms];

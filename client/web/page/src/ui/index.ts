@@ -5,6 +5,7 @@ import type { Room } from "../wire/room";
 import { showBadge } from "./badge";
 import { showControls } from "./controls";
 import { find, setText } from "./dom";
+import { showFacing } from "./facing";
 import { showEvents, showHeader, tellSteering } from "./header";
 import { showHistogram, toggleVeil } from "./histogram";
 import { listenToKeys } from "./keys";
@@ -123,6 +124,7 @@ export function buildInterface(root: HTMLElement, state: State, room: Room, copy
   showHistogram(find(root, "isovalue"), state, room);
   showControls(root, state, room);
   showSlices(root, state, copy);
+  showFacing(root, state, room);
   showLogin(root, state, room);
   const updates = [showBadge(root, state), showValues(root, state, copy), showPlots(root, state)];
   setInterval(() => updates.forEach((update) => update()), 200);

@@ -1,6 +1,7 @@
 // Keys of one letter, and those of the picture while it has the focus.
 import type { State } from "../state";
 import { Camera, uprightPatient } from "../view/camera";
+import { patientFrame } from "../view/patient_axes";
 import { find, make } from "./dom";
 
 export interface Key {
@@ -21,9 +22,8 @@ const kSteps: Record<string, [number, number]> = {
 function move(state: State, change: (camera: Camera) => void): void {
   const { volume, placement, view } = state;
   const camera = new Camera();
-  if (placement && volume?.patient && volume.world_from_index) {
-    camera.upright = uprightPatient(placement.device_from_index, volume.world_from_index);
-  }
+  const frame = patientFrame(volume, placement);
+  if (placement && frame?.isKnown) camera.upright = uprightPatient(placement.device_from_index, frame.fromIndex);
   camera.set(view.target, view.azimuthDeg, view.elevationDeg, view.distanceMm);
   change(camera);
   const { target, azimuthDeg, elevationDeg, distanceMm } = camera;

@@ -1,35 +1,34 @@
 // How the three slices lie in the volume. Of a patient they are axial, coronal and sagittal, seen as radiologists
-// do: from the feet, from the front, and from the patient's left. Of other volumes W is the voxels' frame.
-import { letterOf, nearestAxes, opposite } from "../view/patient_axes";
-import type { SignedAxis } from "../view/patient_axes";
+// do: from the feet, from the front, and from the patient's left. Where the sides are not known, the axes of the
+// world stand in for the patient's.
+import { labelOf, nearestAxes, opposite, planeName } from "../view/patient_axes";
+import type { PatientFrame, SignedAxis } from "../view/patient_axes";
 
 export interface Section {
   name: string;
   across: SignedAxis; // of the voxels, as the next two
   right: SignedAxis;
   down: SignedAxis;
-  letters: { right: string; left: string; down: string; up: string } | null; // of a patient
+  labels: { right: string; left: string; down: string; up: string }; // of the edges
 }
 
-// Directions in W.
-const kSections: Omit<Section, "letters">[] = [
-  { name: "axial", across: { axis: 2, sign: 1 }, right: { axis: 0, sign: 1 }, down: { axis: 1, sign: 1 } },
-  { name: "coronal", across: { axis: 1, sign: 1 }, right: { axis: 0, sign: 1 }, down: { axis: 2, sign: -1 } },
-  { name: "sagittal", across: { axis: 0, sign: 1 }, right: { axis: 1, sign: 1 }, down: { axis: 2, sign: -1 } },
+// Directions in P.
+const kSections: Pick<Section, "across" | "right" | "down">[] = [
+  { across: { axis: 2, sign: 1 }, right: { axis: 0, sign: 1 }, down: { axis: 1, sign: 1 } },
+  { across: { axis: 1, sign: 1 }, right: { axis: 0, sign: 1 }, down: { axis: 2, sign: -1 } },
+  { across: { axis: 0, sign: 1 }, right: { axis: 1, sign: 1 }, down: { axis: 2, sign: -1 } },
 ];
 
-// `worldFromIndex`: null if the volume is of no patient.
-export function sectionsOf(worldFromIndex: number[] | null): Section[] {
-  if (!worldFromIndex) return kSections.map((s) => ({ ...s, name: `across ${"xyz"[s.across.axis]}`, letters: null }));
-  const axes = nearestAxes(worldFromIndex);
+export function sectionsOf(frame: PatientFrame): Section[] {
+  const { isKnown, fromIndex } = frame;
+  const axes = nearestAxes(fromIndex);
   const inVolume = ({ axis, sign }: SignedAxis) => (sign > 0 ? axes[axis] : opposite(axes[axis]));
-  return kSections.map(({ name, across, right, down }) => ({
-    name,
+  const label = (direction: SignedAxis) => labelOf(frame, inVolume(direction));
+  return kSections.map(({ across, right, down }) => ({
+    name: isKnown ? planeName(fromIndex, across.axis) : `across ${"xyz"[across.axis]}`,
     across: inVolume(across),
     right: inVolume(right),
     down: inVolume(down),
-    letters: {
-      right: letterOf(right), left: letterOf(opposite(right)), down: letterOf(down), up: letterOf(opposite(down)),
-    },
+    labels: { right: label(right), left: label(opposite(right)), down: label(down), up: label(opposite(down)) },
   }));
 }

@@ -2,6 +2,7 @@
 // where the user puts them.
 import type { State } from "../state";
 import { apply, column, compose, indexFromBlocks, inverse, norm } from "../view/geometry";
+import { patientFrame } from "../view/patient_axes";
 import type { Axis, SignedAxis } from "../view/patient_axes";
 import type { VolumeCopy } from "../volume/copy";
 import type { Vec3 } from "../wire/messages";
@@ -124,7 +125,7 @@ class SliceView {
     this.drawMarks(context, x, y);
   }
 
-  // The cross-hair, open at the point, and the patient's directions.
+  // The cross-hair, open at the point, and the directions.
   private drawMarks(context: CanvasRenderingContext2D, x: number, y: number): void {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     context.strokeStyle = kCrossColor;
@@ -135,23 +136,23 @@ class SliceView {
       context.lineTo(x1, y1);
     }
     context.stroke();
-    const { letters } = this.section;
-    if (!letters) return;
+    const { labels } = this.section;
     context.font = font(this.canvas);
     context.textAlign = "center";
     context.textBaseline = "middle";
     context.lineWidth = 3;
     context.strokeStyle = "#000";
     context.fillStyle = "#fff";
-    const write = (letter: string, tx: number, ty: number) => {
-      context.strokeText(letter, tx, ty);
-      context.fillText(letter, tx, ty);
+    const write = (label: string, tx: number, ty: number) => {
+      context.strokeText(label, tx, ty);
+      context.fillText(label, tx, ty);
     };
     const edge = 9;
-    write(letters.left, edge, height / 2);
-    write(letters.right, width - edge, height / 2);
-    write(letters.up, width / 2, edge);
-    write(letters.down, width / 2, height - edge);
+    const beside = (label: string) => edge + (context.measureText(label).width - context.measureText("L").width) / 2;
+    write(labels.left, beside(labels.left), height / 2);
+    write(labels.right, width - beside(labels.right), height / 2);
+    write(labels.up, width / 2, edge);
+    write(labels.down, width / 2, height - edge);
   }
 
   // Indices of the whole volume, also for the overview.
@@ -163,7 +164,7 @@ class SliceView {
     setText(this.name, name);
     setText(this.place, `${"xyz"[across.axis]} ${voxel} of ${all}`);
     setAttribute(this.canvas, "aria-label", `Slice ${name} at voxel ${voxel} of ${all}`);
-    setAttribute(this.slider, "aria-label", `Place of the slice ${name}`);
+    setAttribute(this.slider, "aria-label", `Place of the slice ${name} along ${"xyz"[across.axis]}`);
     setAttribute(this.slider, "aria-valuetext", `voxel ${voxel} of ${all}`);
     setAttribute(this.slider, "max", String(Math.max(0, this.size(across.axis) - 1)));
     this.slider.value = String(index);
@@ -184,7 +185,8 @@ export function showSlices(root: HTMLElement, state: State, copy: VolumeCopy): v
     }
     for (const view of views) view.draw(version);
   });
-  const views = sectionsOf(null).map((s) => new SliceView(s, state, copy, cross, request));
+  const unknown = { isKnown: false, fromIndex: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0] };
+  const views = sectionsOf(unknown).map((s) => new SliceView(s, state, copy, cross, request));
   find(root, "slices-planes").append(...views.map((view) => view.element));
 
   const show = () => {
@@ -192,8 +194,7 @@ export function showSlices(root: HTMLElement, state: State, copy: VolumeCopy): v
     request();
   };
   const orient = () => {
-    const { volume } = state;
-    const sections = sectionsOf((volume?.patient && volume.world_from_index) || null);
+    const sections = sectionsOf(patientFrame(state.volume, state.placement) ?? unknown);
     views.forEach((view, n) => (view.section = sections[n]));
     request();
   };
@@ -206,9 +207,9 @@ export function showSlices(root: HTMLElement, state: State, copy: VolumeCopy): v
     request();
   });
   for (const topic of ["view", "picture"] as const) state.on(topic, show);
-  for (const topic of ["pose", "placement", "settings"] as const) state.on(topic, request);
+  for (const topic of ["pose", "settings"] as const) state.on(topic, request);
   state.on("copyProgress", changed);
-  state.on("volume", orient);
+  for (const topic of ["volume", "placement"] as const) state.on(topic, orient);
   new ResizeObserver(request).observe(section);
   orient();
   show();

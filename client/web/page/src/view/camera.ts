@@ -143,10 +143,10 @@ export class Camera {
   }
 }
 
-// The frame U for which superior is up and anterior is in front. The volume's map `worldFromIndex` leads to LPS.
-export function uprightPatient(deviceFromIndex: AffineMap, worldFromIndex: AffineMap): AffineMap {
-  const indexFromWorld = inverse(worldFromIndex);
-  const inD = (axis: number) => normalized(turn(deviceFromIndex, column(indexFromWorld, axis)));
+// The frame U for which superior is up and anterior is in front. The volume's map `patientFromIndex` leads to P.
+export function uprightPatient(deviceFromIndex: AffineMap, patientFromIndex: AffineMap): AffineMap {
+  const indexFromPatient = inverse(patientFromIndex);
+  const inD = (axis: number) => normalized(turn(deviceFromIndex, column(indexFromPatient, axis)));
   const [x, y] = [inD(0), inD(2)];
   return fromColumns(x, y, cross(x, y), [0, 0, 0]);
 }

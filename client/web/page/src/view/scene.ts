@@ -1,4 +1,4 @@
-// Everything drawn besides the volume, with three.js: the box with the patient's letters, the points, the force and
+// Everything drawn besides the volume, with three.js: the box with the names of its sides, the points, the force and
 // the stylus. Parts that have a size on the screen keep it when the camera moves. What the surface hides of points,
 // links and force shows through faintly.
 import * as three from "three";
@@ -9,7 +9,7 @@ import { halfView } from "./camera";
 import type { Camera, Size } from "./camera";
 import { add, apply, column, norm, scale, subtract } from "./geometry";
 import type { AffineMap } from "./geometry";
-import { faceLetters } from "./patient_axes";
+import type { FaceLabel } from "./patient_axes";
 
 // Colours of the desktop viewer (client/view/scene/overlay.h).
 const kHipColor = 0xeb4b3c;
@@ -49,15 +49,15 @@ function unitTube(): three.BufferGeometry {
   return new three.CylinderGeometry(1, 1, 1, 12).translate(0, 0.5, 0);
 }
 
-function spriteOf(letter: string, color: string): three.Sprite {
+function spriteOf(label: string, color: string): three.Sprite {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 64;
   const context = canvas.getContext("2d")!;
-  context.font = "600 56px sans-serif";
+  context.font = `600 ${label.length > 1 ? 40 : 56}px sans-serif`;
   context.textAlign = "center";
   context.textBaseline = "middle";
   context.fillStyle = color;
-  context.fillText(letter, 32, 34);
+  context.fillText(label, 32, 34, 62);
   const map = new three.CanvasTexture(canvas);
   map.colorSpace = three.SRGBColorSpace;
   return new three.Sprite(new three.SpriteMaterial({ map, transparent: true }));
@@ -98,8 +98,8 @@ export class PalpationScene {
     this.scene.add(this.box, this.touched, new three.AmbientLight(0xffffff, 1.2), this.light);
   }
 
-  // The box follows the outer faces of the outermost voxels. `worldFromIndex`: leads to LPS; null: no letters.
-  setBox(deviceFromIndex: AffineMap, size: Vec3, worldFromIndex: AffineMap | null, letterColor: string): void {
+  // The box follows the outer faces of the outermost voxels.
+  setBox(deviceFromIndex: AffineMap, size: Vec3, labels: FaceLabel[], color: string): void {
     for (const { sprite } of this.letters) sprite.material.map?.dispose();
     this.letters = [];
     this.box.clear();
@@ -108,10 +108,9 @@ export class PalpationScene {
       .makeBasis(...([0, 1, 2].map((axis) => new three.Vector3(...scale(size[axis], column(deviceFromIndex, axis)))) as Axes))
       .setPosition(...centre);
     this.box.add(this.edges);
-    if (!worldFromIndex) return;
-    for (const { letter, axis, sign } of faceLetters(worldFromIndex)) {
+    for (const { label, axis, sign } of labels) {
       const toFace = scale(0.5 * sign * size[axis], column(deviceFromIndex, axis));
-      const sprite = spriteOf(letter, letterColor);
+      const sprite = spriteOf(label, color);
       this.letters.push({ sprite, face: add(centre, toFace), outward: scale(1 / norm(toFace), toFace) });
       this.box.add(sprite);
     }

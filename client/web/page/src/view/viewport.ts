@@ -13,6 +13,8 @@ import { boundsIn, Camera, uprightPatient } from "./camera";
 import type { Bounds, Size } from "./camera";
 import { add, compose, indexFromBlocks, norm, scale, subtract } from "./geometry";
 import { glance } from "./glance";
+import { faceLabels, patientFrame } from "./patient_axes";
+import type { PatientFrame } from "./patient_axes";
 import { followPointers } from "./pointer";
 import { PalpationScene } from "./scene";
 
@@ -53,7 +55,7 @@ export class Viewport implements VolumeTarget {
   private isDirty = true;
   private drawnPose: Pose | null = null;
   private frameMs = 0;
-  private aimedAt = ""; // the volume that the camera was aimed at
+  private aimedAt = ""; // the volume that the camera was aimed at, and its sides
 
   // Why there can be no picture; "": there can.
   static problem(canvas: HTMLCanvasElement): string {
@@ -85,7 +87,7 @@ export class Viewport implements VolumeTarget {
   resetView(): void {
     const bounds = this.volumeBounds([0, 0, 0], -1);
     if (!bounds) return;
-    const [azimuthDeg, elevationDeg] = this.worldFromIndex() ? kPatientAngles : kOtherAngles;
+    const [azimuthDeg, elevationDeg] = this.frameOfPatient()?.isKnown ? kPatientAngles : kOtherAngles;
     this.camera.set(this.camera.target, azimuthDeg, elevationDeg, this.camera.distanceMm);
     this.camera.fit(bounds);
     this.moved(false);
@@ -193,20 +195,18 @@ export class Viewport implements VolumeTarget {
     return size && map ? boundsIn(map, low, size.map((edge) => edge + beyond) as Vec3) : null;
   }
 
-  // Null: the volume is not of a patient.
-  private worldFromIndex(): number[] | null {
-    const volume = this.state.volume;
-    return (volume?.patient && volume.world_from_index) || null;
+  private frameOfPatient(): PatientFrame | null {
+    return patientFrame(this.state.volume, this.state.placement);
   }
 
   private takePlace(): void {
     const { volume, placement } = this.state;
     if (!volume?.size || !placement) return;
-    const world = this.worldFromIndex();
-    this.camera.upright = world ? uprightPatient(placement.device_from_index, world) : new Camera().upright;
+    const frame = this.frameOfPatient();
+    this.camera.upright = frame?.isKnown ? uprightPatient(placement.device_from_index, frame.fromIndex) : new Camera().upright;
     this.stage = ""; // the box is another one
     this.isDirty = true;
-    const place = `${volume.name} ${volume.size.join()}`;
+    const place = `${volume.name} ${volume.size.join()} ${placement.patient_axes}`;
     if (this.aimedAt !== place && !(this.aimedAt === "" && this.keepView)) this.resetView();
     this.aimedAt = place;
   }
@@ -219,8 +219,9 @@ export class Viewport implements VolumeTarget {
     this.stage = stage;
     this.background.set(stage);
     const { volume, placement } = this.state;
-    if (volume?.size && placement) {
-      this.scene.setBox(placement.device_from_index, volume.size, this.worldFromIndex(), style.getPropertyValue("--text"));
+    const frame = this.frameOfPatient();
+    if (volume?.size && placement && frame) {
+      this.scene.setBox(placement.device_from_index, volume.size, faceLabels(frame), style.getPropertyValue("--text"));
     }
   }
 

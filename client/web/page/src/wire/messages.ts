@@ -50,14 +50,20 @@ export interface VolumeMessage {
   value_max?: number;
   background?: number;
   unit?: string;
-  patient?: boolean; // world_from_index leads to LPS
   world_from_index?: number[]; // rows of the 3×4 map from voxel indices
   histogram?: { low: number; high: number; counts: number[] };
   suggested?: SuggestedIsovalue[];
 }
 
-// `device_from_index`: rows of the 3×4 map from voxel indices to D.
-export interface PlacementMessage { type: "placement"; device_from_index: number[]; settings_revision: number }
+// `device_from_index`: rows of the 3×4 map from voxel indices to D. `patient_axes`: where +x, +y and +z of the
+// world point in the patient, such as "LPS"; "": unknown. They are answered by a person, or stated by the file.
+export interface PlacementMessage {
+  type: "placement";
+  device_from_index: number[];
+  settings_revision: number;
+  patient_axes: string;
+  patient_axes_answered: boolean;
+}
 
 // The gateway's own copy of the volume.
 export interface CopyMessage { type: "copy"; bricks_left: number; problem: string }
