@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/web/http/networks.h"
 #include "tests/support/certificates.h"
 #include "tests/support/refusal.h"
 #include "tests/support/web_rig.h"
@@ -78,28 +79,59 @@ TEST(WebAttacks, OneSessionWithAllConnectionsShutsOutNobody) {
   ExpectGoesOn(rig, guest);
 }
 
-// Which of twenty sockets in use is closed for one more; -1: none.
-int ClosedForOneMore(int of_one_session) {
+// Which of twenty sockets in use, all of one network, is closed for one more; -1: none.
+int ClosedForOneMore(int of_one_session, const std::string& newcomer) {
   web::Connections connections(20, 20);
-  const auto one = std::make_shared<const web::Session>();
+  const auto login = [] {
+    auto session = std::make_shared<web::Session>();
+    session->network = "hall";
+    return session;
+  };
+  const auto one = login();
   std::vector<std::unique_ptr<web::Connections::Ticket>> tickets;
   int closed = -1;
   for (int n = 0; n < 20; ++n) {
-    tickets.push_back(connections.Admit());
-    tickets.back()->LoggedIn(n < 20 - of_one_session ? std::make_shared<const web::Session>()
-                                                     : one);
+    tickets.push_back(connections.Admit("hall"));
+    tickets.back()->LoggedIn(n < 20 - of_one_session ? login() : one);
     tickets.back()->use = web::Connections::Ticket::Use::kRequest;
     tickets.back()->close = [&closed, n] { closed = n; };
   }
-  const bool is_admitted = connections.Admit() != nullptr;
+  const bool is_admitted = connections.Admit(newcomer) != nullptr;
   EXPECT_EQ(is_admitted, closed >= 0);
   return closed;
 }
 
 TEST(WebAttacks, OnlyWhoHasManySocketsInUseLosesOne) {
-  EXPECT_EQ(ClosedForOneMore(1), -1);
-  EXPECT_EQ(ClosedForOneMore(16), -1);
-  EXPECT_EQ(ClosedForOneMore(17), 3);
+  EXPECT_EQ(ClosedForOneMore(1, "hall"), -1);
+  EXPECT_EQ(ClosedForOneMore(16, "hall"), -1);
+  EXPECT_EQ(ClosedForOneMore(17, "hall"), 3);
+}
+
+TEST(WebAttacks, ANetworkWithAllSocketsInUseLosesOneToAnother) {
+  EXPECT_EQ(ClosedForOneMore(1, "elsewhere"), 0);
+  EXPECT_EQ(ClosedForOneMore(4, "elsewhere"), 16);
+}
+
+TEST(WebAttacks, TheNetworkWithMostGivesWay) {
+  EXPECT_EQ(web::NetworkWithMost({}), "");
+  EXPECT_EQ(web::NetworkWithMost({"a", "b"}), "a");
+  EXPECT_EQ(web::NetworkWithMost({"a", "b", "c", "c", "b"}), "b");
+  using Networks = std::vector<std::string_view>;
+  const Networks hall = {"hall", "a", "hall", "b", "hall", "b"};
+  EXPECT_EQ(web::WhoGivesWay(hall, "c"), 4u);
+  EXPECT_EQ(web::WhoGivesWay(hall, "a"), 4u);
+  // With one more it would have as many as the hall has now: nothing would be fairer.
+  EXPECT_EQ(web::WhoGivesWay(hall, "b"), std::nullopt);
+  EXPECT_EQ(web::WhoGivesWay(hall, "hall"), std::nullopt);
+  EXPECT_EQ(web::WhoGivesWay(Networks{"a", "b", "c"}, "d"), std::nullopt);
+}
+
+TEST(WebAttacks, NetworksOfAddresses) {
+  EXPECT_EQ(web::NetworkOf("10.0.0.7"), "10.0.0.7");
+  EXPECT_EQ(web::NetworkOf("::ffff:10.0.0.7"), "10.0.0.7");
+  EXPECT_EQ(web::NetworkOf("2001:db8:0:1:2:3:4:5"), web::NetworkOf("2001:db8:0:1::"));
+  EXPECT_NE(web::NetworkOf("2001:db8:0:1::"), web::NetworkOf("2001:db8:0:2::"));
+  EXPECT_EQ(web::NetworkOf("unknown"), "unknown");
 }
 
 TEST(WebAttacks, OneSessionWithManyWebSocketsShutsOutNobody) {
@@ -119,6 +151,109 @@ TEST(WebAttacks, OneSessionWithManyWebSocketsShutsOutNobody) {
   for (int n = 16; n < 20; ++n) ExpectGoesOn(rig, *tabs[n]);
   ExpectGoesOn(rig, guest);
   EXPECT_TRUE(TestGuest(rig).is_open());
+}
+
+// One who never reads the answer to this request.
+std::unique_ptr<Browser> Unread(WebRig& rig, const char* from) {
+  auto browser = std::make_unique<Browser>(rig, from);
+  browser->LogIn();
+  browser->SendBytes("GET /volume/" + kBigBlobName + " HTTP/1.1\r\nHost: " + rig.host() +
+                     "\r\nCookie: " + browser->cookie + "\r\n\r\n");
+  return browser;
+}
+
+// A newcomer gets a seat and a large part of the volume.
+bool GetsIn(WebRig& rig, const std::string& login = kRoomLogin) {
+  TestGuest guest(rig, {}, login);
+  Browser browser(rig);
+  browser.LogIn(login);
+  return guest.ReadUntil("hello") != "" &&
+         browser.Get("/volume/" + kBigBlobName).body().size() == kBigBlobBytes;
+}
+
+TEST(WebAttacks, WhoHoldsAllThatOneMayHoldShutsOutNobody) {
+  web::HttpOptions options;
+  options.max_guests = 12;
+  options.max_held_bytes = 10 * kBigBlobBytes;
+  options.timeouts.lowest_bytes_per_ms = 1;
+  WebRig rig(options);
+  std::vector<std::unique_ptr<TestGuest>> seats;
+  while (rig.counts().guests < 12) {
+    seats.push_back(std::make_unique<TestGuest>(rig, Fields{}, kRoomLogin, kElsewhere));
+  }
+  std::vector<std::unique_ptr<Browser>> unread;
+  while (rig.refused("memory") == 0) unread.push_back(Unread(rig, kElsewhere));
+  for (int n = 0; n < 20; ++n) EXPECT_TRUE(GetsIn(rig)) << n;
+  // Nor is anybody put out who need not be.
+  EXPECT_EQ(rig.left("full"), 1);
+  ExpectGoesOn(rig, *seats.front());
+}
+
+// In the same hall: whoever has one login more, or a name.
+TEST(WebAttacks, OneLoginWithAllUnreadAnswersShutsOutNoNeighbour) {
+  web::HttpOptions options;
+  options.max_held_bytes = 10 * kBigBlobBytes;
+  options.timeouts.lowest_bytes_per_ms = 1;
+  WebRig rig(options);
+  std::vector<std::unique_ptr<Browser>> unread;
+  unread.push_back(Unread(rig, kHere));
+  while (rig.refused("memory") == 0) {
+    unread.push_back(std::make_unique<Browser>(rig));
+    unread.back()->SendBytes("GET /volume/" + kBigBlobName + " HTTP/1.1\r\nHost: " + rig.host() +
+                             "\r\nCookie: " + unread.front()->cookie + "\r\n\r\n");
+  }
+  for (int n = 0; n < 20; ++n) EXPECT_TRUE(GetsIn(rig)) << n;
+}
+
+TEST(WebAttacks, AFullHallHasASeatForTheLecturer) {
+  web::HttpOptions options;
+  options.max_guests = 12;
+  WebRig rig(options);
+  std::vector<std::unique_ptr<TestGuest>> seats;
+  while (rig.counts().guests < 12) seats.push_back(std::make_unique<TestGuest>(rig));
+  EXPECT_FALSE(GetsIn(rig));
+  EXPECT_TRUE(GetsIn(rig, R"({"token":")" + kToken + "\"}"));
+  ExpectGoesOn(rig, *seats.front());
+}
+
+// More strangers than may be, and the last of them is served: so all are accepted.
+void Flood(WebRig& rig, std::vector<std::unique_ptr<Browser>>& flood, const Fields& fields = {}) {
+  for (int n = 0; n < 70; ++n) {
+    flood.push_back(std::make_unique<Browser>(rig, kElsewhere));
+    if (!fields.empty()) flood.back()->Get("/", fields);
+  }
+  EXPECT_EQ(flood.back()->Get("/", fields).result_int(), 200u);
+}
+
+TEST(WebAttacks, StrangersOfOneAddressShutOutNobody) {
+  WebRig rig;
+  std::vector<std::unique_ptr<Browser>> flood;
+  for (int n = 0; n < 20; ++n) {
+    Browser newcomer(rig);
+    Flood(rig, flood);
+    EXPECT_EQ(newcomer.LogIn().result_int(), 200u) << n;
+  }
+  EXPECT_TRUE(GetsIn(rig));
+}
+
+// All come from the proxy's address. It names theirs with each request.
+TEST(WebAttacks, StrangersOfOneAddressBehindAProxyShutOutNobody) {
+  web::HttpOptions options;
+  options.behind_proxy = true;
+  options.public_url = "https://palpate.example.org";
+  WebRig rig(options);
+  Fields stranger = {{"Host", "palpate.example.org"},
+                     {"Origin", "https://palpate.example.org"},
+                     {"X-Forwarded-For", "2001:db8:0:1::1"}};
+  std::vector<std::unique_ptr<Browser>> flood;
+  for (int n = 0; n < 20; ++n) {
+    Browser newcomer(rig, kElsewhere);
+    Fields fields = stranger;
+    fields["X-Forwarded-For"] = "2001:db8:0:2::1";
+    EXPECT_EQ(newcomer.Get("/", fields).result_int(), 200u);
+    Flood(rig, flood, stranger);
+    EXPECT_EQ(newcomer.LogIn(kRoomLogin, fields).result_int(), 200u) << n;
+  }
 }
 
 TEST(WebAttacks, RequestsThatAreTooLarge) {
@@ -214,20 +349,40 @@ TEST(WebAttacks, AnswersThatAreNotRead) {
 }
 
 TEST(WebAttacks, SharedAnswersAreHeldOnce) {
-  web::HeldBodies bodies(100);
-  const auto a = std::make_shared<const std::string>(60, 'a');
-  const auto b = std::make_shared<const std::string>(41, 'b');
-  EXPECT_TRUE(bodies.Hold(a));
-  EXPECT_TRUE(bodies.Hold(a));
-  EXPECT_EQ(bodies.bytes(), 60u);
-  EXPECT_FALSE(bodies.Hold(b));
-  bodies.Release(b);
-  bodies.Release(a);
-  EXPECT_EQ(bodies.bytes(), 60u);
-  bodies.Release(a);
+  web::HeldBodies bodies(1'000'000);
+  const web::HeldBodies::Holder here{"hall", "guest-1"}, there{"hall", "guest-2"};
+  const auto a = std::make_shared<const std::string>(600'000, 'a');
+  const auto b = std::make_shared<const std::string>(100'000, 'b');
+  for (const auto& holder : {here, there, here}) EXPECT_TRUE(bodies.Hold(a, holder));
+  EXPECT_EQ(bodies.bytes(), 600'000u);
+  EXPECT_FALSE(bodies.Hold(b, here));
+  for (const auto& holder : {here, there}) bodies.Release(a, holder);
+  EXPECT_EQ(bodies.bytes(), 600'000u);
+  bodies.Release(a, here);
   EXPECT_EQ(bodies.bytes(), 0u);
-  EXPECT_TRUE(bodies.Hold(b));
-  EXPECT_TRUE(bodies.Hold(nullptr));
+  EXPECT_TRUE(bodies.Hold(b, here));
+  EXPECT_TRUE(bodies.Hold(nullptr, here));
+}
+
+// Each takes what it gets, in bodies of a hundredth of all.
+TEST(WebAttacks, WhoeverHoldsLeavesAsMuchToOthers) {
+  web::HeldBodies bodies(10'000'000);
+  std::vector<web::Body> alive;
+  const auto take = [&](const web::HeldBodies::Holder& holder) {
+    const std::size_t before = alive.size();
+    do alive.push_back(std::make_shared<const std::string>(100'000, 'x'));
+    while (bodies.Hold(alive.back(), holder));
+    return static_cast<int>(alive.size() - before) - 1;
+  };
+  EXPECT_EQ(take({"hall", "guest-1"}), 34);
+  EXPECT_EQ(take({"hall", "guest-2"}), 11);
+  int others = 0;
+  for (int n = 3; n < 100; ++n) others += take({"hall", "guest-" + std::to_string(n)});
+  EXPECT_LE(34 + 11 + others, 50);
+  EXPECT_GE(take({"home", "guest-100"}), 16);
+  // What is small is held in any case.
+  const auto login = std::make_shared<const std::string>(web::HeldBodies::kSmallBytes, 'x');
+  EXPECT_TRUE(bodies.Hold(login, {"hall", "guest-1"}));
 }
 
 std::string RandomBytes(std::mt19937& random, std::size_t most) {

@@ -18,7 +18,6 @@ namespace {
 
 constexpr auto kGet = http::verb::get;
 constexpr auto kPost = http::verb::post;
-const std::string kRoomLogin = R"({"room":")" + kRoomKey + "\"}";
 
 TEST(WebHttp, ThePageNeedsNoLogin) {
   WebRig rig;

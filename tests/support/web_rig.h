@@ -38,6 +38,7 @@ namespace websocket = boost::beast::websocket;
 using asio::ip::tcp;
 
 inline const std::string kRoomKey = "the-key-of-the-room";
+inline const std::string kRoomLogin = R"({"room":")" + kRoomKey + "\"}";
 inline const std::string kToken = "the-token-of-the-lecturer";
 inline const std::string kBlobName(32, 'a');
 constexpr std::size_t kBigBlobBytes = std::size_t{7} << 20;
@@ -189,15 +190,27 @@ class WebRig {
   std::thread thread_;
 };
 
+// Addresses of this machine: each is another network to the server.
+constexpr const char* kHere = "127.0.0.1";
+constexpr const char* kElsewhere = "127.0.0.2";
+
+inline void ConnectFrom(const char* from, tcp::socket& socket, WebRig& rig) {
+  socket.open(tcp::v4());
+  socket.bind({asio::ip::make_address(from), 0});
+  socket.connect({asio::ip::make_address(kHere), rig.port()});
+}
+
 // One connection of a browser, or of who pretends to be one.
 class Browser {
  public:
-  explicit Browser(WebRig& rig) : rig_(rig), socket_(io_) { Connect(); }
+  explicit Browser(WebRig& rig, const char* from = kHere) : rig_(rig), from_(from), socket_(io_) {
+    Connect();
+  }
 
   void Connect() {
     socket_ = tcp::socket(io_);
     buffer_.clear();
-    socket_.connect({asio::ip::make_address("127.0.0.1"), rig_.port()});
+    ConnectFrom(from_, socket_, rig_);
   }
 
   // As the page sends it; `fields` replace the page's, and an empty value leaves one out.
@@ -252,8 +265,7 @@ class Browser {
   }
 
   // Remembers the cookie.
-  WebResponse LogIn(const std::string& body = R"({"room":")" + kRoomKey + "\"}",
-                    const Fields& fields = {}) {
+  WebResponse LogIn(const std::string& body = kRoomLogin, const Fields& fields = {}) {
     WebResponse response = Send(http::verb::post, "/login", body, fields);
     const std::string set_cookie(response["Set-Cookie"]);
     if (!set_cookie.empty()) cookie = set_cookie.substr(0, set_cookie.find(';'));
@@ -265,6 +277,7 @@ class Browser {
 
  private:
   WebRig& rig_;
+  const char* const from_;
   asio::io_context io_;
   tcp::socket socket_;
   boost::beast::flat_buffer buffer_;
@@ -274,10 +287,11 @@ class Browser {
 class TestGuest {
  public:
   // Logs in first. Fails the test if that is refused.
-  explicit TestGuest(WebRig& rig, const std::string& login = R"({"room":")" + kRoomKey + "\"}")
+  explicit TestGuest(WebRig& rig, const std::string& login = kRoomLogin)
       : TestGuest(rig, {}, login) {}
-  TestGuest(WebRig& rig, const Fields& fields, const std::string& login) : socket_(io_) {
-    Browser browser(rig);
+  TestGuest(WebRig& rig, const Fields& fields, const std::string& login, const char* from = kHere)
+      : socket_(io_) {
+    Browser browser(rig, from);
     if (!login.empty()) browser.LogIn(login);
     Fields all = {{"Origin", rig.origin()}, {"Cookie", browser.cookie}};
     for (const auto& [name, value] : fields) all[name] = value;
@@ -286,7 +300,7 @@ class TestGuest {
         if (!value.empty()) request.set(name, value);
       }
     }));
-    socket_.next_layer().connect({asio::ip::make_address("127.0.0.1"), rig.port()});
+    ConnectFrom(from, socket_.next_layer(), rig);
     const auto host = all.find("Host");
     socket_.handshake(answer, host == all.end() ? rig.host() : host->second, "/stream", error);
   }

@@ -84,6 +84,18 @@ TEST(WebAccess, KeysAndTokensOpenTheirOwnDoor) {
   }
 }
 
+// Logins of the room's key are cheap: who has it may make many at one place.
+TEST(WebAccess, GuestsShareWithTheirNetworkAndUsersWithNobody) {
+  Access access(Options());
+  const auto network = [&](Access::Secret kind, const std::string& secret) {
+    return access.LogIn(kind, secret, "hall", kStart).session->network;
+  };
+  EXPECT_EQ(network(Access::Secret::kRoomKey, kKey), "hall");
+  const std::string users = network(Access::Secret::kToken, kToken);
+  EXPECT_NE(users, "hall");
+  EXPECT_NE(users, network(Access::Secret::kToken, "another token"));
+}
+
 TEST(WebAccess, WithoutRoomAndUsersNobodyGetsIn) {
   Access access({});
   EXPECT_EQ(access.LogIn(Access::Secret::kRoomKey, "", "a", kStart).result, Access::Result::kWrong);
@@ -124,10 +136,10 @@ TEST(WebAccess, SessionsEnd) {
 
 TEST(WebSessions, AreAsManyAsMayBe) {
   Sessions sessions(hours(1), 100);
-  const Sessions::Opened held = sessions.Open("held", {}, kStart);
+  const Sessions::Opened held = sessions.Open("held", {}, "a", kStart);
   std::vector<std::string> secrets;
   for (int n = 1; n <= 300; ++n) {
-    secrets.push_back(sessions.Open("guest", {}, kStart + seconds(n)).secret);
+    secrets.push_back(sessions.Open("guest", {}, "a", kStart + seconds(n)).secret);
     EXPECT_LE(sessions.size(), 100u);
   }
   const Time end = kStart + seconds(300);

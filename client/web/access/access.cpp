@@ -54,17 +54,18 @@ Access::Access(AccessOptions options) : sessions_(options.session_life) {
   }
 }
 
-Access::Login Access::LogIn(Secret kind, std::string_view secret, std::string_view address,
+Access::Login Access::LogIn(Secret kind, std::string_view secret, std::string_view network,
                             Time now) {
   const Digest digest = Sha256(secret);
   const Known* user = kind == Secret::kToken ? FindUser(digest) : nullptr;
   const bool is_guest = kind == Secret::kRoomKey && has_room_ && IsEqual(digest, room_key_);
   if (user == nullptr && !is_guest) {
-    return {attempts_.IsFew(address, now) ? Result::kWrong : Result::kTooManyAttempts, {}, {}};
+    return {attempts_.IsFew(network, now) ? Result::kWrong : Result::kTooManyAttempts, {}, {}};
   }
   Sessions::Opened opened =
-      user != nullptr ? sessions_.Open(user->name, user->may_steer, now)
-                      : sessions_.Open(std::string(kGuest) + std::to_string(++guests_), {}, now);
+      user != nullptr ? sessions_.Open(user->name, user->may_steer, "user " + user->name, now)
+                      : sessions_.Open(std::string(kGuest) + std::to_string(++guests_), {},
+                                       std::string(network), now);
   return {Result::kWelcome, std::move(opened.secret), std::move(opened.session)};
 }
 

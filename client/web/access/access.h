@@ -45,8 +45,8 @@ class Access {
     std::string cookie;  // the session's secret
     SessionPtr session;
   };
-  // `address`: the browser's, without port.
-  Login LogIn(Secret kind, std::string_view secret, std::string_view address, Time now);
+  // `network`: the browser's address, or its network; see Session.
+  Login LogIn(Secret kind, std::string_view secret, std::string_view network, Time now);
 
   // Null: no such session, or it is over.
   SessionPtr Find(std::string_view cookie, Time now) { return sessions_.Find(cookie, now); }

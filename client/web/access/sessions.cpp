@@ -13,12 +13,14 @@ constexpr std::size_t kSecretDigits = kSecretBits / 4;
 
 Sessions::Sessions(std::chrono::seconds life, std::size_t most) : life_(life), most_(most) {}
 
-Sessions::Opened Sessions::Open(std::string user, std::vector<std::string> may_steer, Time now) {
+Sessions::Opened Sessions::Open(std::string user, std::vector<std::string> may_steer,
+                                std::string network, Time now) {
   MakeRoom(now);
   Opened opened{NewSecret(kSecretBits), {}};
   auto session = std::make_shared<Session>();
   session->user = std::move(user);
   session->may_steer = std::move(may_steer);
+  session->network = std::move(network);
   session->ends = now + life_;
   opened.session = session;
   kept_[Sha256(opened.secret)] = {std::move(session), now};

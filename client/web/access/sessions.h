@@ -20,6 +20,8 @@ using Time = std::chrono::steady_clock::time_point;
 struct Session {
   std::string user;                    // for people and the log
   std::vector<std::string> may_steer;  // keys of settings
+  // It logged in from there, and shares limits with all who did. A named user shares with nobody.
+  std::string network;
   Time ends;
   bool forgotten = false;  // logged out, or replaced by a newer session
 
@@ -37,7 +39,7 @@ class Sessions {
     std::string secret;  // for the cookie; never kept here
     SessionPtr session;
   };
-  Opened Open(std::string user, std::vector<std::string> may_steer, Time now);
+  Opened Open(std::string user, std::vector<std::string> may_steer, std::string network, Time now);
 
   // Null: unknown, or over.
   SessionPtr Find(std::string_view secret, Time now);

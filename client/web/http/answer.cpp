@@ -55,24 +55,33 @@ Encoding ChooseEncoding(std::string_view accept) {
   return best;
 }
 
-bool HeldBodies::Hold(const Body& body) {
+bool HeldBodies::Hold(const Body& body, const Holder& holder) {
   if (!body) return true;
-  const auto held = holders_.find(body.get());
-  if (held != holders_.end()) {
-    ++held->second;
-    return true;
+  if (!all_.holders.contains(body.get()) && body->size() > Left(holder)) return false;
+  for (Bodies* bodies : {&all_, &networks_[holder.network], &users_[holder.user]}) {
+    if (++bodies->holders[body.get()] == 1) bodies->bytes += body->size();
   }
-  if (bytes_ + body->size() > most_bytes_) return false;
-  holders_[body.get()] = 1;
-  bytes_ += body->size();
   return true;
 }
 
-void HeldBodies::Release(const Body& body) {
-  const auto held = holders_.find(body.get());
-  if (held == holders_.end() || --held->second > 0) return;
-  bytes_ -= body->size();
-  holders_.erase(held);
+void HeldBodies::Release(const Body& body, const Holder& holder) {
+  if (!body) return;
+  for (Bodies* bodies : {&all_, &networks_[holder.network], &users_[holder.user]}) {
+    if (--bodies->holders[body.get()] > 0) continue;
+    bodies->holders.erase(body.get());
+    bodies->bytes -= body->size();
+  }
+  if (networks_[holder.network].holders.empty()) networks_.erase(holder.network);
+  if (users_[holder.user].holders.empty()) users_.erase(holder.user);
+}
+
+std::size_t HeldBodies::Left(const Holder& holder) const {
+  std::size_t used = all_.bytes;
+  if (const auto held = networks_.find(holder.network); held != networks_.end()) {
+    used += held->second.bytes;
+  }
+  if (const auto held = users_.find(holder.user); held != users_.end()) used += held->second.bytes;
+  return std::max(kSmallBytes, most_bytes_ - std::min(used, most_bytes_));
 }
 
 }  // namespace palpate::web

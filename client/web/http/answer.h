@@ -7,6 +7,8 @@
 #include <boost/beast/http/fields.hpp>
 #include <boost/beast/http/status.hpp>
 #include <cstddef>
+#include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -42,21 +44,35 @@ void AddProtection(boost::beast::http::fields& fields);
 Encoding ChooseEncoding(std::string_view accept);
 
 // The bytes of answers that are being written. Slow readers hold what was superseded long ago; this
-// bounds it.
+// bounds it. One network may hold as much as it leaves to others, and one user as much as they
+// leave to others of their network.
 class HeldBodies {
  public:
+  // Bodies up to here are always held: answers to logins, most groups of a volume. Of the 1024
+  // connections together at most 64 MiB.
+  static constexpr std::size_t kSmallBytes = std::size_t{64} << 10;
+  struct Holder {
+    std::string network, user;
+  };
+
   explicit HeldBodies(std::size_t most_bytes) : most_bytes_(most_bytes) {}
 
   // False: too much is held already. A body that several hold counts once.
-  bool Hold(const Body& body);
-  void Release(const Body& body);
-  std::size_t bytes() const { return bytes_; }
-  std::size_t left() const { return most_bytes_ - bytes_; }
+  bool Hold(const Body& body, const Holder& holder);
+  void Release(const Body& body, const Holder& holder);
+  std::size_t bytes() const { return all_.bytes; }
+  // The largest body that `holder` may hold.
+  std::size_t Left(const Holder& holder) const;
 
  private:
+  struct Bodies {
+    std::unordered_map<const std::string*, int> holders;
+    std::size_t bytes = 0;
+  };
+
   const std::size_t most_bytes_;
-  std::unordered_map<const std::string*, int> holders_;
-  std::size_t bytes_ = 0;
+  Bodies all_;
+  std::map<std::string, Bodies, std::less<>> networks_, users_;
 };
 
 }  // namespace palpate::web

@@ -2,18 +2,23 @@
 
 #include <algorithm>
 #include <map>
+#include <string_view>
+#include <tuple>
 #include <utility>
+#include <vector>
+
+#include "client/web/http/networks.h"
 
 namespace palpate::web {
 
 Connections::Connections(int most, int most_strangers)
     : most_(most), most_strangers_(most_strangers) {}
 
-std::unique_ptr<Connections::Ticket> Connections::Admit() {
+std::unique_ptr<Connections::Ticket> Connections::Admit(std::string network) {
   const bool has_room =
-      strangers_ < most_strangers_ && (count() < most_ || CloseOneOfTheGreediest());
-  if (!has_room && !CloseOldestStranger()) return nullptr;
-  std::unique_ptr<Ticket> ticket(new Ticket(*this));
+      strangers_ < most_strangers_ && (count() < most_ || CloseOneOfTheGreediest(network));
+  if (!has_room && !CloseOneStranger(network)) return nullptr;
+  std::unique_ptr<Ticket> ticket(new Ticket(*this, std::move(network)));
   ticket->place_ = open_.insert(open_.end(), ticket.get());
   ++strangers_;
   return ticket;
@@ -23,30 +28,43 @@ void Connections::CloseAll() {
   while (!open_.empty()) Close(*open_.front());
 }
 
-bool Connections::CloseOldestStranger() {
-  const auto oldest = std::find_if(open_.begin(), open_.end(),
-                                   [](const Ticket* ticket) { return !ticket->session_; });
+bool Connections::CloseOneStranger(const std::string& newcomer) {
+  std::vector<std::string_view> networks;
+  for (const Ticket* ticket : open_) {
+    if (!ticket->session_) networks.push_back(ticket->peer);
+  }
+  networks.push_back(newcomer);
+  const std::string_view most = NetworkWithMost(networks);
+  const auto oldest = std::find_if(open_.begin(), open_.end(), [&](const Ticket* ticket) {
+    return !ticket->session_ && ticket->peer == most;
+  });
   if (oldest == open_.end()) return false;
   Close(**oldest);
   return true;
 }
 
-bool Connections::CloseOneOfTheGreediest() {
+bool Connections::CloseOneOfTheGreediest(const std::string& newcomer) {
   const auto counts = [](const Ticket* ticket) {
     return ticket->session_ != nullptr && ticket->use != Ticket::Use::kWebSocket;
   };
-  std::map<SessionPtr, int> counts_of;
+  std::map<SessionPtr, int> of_session;
+  std::map<std::string_view, int> of_network;
   for (const Ticket* ticket : open_) {
-    if (counts(ticket)) ++counts_of[ticket->session_];
+    if (!counts(ticket)) continue;
+    ++of_session[ticket->session_];
+    ++of_network[ticket->network()];
   }
   Ticket* found = nullptr;
-  int most = 0;
+  std::tuple<int, bool, int> most{};
   for (Ticket* ticket : open_) {
     if (!counts(ticket)) continue;
-    const int count = counts_of[ticket->session_];
-    if (count <= most || (ticket->use != Ticket::Use::kIdle && count <= kMostInUse)) continue;
+    const bool is_idle = ticket->use == Ticket::Use::kIdle;
+    const std::tuple rank(of_network[ticket->network()], is_idle, of_session[ticket->session_]);
+    const bool may_close =
+        is_idle || std::get<2>(rank) > kMostInUse || std::get<0>(rank) > of_network[newcomer] + 1;
+    if (!may_close || rank <= most) continue;
     found = ticket;
-    most = count;
+    most = rank;
   }
   if (found != nullptr) Close(*found);
   return found != nullptr;

@@ -1,8 +1,9 @@
 // The open sockets, and how many there may be.
 //
-// Sockets without a login are few: for a new one, the oldest of them is closed. So a flood of
-// connections costs a bounded amount, and a guest still gets in. If all sockets are taken, the
-// session that has the most loses one that it does not use.
+// Sockets without a login are few: for a new one, the oldest of the network that has most of them
+// is closed. So a flood of connections costs a bounded amount, and a guest still gets in. If all
+// sockets are taken, the network that has the most loses one: of its sessions, the one with the
+// most. In use it is closed only for a network that has fewer, or if it is one of very many.
 //
 // Threads: one.
 #pragma once
@@ -11,6 +12,8 @@
 #include <functional>
 #include <list>
 #include <memory>
+#include <string>
+#include <utility>
 
 #include "client/web/access/sessions.h"
 
@@ -26,6 +29,8 @@ class Connections {
     Ticket& operator=(const Ticket&) = delete;
 
     void LoggedIn(SessionPtr session);
+    // The network that the newest request came from; before the first, that of the socket.
+    std::string peer;
     // An idle socket waits for a request: its browser loses nothing if it is closed.
     enum class Use { kIdle, kRequest, kWebSocket };
     Use use = Use::kIdle;
@@ -34,7 +39,9 @@ class Connections {
 
    private:
     friend class Connections;
-    explicit Ticket(Connections& connections) : connections_(&connections) {}
+    Ticket(Connections& connections, std::string network)
+        : peer(std::move(network)), connections_(&connections) {}
+    const std::string& network() const { return session_ ? session_->network : peer; }
     void Leave();
 
     Connections* connections_;  // null: does not count
@@ -47,16 +54,16 @@ class Connections {
   // More than a browser opens, besides WebSockets: a session's next ones need not be idle.
   static constexpr int kMostInUse = 16;
 
-  // Null: there are as many as may be, all of them logged in and in use.
-  std::unique_ptr<Ticket> Admit();
+  // `network`: of the peer. Null: there are as many as may be, all of them logged in and in use.
+  std::unique_ptr<Ticket> Admit(std::string network);
   void CloseAll();
 
   int count() const { return static_cast<int>(open_.size()); }
   int strangers() const { return strangers_; }
 
  private:
-  bool CloseOldestStranger();
-  bool CloseOneOfTheGreediest();
+  bool CloseOneStranger(const std::string& newcomer);
+  bool CloseOneOfTheGreediest(const std::string& newcomer);
   static void Close(Ticket& ticket);
 
   const int most_, most_strangers_;

@@ -8,6 +8,8 @@
 #include <variant>
 #include <vector>
 
+#include "client/web/http/networks.h"
+
 namespace palpate::web {
 namespace {
 
@@ -70,14 +72,31 @@ void Guest::Start(const Request& request) {
                        [self = shared_from_this()](ErrorCode error) { self->OnJoined(error); });
 }
 
-// Ends the session's oldest guest if there are as many as may be. Without goodbye: one that waits
-// for an answer would hold a socket.
+bool Guest::IsFull(const Site& site) {
+  return static_cast<int>(site.guests.size()) >= site.options.max_guests;
+}
+
+Guest* Guest::WhoGivesWayTo(const Session& session, const Site& site) {
+  std::vector<std::string_view> networks;
+  for (const Guest* guest : site.guests) networks.push_back(guest->session_->network);
+  const auto guest = WhoGivesWay(std::move(networks), session.network);
+  return guest ? site.guests[*guest] : nullptr;
+}
+
+// Ends the session's oldest guest if there are as many as may be, or who gives way in a full house.
+// Without goodbye: one that waits for an answer would hold a socket.
 void Guest::MakeRoom() {
   std::vector<Guest*> others = site_->guests;
   std::erase_if(others, [&](const Guest* other) { return other->session_ != session_; });
-  if (others.size() < kMostOfASession) return;
-  site_->log.Refused("tabs", peer_ + ": " + session_->user + ": too many tabs", site_->now);
-  others.front()->End("tabs");
+  if (others.size() >= kMostOfASession) {
+    site_->log.Refused("tabs", peer_ + ": " + session_->user + ": too many tabs", site_->now);
+    others.front()->End("tabs");
+  }
+  Guest* const other = IsFull(*site_) ? WhoGivesWayTo(*session_, *site_) : nullptr;
+  if (other == nullptr) return;
+  site_->log.Refused("full", other->peer_ + ": " + other->session_->user + ": gives way",
+                     site_->now);
+  other->End("full");
 }
 
 void Guest::OnJoined(ErrorCode error) {

@@ -60,6 +60,10 @@ class Guest final : public Subscriber, public std::enable_shared_from_this<Guest
   Guest(const Guest&) = delete;
   Guest& operator=(const Guest&) = delete;
 
+  static bool IsFull(const Site& site);
+  // Whose seat a further guest may take in a full house. Null: nobody's.
+  static Guest* WhoGivesWayTo(const Session& session, const Site& site);
+
   // `request`: asks for the WebSocket. Counts as a guest until the end of the connection.
   void Start(const Request& request);
   // Ends the connection if its time is over. Called at every sweep.

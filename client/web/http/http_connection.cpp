@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "client/web/http/guest.h"
+#include "client/web/http/networks.h"
 #include "client/web/http/routes.h"
 
 namespace palpate::web {
@@ -100,6 +101,7 @@ void HttpConnection::OnRequest(ErrorCode error) {
     answer = TextAnswer(http::status::internal_server_error, "internal error: see the log");
   }
   if (answer.session) ticket_->LoggedIn(answer.session);
+  ticket_->peer = NetworkOf(AddressOf(*site_, request, peer_));
   if (answer.joins && buffer_.size() == 0) return Join(answer.session);
   if (answer.joins) answer = TextAnswer(http::status::bad_request, "wait for the answer");
   Write(std::move(answer), request.version(), request.keep_alive());
@@ -130,10 +132,14 @@ void HttpConnection::Join(SessionPtr session) {
 }
 
 void HttpConnection::Write(Answer answer, unsigned version, bool keep_alive) {
-  if (!site_->bodies.Hold(answer.body)) {
+  const std::string& peer = ticket_->peer;
+  const HeldBodies::Holder holder =
+      answer.session ? HeldBodies::Holder{answer.session->network, answer.session->user}
+                     : HeldBodies::Holder{peer, peer};
+  if (!site_->bodies.Hold(answer.body, holder)) {
     site_->log.Refused("memory", peer_ + ": slow readers hold too much", site_->now);
     answer = TextAnswer(http::status::service_unavailable, "too many slow readers");
-    site_->bodies.Hold(answer.body);
+    site_->bodies.Hold(answer.body, holder);
   }
   const std::size_t bytes = answer.body ? answer.body->size() : 0;
   if (site_->events.answered) site_->events.answered(static_cast<int>(answer.status), bytes);
@@ -142,9 +148,9 @@ void HttpConnection::Write(Answer answer, unsigned version, bool keep_alive) {
                               std::chrono::milliseconds(bytes / timeouts.lowest_bytes_per_ms));
   auto response = std::make_shared<Response>(ToResponse(answer, version, keep_alive));
   http::async_write(stream_, *response,
-                    [self = shared_from_this(), response, body = answer.body, keep_alive](
+                    [self = shared_from_this(), response, body = answer.body, holder, keep_alive](
                         ErrorCode error, std::size_t) {
-                      self->site_->bodies.Release(body);
+                      self->site_->bodies.Release(body, holder);
                       if (error) return;
                       if (!keep_alive) return self->Linger(16);
                       self->Read(self->site_->options.timeouts.keep_alive);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
-#include <boost/asio/ip/network_v6.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <boost/system/error_code.hpp>
 #include <cctype>
@@ -10,7 +9,9 @@
 #include <optional>
 #include <vector>
 
+#include "client/web/http/guest.h"
 #include "client/web/http/messages.h"
+#include "client/web/http/networks.h"
 
 namespace palpate::web {
 namespace {
@@ -37,16 +38,6 @@ void ForEach(std::string_view items, char separator, const Use& use) {
     if (use(item)) return;
     items.remove_prefix(std::min(end + 1, items.size()));
   }
-}
-
-// What one guest may have: an address, or a network of IPv6.
-std::string NetworkOf(const std::string& address) {
-  boost::system::error_code problem;
-  const auto parsed = asio::ip::make_address(address, problem);
-  if (problem || !parsed.is_v6()) return address;
-  const asio::ip::address_v6 v6 = parsed.to_v6();
-  if (v6.is_v4_mapped()) return asio::ip::make_address_v4(asio::ip::v4_mapped, v6).to_string();
-  return asio::ip::network_v6(v6, 64).canonical().to_string();
 }
 
 // One request, with what the checks need of it.
@@ -181,7 +172,7 @@ class Router {
     if (!boost::beast::websocket::is_upgrade(request_)) {
       return Refuse(http::status::upgrade_required, "malformed", "this is a WebSocket");
     }
-    if (static_cast<int>(site_.guests.size()) >= site_.options.max_guests) {
+    if (Guest::IsFull(site_) && Guest::WhoGivesWayTo(*session_, site_) == nullptr) {
       return Refuse(http::status::service_unavailable, "full", "there are too many guests");
     }
     Answer answer;
@@ -221,7 +212,8 @@ class Router {
   Answer Bundle(const std::vector<BlobPtr>& blobs) {
     const Answer refusal = TextAnswer(http::status::not_acceptable, "ask for one blob at a time");
     if (ChooseEncoding(Field("Accept-Encoding")) != Encoding::kZstd) return refusal;
-    const std::size_t most = std::min(kMostBundleBytes, site_.bodies.left());
+    const std::size_t most =
+        std::min(kMostBundleBytes, site_.bodies.Left({session_->network, session_->user}));
     std::size_t bytes = 0;
     std::vector<Body> frames;
     for (const BlobPtr& blob : blobs) {

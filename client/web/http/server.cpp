@@ -14,6 +14,7 @@
 
 #include "client/web/http/guest.h"
 #include "client/web/http/http_connection.h"
+#include "client/web/http/networks.h"
 #include "client/web/http/peer_stream.h"
 #include "client/web/http/site.h"
 #include "common/error/error.h"
@@ -128,7 +129,7 @@ class HttpServer::Listener : public std::enable_shared_from_this<Listener> {
 
   void Welcome(tcp::socket socket) {
     std::string peer = AddressOfPeer(socket);
-    auto ticket = site_->connections.Admit();
+    auto ticket = site_->connections.Admit(NetworkOf(peer));
     if (ticket == nullptr) {
       site_->log.Refused("full", peer + ": too many connections", site_->now);
       return;
