@@ -122,6 +122,20 @@ TEST(WebGuests, NeedLoginAndOrigin) {
   EXPECT_EQ(raw_status(""), 403u);
 }
 
+TEST(WebGuests, AreNotToldOfEveryoneWhoJoins) {
+  web::HttpOptions options;
+  options.timeouts.sweep = std::chrono::hours(1);
+  WebRig rig(options);
+  TestGuest guest(rig);
+  EXPECT_NE(guest.ReadUntil("guests"), "");
+  for (int n = 0; n < 50; ++n) EXPECT_TRUE(TestGuest(rig).is_open());
+  rig.Put(Topic::kSeries, "{}");
+  rig.Put(Topic::kVolume, R"({"last":1})");
+  int messages = 0;
+  while (guest.is_open() && guest.Read().find("last") == std::string::npos) ++messages;
+  EXPECT_LE(messages, 4);
+}
+
 TEST(WebGuests, AreAsManyAsMayBe) {
   web::HttpOptions options;
   options.max_guests = 2;

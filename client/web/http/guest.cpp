@@ -115,7 +115,8 @@ void Guest::OnJoined(ErrorCode error) {
 
 void Guest::OnTopic(Topic topic) {
   due_.set(static_cast<std::size_t>(topic));
-  Write();
+  // One who joins again and again would cost a message to everybody each time.
+  if (topic != Topic::kGuests) Write();
 }
 
 void Guest::OnPose() {
@@ -241,6 +242,7 @@ void Guest::Check() {
   if (messages_ > kMostMessages || budget.IsUsedUp()) return Leave("flood", "too many messages");
   messages_ = 0;
   budget.Set(kMostBytes);
+  Write();
 }
 
 std::size_t Guest::held_bytes() const {

@@ -2,7 +2,8 @@
 // changes of settings.
 //
 // At most one message is being written. What else is due is a set of topics, and the newest pose is
-// read from the hub when it can be written: a slow guest skips values, and costs no memory.
+// read from the hub when it can be written: a slow guest skips values, and costs no memory. The
+// number of guests comes with the next message, or at the next sweep.
 //
 // Lives as long as an operation on its socket is under way. Threads: the network thread.
 #pragma once
