@@ -78,7 +78,7 @@ void CheckRoom(const std::filesystem::path& path, std::uint64_t voxel_bytes) {
   throw Error(
       ErrorKind::kDiskFull,
       "cannot record to " + path.string() + ": its disk has only " +
-          std::to_string(free_bytes >> 20) + " MiB left, and a recording takes about 8 a " +
+          std::to_string(free_bytes >> 20) + " MiB left, and a recording takes about 7 a " +
           "minute" +
           (voxel_bytes > 0 ? " and " + std::to_string(voxel_bytes >> 20) + " for the volume" : "") +
           "; make space, or name another folder");
