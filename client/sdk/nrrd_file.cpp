@@ -73,11 +73,14 @@ void CheckNrrdPath(const std::string& path, bool overwrite) {
 
 void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwrite,
                 const std::function<void()>& check) {
-  SaveAsNrrd(volume.bricks(), *volume.lattice(), path, overwrite, check);
+  const auto& placement = volume.placement();
+  const bool is_lps =
+      placement && placement->patient_axes == "LPS" && !placement->axes_are_answered;
+  SaveAsNrrd(volume.bricks(), *volume.lattice(), path, overwrite, check, is_lps);
 }
 
 void SaveAsNrrd(const BrickMap& bricks, const VolumeLattice& lattice, const std::string& path,
-                bool overwrite, const std::function<void()>& check) {
+                bool overwrite, const std::function<void()>& check, bool is_lps) {
   // Of the smallest type first, so that only bricks of a file are looked at.
   CheckNrrdSize(lattice.size, LeafType::kUint8);
   const LeafType type = bricks.SmallestType();
@@ -87,6 +90,7 @@ void SaveAsNrrd(const BrickMap& bricks, const VolumeLattice& lattice, const std:
                                .encoding = "raw",
                                .size = lattice.size,
                                .X_WI = lattice.X_WI,
+                               .is_lps = is_lps,
                                .unit = lattice.unit}));
   VisitType(type,
             [&](auto voxel) { WriteVoxels<decltype(voxel)>(bricks, lattice.size, file, check); });

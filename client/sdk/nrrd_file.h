@@ -1,5 +1,6 @@
 // Writes a downloaded volume as an NRRD file: dense, raw, of the smallest type that holds all
-// voxels (uint8, int16, uint16, float), in LPS.
+// voxels (uint8, int16, uint16, float). The header names a space, LPS, only if the volume's file
+// stated one.
 //
 // Threads: any. Errors: kTooLarge (CheckNrrdSize), kConflict (the file exists), kInvalidArgument
 // (no regular file: a folder, a link), kNotFound (no such folder for the file), kPermissionDenied,
@@ -24,8 +25,9 @@ void CheckNrrdPath(const std::string& path, bool overwrite);
 // next to its place and then renamed, so that it is always complete.
 void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwrite = false,
                 const std::function<void()>& check = {});
-// The same, of bricks.
+// The same, of bricks. `is_lps`: the volume's file stated an orientation.
 void SaveAsNrrd(const BrickMap& bricks, const VolumeLattice& lattice, const std::string& path,
-                bool overwrite = false, const std::function<void()>& check = {});
+                bool overwrite = false, const std::function<void()>& check = {},
+                bool is_lps = true);
 
 }  // namespace palpate::client

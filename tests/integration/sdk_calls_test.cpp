@@ -75,6 +75,7 @@ TEST_F(SdkCalls, VolumesAreLoadedSavedSentAndFetched) {
   told.clear();
   const LoadResult sent = p.UploadVolume(File("copy.nrrd"), {}, keep);
   EXPECT_EQ(sent.volume.source, "upload:copy.nrrd");
+  EXPECT_EQ(sent.volume.patient_axes, "");  // as the built-in shape's
   EXPECT_TRUE(std::any_of(told.begin(), told.end(),
                           [](const Progress& now) { return now.stage == "sending"; }));
   const DownloadResult again = p.DownloadVolume();
