@@ -37,7 +37,7 @@ TEST_F(WebConfig, ReadsEveryKey) {
     std::function<bool(const Config&)> is_read;
   };
   const std::string user = std::string("user = [{name = 'a', token_sha256 = '") + kHash +
-                           "', may_steer = ['isovalue', 'method']}]";
+                           "', may_steer = ['isovalue', 'facing']}]";
   const Key keys[] = {
       {"palpated.profile = 'or-2'", [](auto& c) { return c.palpated.profile == "or-2"; }},
       {"palpated.socket = '/a/b'",

@@ -1,11 +1,10 @@
 #include "client/web/app/config.h"
 
-#include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <fstream>
 #include <functional>
 
-#include "client/sdk/settings.h"
+#include "client/web/access/steering_rules.h"
 #include "client/web/app/secret_file.h"
 #include "client/web/http/origins.h"
 #include "common/error/error.h"
@@ -83,9 +82,8 @@ std::vector<std::string> CheckConfig(const Config& config) {
 }
 
 void CheckSettingKey(const std::string& key) {
-  const bool is_setting = std::any_of(client::kSettings.begin(), client::kSettings.end(),
-                                      [&](const auto& setting) { return setting.key == key; });
-  if (!is_setting) Refuse(key + " is no setting: see the keys of palpate settings --json");
+  if (IsSetting(key)) return;
+  Refuse(key + " is no setting: see the keys of palpate settings --json, and 'facing'");
 }
 
 std::string ReadRoomKey(const fs::path& file) {

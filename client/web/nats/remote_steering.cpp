@@ -22,7 +22,8 @@ std::variant<SteerRequest, std::string> RemoteSteering::Judge(const std::string&
     return "the request makes no sense";
   }
   if (!client::IsProfileName(request.user)) return "the user has no name that can be logged";
-  const Session session{.user = site, .may_steer = found->may_steer, .ends = {}};
+  const Session session{
+      .user = site, .may_steer = found->may_steer, .network = {}, .ends = {}};
   std::string refusal = rules_.Refusal(session, request.key, request.value, now);
   if (!refusal.empty()) return refusal;
   request.user += "@" + site;
