@@ -76,9 +76,8 @@ void LogOfGrpc(gpr_log_func_args* said) {
   std::string text = said->message;
   std::replace_if(
       text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');
-  LogOfClient(
-      said->severity == GPR_LOG_SEVERITY_ERROR ? LogLevel::kWarning : LogLevel::kDebug, "gRPC",
-      "gRPC: {}", text);
+  LogOfClient(said->severity == GPR_LOG_SEVERITY_ERROR ? LogLevel::kWarning : LogLevel::kDebug,
+              "gRPC", "gRPC: {}", text);
 }
 
 }  // namespace

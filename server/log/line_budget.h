@@ -1,7 +1,7 @@
 // Decides which lines about clients are logged: no flood may fill the log, nor hide lines about
 // others.
 //
-// Each address or identity gets ten lines at once and then one every ten seconds. Each line says
+// Each address or identity gets twenty lines at once and then one every ten seconds. Each line says
 // how many were left out. Above kMostClients, the further ones share one budget.
 // Threads: any.
 #pragma once
@@ -27,7 +27,7 @@ class LineBudget {
 
  private:
   struct Budget {
-    RateLimit lines{0.1, 10.0};
+    RateLimit lines{0.1, 20.0};
     std::uint64_t left_out = 0;
     std::int64_t last_ns = 0;
   };

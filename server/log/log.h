@@ -40,8 +40,8 @@ void LogError(fmt::format_string<Arguments...> format, Arguments&&... arguments)
 // `whose`: the client's identity or peer, as in LineBudget. True if the line was written.
 bool LogLineOfClient(LogLevel level, const std::string& whose, std::string_view text);
 template <class... Arguments>
-bool LogOfClient(LogLevel level, const std::string& whose,
-                 fmt::format_string<Arguments...> format, Arguments&&... arguments) {
+bool LogOfClient(LogLevel level, const std::string& whose, fmt::format_string<Arguments...> format,
+                 Arguments&&... arguments) {
   return LogLineOfClient(level, whose, fmt::format(format, std::forward<Arguments>(arguments)...));
 }
 

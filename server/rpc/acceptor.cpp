@@ -12,6 +12,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "common/error/error.h"
@@ -63,7 +64,7 @@ void Acceptor::TakeSocket(const std::string& path) {
 
 void CheckAddress(const HostPort& address) { Parse(address); }
 
-void Acceptor::TakePort(const HostPort& address, bool is_watched) {
+void Acceptor::TakePort(const HostPort& address, bool is_tls) {
   const sockaddr_storage parsed = Parse(address);
   const int fd = socket(parsed.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const int on = 1;
@@ -73,7 +74,7 @@ void Acceptor::TakePort(const HostPort& address, bool is_watched) {
   if (fd < 0 || bound != 0) FailToListen(fd, address.ToString(), "--listen");
   listeners_.push_back(fd);
   names_.push_back(address.ToString());
-  if (is_watched) watched_listener_ = fd;
+  if (is_tls) tls_listener_ = fd;
 }
 
 void Acceptor::Start(std::vector<Sink> sinks) {
@@ -82,7 +83,7 @@ void Acceptor::Start(std::vector<Sink> sinks) {
   }
   sinks_ = std::move(sinks);
   wake_fd_ = eventfd(0, EFD_CLOEXEC);
-  if (watched_listener_ >= 0) watch_.Start();
+  watch_.Start();
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -135,7 +136,11 @@ void Acceptor::Accept(std::size_t listener) {
     // gRPC probes silent peers, but not while a message to the peer waits for room.
     setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
   }
-  if (listeners_[listener] == watched_listener_ && !watch_.Enter(fd, peer)) {
+  // Without TLS, loopback's clients are known by that.
+  const bool is_tls = listeners_[listener] == tls_listener_;
+  const std::optional<Credentials> known =
+      is_tls ? std::nullopt : std::optional(Credentials{.transport = Transport::kPlain});
+  if (peer.ss_family != AF_UNIX && !watch_.Enter(fd, peer, known)) {
     close(fd);
     return;
   }

@@ -41,8 +41,8 @@ class Acceptor {
   // TakeSocket and TakePort bind the address, so that no other process can take it. Clients cannot
   // connect before Start. The socket's file gets the mode 0660.
   void TakeSocket(const std::string& path);
-  // is_watched: the watch gets this port's connections; true for TLS.
-  void TakePort(const HostPort& address, bool is_watched);
+  // is_tls: who connects is a stranger at first. Otherwise clients are loopback's.
+  void TakePort(const HostPort& address, bool is_tls);
   // Listens. `sinks`: the receivers of the connections, in the order in which the addresses were
   // taken. gRPC's server must be running.
   void Start(std::vector<Sink> sinks);
@@ -55,7 +55,7 @@ class Acceptor {
 
   const int first_refused_file_;
   ConnectionWatch& watch_;
-  int watched_listener_ = -1;
+  int tls_listener_ = -1;
   std::vector<int> listeners_;
   std::vector<std::string> names_;  // the listeners' names, for messages
   std::vector<Sink> sinks_;

@@ -99,14 +99,18 @@ void Admission::Changed(std::string_view what) const {
   if (access_) access_->activity_.Changed(what, Who(), MonotonicNowNs());
 }
 
-bool Admission::Answered(std::size_t answer_bytes) {
-  if (!access_) return true;
+grpc::Status Admission::Answered(const grpc::Status& status, std::size_t answer_bytes) {
+  if (!access_) return status;
   Running& call = *running_;
-  access_->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   const std::int64_t now_ns = MonotonicNowNs();
+  access_->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   access_->unread_.Waits(call.peer, answer_bytes, now_ns);
   call.answer_bytes = answer_bytes;
-  return !access_->unread_.IsAbove(call.peer, now_ns);
+  if (!status.ok() || !access_->unread_.IsAbove(call.peer, now_ns)) return status;
+  return {grpc::StatusCode::RESOURCE_EXHAUSTED,
+          std::string(NameOf(call.rule->method)) +
+              " is done, but its answer is left out: read the answers that wait for this "
+              "connection before you go on"};
 }
 
 void Admission::MustSendBy(std::int64_t time_ns) const {
@@ -190,8 +194,8 @@ std::optional<Admission> Access::Enter(const Admission::Running& call,
   if (!policy.IsInForce()) return std::nullopt;
   admission.running_->is_noted =
       activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, now_ns);
-  if (connections_ && call.credentials.transport == Transport::kTls) {
-    connections_->Admitted(call.peer, call.credentials);
+  if (connections_ && call.credentials.transport != Transport::kSocket) {
+    connections_->Admitted(call.peer, call.credentials, call.caller.role);
   }
   return admission;
 }
@@ -250,9 +254,10 @@ std::vector<Access::End> Access::MarkEnds(const Identities& judged) {
 
 Admission Access::Refuse(const Admission::Running& call, std::string_view method,
                          const grpc::Status& problem) const {
-  LogOfClient(LogLevel::kWarning, call.peer, "refused {} at {} to call {}: {}",
-              call.caller.name.empty() ? "a stranger" : call.caller.name, call.peer, method,
-              problem.error_message());
+  // Strangers share one budget of lines: a flood may come from many addresses.
+  const std::string who = call.caller.name.empty() ? "a stranger" : call.caller.name;
+  LogOfClient(LogLevel::kWarning, call.caller.name.empty() ? who : call.peer,
+              "refused {} at {} to call {}: {}", who, call.peer, method, problem.error_message());
   return Admission(grpc::Status(
       problem.error_code(),
       "palpated refuses " + std::string(NameOf(method)) + ": " + problem.error_message()));

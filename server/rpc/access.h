@@ -54,10 +54,11 @@ class Admission {
   // Call it once, before a stream of poses begins. Returns OK, or refuses too many samples per
   // second.
   grpc::Status TakeSamples(int samples_per_s);
-  // The call's work is done, and gRPC has its answer of these bytes: the call no longer counts
+  // The call's work is done, and gRPC gets its answer of these bytes: the call no longer counts
   // against its caller's limits. The answer counts against its connection until the call is over.
-  // False: the connection has more unread than it may.
-  bool Answered(std::size_t answer_bytes);
+  // Returns the status to finish with: if the connection leaves too much unread, the answer is left
+  // out.
+  grpc::Status Answered(const grpc::Status& status, std::size_t answer_bytes);
   // Ends the call if its client has not sent more by then, ns of the monotonic clock; 0: never.
   void MustSendBy(std::int64_t time_ns) const;
   const Identity& caller() const { return running_->caller; }  // of an admitted call

@@ -33,7 +33,7 @@ class Activity {
   static constexpr std::size_t kMostCallers = 64;
 
   struct Caller {
-    Identity identity{};  // with the role of its newest call
+    Identity identity{};    // with the role of its newest call
     std::string address{};  // as gRPC names it, without the port
     std::int64_t came_ns = 0;
     bool watches = false;  // has a stream of poses

@@ -55,12 +55,8 @@ class EventStream final : public grpc::ServerWriteReactor<Event> {
     const std::lock_guard lock(mutex_);
     std::size_t bytes = 0;
     for (const Event& event : waiting_) bytes += event.ByteSizeLong();
-    admission_.Answered(bytes);
-    if (waiting_.empty()) {
-      this->Finish(status);
-    } else {
-      end_ = status;
-    }
+    end_ = admission_.Answered(status, bytes);
+    if (waiting_.empty()) this->Finish(*end_);
   }
 
   void OnWriteDone(bool ok) override {
@@ -113,8 +109,8 @@ class Calls {
   // work: void(const Admission&)
   template <class Work>
   Reply* Answer(CallContext* context, std::string_view method,
-                const google::protobuf::Message& request,
-                const google::protobuf::Message& response, Work work) {
+                const google::protobuf::Message& request, const google::protobuf::Message& response,
+                Work work) {
     auto* const call = new UnaryCall(access_.Admit(context, method, request.ByteSizeLong()));
     if (!call->admission.ok()) {
       call->Finish(call->admission.status());
@@ -125,8 +121,7 @@ class Calls {
         RequireVolume(method);
         work(std::as_const(call->admission));
       });
-      call->admission.Answered(response.ByteSizeLong());
-      call->Finish(status);
+      call->Finish(call->admission.Answered(status, response.ByteSizeLong()));
     });
     return call;
   }

@@ -13,7 +13,7 @@
 
 #include "server/log/log.h"
 #include "server/realtime/thread_setup.h"
-#include "server/security/connection_limits.h"
+#include "server/realtime/tick_timer.h"
 
 namespace palpate {
 namespace {
@@ -38,8 +38,9 @@ std::string NameOf(const in_addr& address, std::uint16_t port) {
 }
 
 const char* ReasonFor(bool sent_too_much) {
-  return sent_too_much ? "it sent too much without a call that it may make"
-                       : "too many are connected without a call that they may make";
+  return sent_too_much
+             ? "it sent too much for who may only watch, or without a call that it may make"
+             : "too many are connected without a call that they may make";
 }
 
 }  // namespace
@@ -75,32 +76,35 @@ void ConnectionWatch::Start() {
   thread_ = std::thread([this] { Run(); });
 }
 
-bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer) {
+bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer,
+                            const std::optional<Credentials>& known) {
   const std::lock_guard lock(mutex_);
   int second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
   if (second_fd < 0) {
-    DropEnded(/*of_all=*/true);
+    DropEnded();
     second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
   }
   if (second_fd < 0) return false;
   Connection& connection = connections_[PeerName(peer)];
   // An ended connection of the same port may still be in the list.
   if (connection.fd >= 0) close(connection.fd);
-  connection = {.prefix = PrefixOf(peer), .number = entered_++, .fd = second_fd};
+  connection = {.prefix = PrefixOf(peer), .number = entered_++, .fd = second_fd, .known = known};
+  is_busy_ = is_busy_ || !known;
   changed_.notify_all();
   return true;
 }
 
-void ConnectionWatch::Admitted(const std::string& peer, const Credentials& credentials) {
+void ConnectionWatch::Admitted(const std::string& peer, const Credentials& credentials, Role role) {
   const std::lock_guard lock(mutex_);
   if (const auto found = connections_.find(peer); found != connections_.end()) {
     found->second.known = credentials;
+    found->second.role = role;
   }
 }
 
 void ConnectionWatch::ForgetUnless(const std::function<bool(const Credentials&)>& recognises) {
   std::unique_lock lock(mutex_);
-  DropEnded(/*of_all=*/true);
+  DropEnded();
   const Connections asked = connections_;
   lock.unlock();  // the acceptor needs it
   std::vector<const Connections::value_type*> refused;
@@ -114,20 +118,16 @@ void ConnectionWatch::ForgetUnless(const std::function<bool(const Credentials&)>
     if (found != connections_.end() && found->second.number == one->second.number &&
         found->second.known == one->second.known) {
       found->second.known.reset();
+      is_busy_ = true;
     }
   }
   changed_.notify_all();
 }
 
-bool ConnectionWatch::HasStrangers() const {
-  return std::any_of(connections_.begin(), connections_.end(),
-                     [](const auto& one) { return !one.second.known; });
-}
-
-void ConnectionWatch::DropEnded(bool of_all) {
+void ConnectionWatch::DropEnded() {
   for (auto at = connections_.begin(); at != connections_.end();) {
     Connection& connection = at->second;
-    if ((connection.known && !of_all) || AskKernel(connection.fd, connection.received_bytes)) {
+    if (AskKernel(connection.fd, connection.received_bytes)) {
       ++at;
     } else {
       close(connection.fd);
@@ -144,7 +144,8 @@ void ConnectionWatch::Run() {
   pthread_setname_np(pthread_self(), "palpate-watch");
   std::unique_lock lock(mutex_);
   while (true) {
-    changed_.wait(lock, [this] { return stop_ || HasStrangers(); });
+    changed_.wait(lock, [this] { return stop_ || !connections_.empty(); });
+    changed_.wait_for(lock, kCalmTime, [this] { return stop_ || is_busy_; });
     if (changed_.wait_for(lock, kReviewTime, [this] { return stop_; })) return;
     const std::vector<Cut> cuts = Review();
     lock.unlock();
@@ -158,24 +159,43 @@ void ConnectionWatch::Run() {
 
 // Only shuts connections down. The next review notices their end and removes them.
 std::vector<ConnectionWatch::Cut> ConnectionWatch::Review() {
-  DropEnded(/*of_all=*/false);
-  std::vector<const Connections::value_type*> by_age;
-  for (const auto& one : connections_) {
-    if (!one.second.known) by_age.push_back(&one);
-  }
-  std::sort(by_age.begin(), by_age.end(),
-            [](const auto* a, const auto* b) { return a->second.number < b->second.number; });
-  std::vector<BoundedConnection> bounded;
-  for (const auto* const one : by_age) {
-    bounded.push_back({one->second.prefix, one->second.received_bytes});
+  DropEnded();
+  const std::int64_t now_ns = MonotonicNowNs();
+  const auto forgotten = static_cast<std::int64_t>(
+      1e-9 * static_cast<double>(now_ns - std::exchange(reviewed_ns_, now_ns)) * kViewerBytesPerS);
+  Bounded strangers, viewers;
+  is_busy_ = false;
+  for (auto& one : connections_) {
+    Connection& connection = one.second;
+    const std::int64_t sent = connection.received_bytes -
+                              std::exchange(connection.counted_bytes, connection.received_bytes);
+    connection.recent_bytes = std::max<std::int64_t>(0, connection.recent_bytes + sent - forgotten);
+    if (!connection.known) {
+      strangers.emplace_back(&one, connection.received_bytes);
+      is_busy_ = true;
+    } else if (connection.role < Role::kEditor) {
+      viewers.emplace_back(&one, connection.recent_bytes);
+      is_busy_ = is_busy_ || connection.recent_bytes > kViewerBounds.bytes_of_one / 8;
+    }
   }
   std::vector<Cut> cuts;
-  for (const ConnectionCut& cut : CutsAmong(bounded, kStrangerBounds)) {
-    const auto& [peer, connection] = *by_age[cut.connection];
+  CutAmong(strangers, kStrangerBounds, cuts);
+  CutAmong(viewers, kViewerBounds, cuts);
+  return cuts;
+}
+
+void ConnectionWatch::CutAmong(Bounded& bounded, const ConnectionBounds& bounds,
+                               std::vector<Cut>& cuts) {
+  std::sort(bounded.begin(), bounded.end(), [](const auto& a, const auto& b) {
+    return a.first->second.number < b.first->second.number;
+  });
+  std::vector<BoundedConnection> by_age;
+  for (const auto& [one, bytes] : bounded) by_age.push_back({one->second.prefix, bytes});
+  for (const ConnectionCut& cut : CutsAmong(by_age, bounds)) {
+    const auto& [peer, connection] = *bounded[cut.connection].first;
     shutdown(connection.fd, SHUT_RDWR);
     cuts.push_back({peer, cut.sent_too_much});
   }
-  return cuts;
 }
 
 }  // namespace palpate

@@ -1,13 +1,17 @@
-// Watches the TLS connections of strangers and cuts off the connections that CutsAmong chooses.
-// gRPC's own quotas miss some of the received bytes; the watch uses the kernel's count.
+// Watches the TCP connections of strangers and viewers and cuts off the connections that CutsAmong
+// chooses. gRPC's own quotas miss some of the received bytes; the watch uses the kernel's count.
 //
-// A connection is a stranger's until a call on it is allowed, and again when its client is no
+// A TLS connection is a stranger's until a call on it is allowed, and again when its client is no
 // longer allowed: a client that sends endless headers makes no call that could be refused.
+//
+// Known clients who may only watch have little to send. gRPC 1.51 reads from a connection as long
+// as bytes come, on one of its few threads: a few that never pause would keep it from everybody
+// else, and from the emergency stop.
 //
 // The watch does not ban addresses: a cut-off peer may connect again at once. Other clients behind
 // the same NAT share the address, and CutsAmong bounds what all strangers send together.
 //
-// Threads: any. A thread of its own checks strangers while there are any. The acceptor's thread
+// Threads: any. A thread of its own checks connections while there are any. The acceptor's thread
 // cannot do it: gRPC may read from a connection on the thread that handed the connection over, for
 // as long as data comes.
 #pragma once
@@ -23,16 +27,20 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "server/security/connection_limits.h"
 #include "server/security/policy.h"
 
 namespace palpate {
 
 class ConnectionWatch {
  public:
-  // The time between two checks. At 1 Gbit/s about 1 MB arrives in this time.
+  // The time between two checks, while there are strangers or somebody sends much. At 1 Gbit/s
+  // about 1 MB arrives in this time.
   static constexpr std::chrono::milliseconds kReviewTime{10};
+  static constexpr std::chrono::milliseconds kCalmTime{100};
 
   // first_file: lowest number for the watch's duplicated descriptors; see FirstSecondFile.
   explicit ConnectionWatch(int first_file) : first_file_(first_file) {}
@@ -42,12 +50,13 @@ class ConnectionWatch {
 
   // Call it once, before the first connection.
   void Start();
-  // Adds a stranger's connection. The caller keeps ownership of `fd`; the watch duplicates it.
-  // Returns false if no file number is free: the caller must then close the connection.
-  bool Enter(int fd, const sockaddr_storage& peer);
+  // Adds a connection: a stranger's, or a viewer's with these credentials. The caller keeps
+  // ownership of `fd`; the watch duplicates it. Returns false if no file number is free: the caller
+  // must then close the connection.
+  bool Enter(int fd, const sockaddr_storage& peer, const std::optional<Credentials>& known = {});
   // A call on this connection was allowed by `credentials`. The newest count. `peer`: the name in
   // gRPC's form.
-  void Admitted(const std::string& peer, const Credentials& credentials);
+  void Admitted(const std::string& peer, const Credentials& credentials, Role role);
   // Connections whose client `recognises` no longer accepts are strangers' from now on. Call it now
   // and then: it also forgets connections that have ended. `recognises` is called without the lock
   // and may be slow.
@@ -60,23 +69,31 @@ class ConnectionWatch {
     int fd = -1;               // a duplicate; owned
     std::int64_t received_bytes = 0;
     std::optional<Credentials> known{};  // none: a stranger's
+    Role role = Role::kViewer;
+    std::int64_t counted_bytes = 0;  // of received_bytes, up to the last check
+    // What a viewer has sent lately: falls by kViewerBytesPerS.
+    std::int64_t recent_bytes = 0;
   };
   using Connections = std::map<std::string, Connection>;  // by their peers
 
-  void Run();
-  bool HasStrangers() const;
-  // Drops ended connections, of strangers or of all.
-  void DropEnded(bool of_all);
   struct Cut {
     std::string peer;
     bool sent_too_much;
   };
+  // Connections under one bound, with what counts of them.
+  using Bounded = std::vector<std::pair<const Connections::value_type*, std::int64_t>>;
+
+  void Run();
+  void DropEnded();
   std::vector<Cut> Review();
+  static void CutAmong(Bounded& bounded, const ConnectionBounds& bounds, std::vector<Cut>& cuts);
 
   const int first_file_;
   std::mutex mutex_;
   Connections connections_;
   std::uint64_t entered_ = 0;
+  std::int64_t reviewed_ns_ = 0;
+  bool is_busy_ = false;  // strangers are there, or viewers who send much
   bool stop_ = false;
   std::condition_variable changed_;
   std::thread thread_;

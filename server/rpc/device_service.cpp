@@ -48,11 +48,6 @@ Error NoTick(ForceCommand command, bool holds) {
                                        "; look at palpated's log, or end it"};
 }
 
-grpc::Status NotRead() {
-  return {grpc::StatusCode::RESOURCE_EXHAUSTED,
-          "forces are stopped; read the answers that wait for this connection"};
-}
-
 template <typename Response>
 void Answer(const ForceTick& forces, Response& response, bool replay = false) {
   *response.mutable_forces() = ToProto(forces, replay);
@@ -89,10 +84,8 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
     }
   }
 
-  // A stop is never refused, so the answers of a flood of stops are bounded here.
   void End(const grpc::Status& status) {
-    const bool is_room = admission_.Answered(response_.ByteSizeLong());
-    Finish(is_room ? status : NotRead());
+    Finish(admission_.Answered(status, response_.ByteSizeLong()));
   }
 
   Admission admission_;
@@ -189,20 +182,20 @@ Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesReque
 Reply* DeviceService::CalibrateDevice(CallContext* context,
                                       const v1::CalibrateDeviceRequest* request,
                                       v1::CalibrateDeviceResponse* response) {
-  return calls_.Answer(
-      context, "/palpate.v1.DeviceService/CalibrateDevice", *request, *response, [=, this](const Admission&) {
-        const DeviceHealth health = device_.health();
-        if (health.connection != DeviceConnection::kStreaming) {
-          throw Error(
-              ErrorKind::kFailedPrecondition,
-              "the device `" + device_.spec().kind +
-                  "` is not connected, so it cannot be calibrated: " +
-                  (health.problem.empty() ? "it is being set up, try again" : health.problem));
-        }
-        CheckForcesAreOff();
-        device_.Calibrate();
-        *response->mutable_health() = palpate::ToProto(device_.health());
-      });
+  return calls_.Answer(context, "/palpate.v1.DeviceService/CalibrateDevice", *request, *response,
+                       [=, this](const Admission&) {
+                         const DeviceHealth health = device_.health();
+                         if (health.connection != DeviceConnection::kStreaming) {
+                           throw Error(ErrorKind::kFailedPrecondition,
+                                       "the device `" + device_.spec().kind +
+                                           "` is not connected, so it cannot be calibrated: " +
+                                           (health.problem.empty() ? "it is being set up, try again"
+                                                                   : health.problem));
+                         }
+                         CheckForcesAreOff();
+                         device_.Calibrate();
+                         *response->mutable_health() = palpate::ToProto(device_.health());
+                       });
 }
 
 LeadHandReactor* DeviceService::LeadHand(CallContext* context) {
@@ -257,8 +250,8 @@ void DeviceService::Note(ForceCommand command, const Admission& by) {
      : command == ForceCommand::kEnable ? enabled_by_
                                         : disabled_by_) = by.Who();
   }
-  LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, by.caller().name,
-              "forces: {}, by {}", is_stop ? "emergency stop" : NameOf(command), by.Who());
+  LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, by.caller().name, "forces: {}, by {}",
+              is_stop ? "emergency stop" : NameOf(command), by.Who());
 }
 
 std::string DeviceService::SetBy(const ForceTick& forces) const {

@@ -141,8 +141,7 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
     why_ = why;
     if (lead_ != 0) parts_.hand.GiveBack(lead_);
     if (alarm_) alarm_->Cancel();
-    admission_.Answered(0);
-    Finish(status);
+    Finish(admission_.Answered(status, 0));
   }
 
   const LeadHandParts parts_;

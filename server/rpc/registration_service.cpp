@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-v1::Registration ToProto(const VolumeState& state) {
+v1::Registration RegistrationOf(const VolumeState& state) {
   const Registration& registration = state.registration;
   v1::Registration out;
   *out.mutable_center_mm() = palpate::ToProto(registration.p_DCenter_mm);
@@ -38,10 +38,10 @@ RegistrationUpdate UpdateOf(const v1::UpdateRegistrationRequest& request) {
 Reply* RegistrationService::GetRegistration(CallContext* context,
                                             const v1::GetRegistrationRequest* request,
                                             v1::GetRegistrationResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RegistrationService/GetRegistration", *request, *response,
-                       [=, this](const Admission&) {
+  return calls_.Answer(context, "/palpate.v1.RegistrationService/GetRegistration", *request,
+                       *response, [=, this](const Admission&) {
                          const VolumeState state = session_.volume();
-                         *response->mutable_registration() = ToProto(state);
+                         *response->mutable_registration() = RegistrationOf(state);
                          response->set_settings_revision(state.settings_revision);
                        });
 }
@@ -49,8 +49,8 @@ Reply* RegistrationService::GetRegistration(CallContext* context,
 Reply* RegistrationService::UpdateRegistration(CallContext* context,
                                                const v1::UpdateRegistrationRequest* request,
                                                v1::UpdateRegistrationResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RegistrationService/UpdateRegistration", *request, *response,
-                       [=, this](const Admission& by) {
+  return calls_.Answer(context, "/palpate.v1.RegistrationService/UpdateRegistration", *request,
+                       *response, [=, this](const Admission& by) {
                          const RegistrationUpdate update = UpdateOf(*request);
                          const auto change = [&](const VolumeState& state) {
                            return Apply(update, state.volume->metadata(), session_.device(),
@@ -66,7 +66,7 @@ Reply* RegistrationService::UpdateRegistration(CallContext* context,
                          const VolumeState state = session_.Move(change, expected, true, facing);
                          by.Changed("placement");
                          const AppliedTick applied = session_.WaitForServo(state.scene_revision);
-                         *response->mutable_registration() = ToProto(state);
+                         *response->mutable_registration() = RegistrationOf(state);
                          response->set_settings_revision(state.settings_revision);
                          response->set_applied_tick(applied.tick);
                        });

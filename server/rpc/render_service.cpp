@@ -56,9 +56,7 @@ void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate&
 
 }  // namespace
 
-v1::FreeSide ToProto(FreeSide side) {
-  return EnumToProto<v1::FreeSide>(side);
-}
+v1::FreeSide ToProto(FreeSide side) { return EnumToProto<v1::FreeSide>(side); }
 
 v1::RenderSettings ToProto(const RenderSettings& settings) {
   v1::RenderSettings out;

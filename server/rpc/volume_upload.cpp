@@ -140,8 +140,7 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   // The upload's file and its claim go before the answer, not when the client has read it.
   void End(const grpc::Status& status) {
     upload_.reset();
-    admission_.Answered(response_->ByteSizeLong());
-    Finish(status);
+    Finish(admission_.Answered(status, response_->ByteSizeLong()));
   }
 
   VolumeService& service_;

@@ -94,7 +94,7 @@ class Pump {
   std::mutex sinks_mutex_;
   std::vector<Subscriber> sinks_;
   std::shared_ptr<SampleReplacement> replacement_;
-  std::optional<ServoKeyframe> keyframe_;  // the pump thread's: the next to deliver
+  std::optional<ServoKeyframe> keyframe_;        // the pump thread's: the next to deliver
   std::optional<std::uint64_t> noted_revision_;  // the pump thread's: of the last sample
 
   std::mutex revisions_mutex_;  // guards first_uses_; held to read the board's scene_uses

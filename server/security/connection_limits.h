@@ -36,6 +36,13 @@ struct ConnectionBounds {
 inline constexpr ConnectionBounds kStrangerBounds{
     .connections = 64, .bytes_of_one = 8 << 20, .bytes_of_all = 64 << 20};
 
+// What known clients who may only watch have sent lately. Their requests are small; the greatest
+// message is 3 MiB.
+inline constexpr ConnectionBounds kViewerBounds{
+    .connections = SIZE_MAX, .bytes_of_one = 4 << 20, .bytes_of_all = 32 << 20};
+// So much of it is forgotten each second.
+inline constexpr std::int64_t kViewerBytesPerS = 1 << 20;
+
 struct BoundedConnection {
   std::string prefix;
   std::int64_t bytes = 0;

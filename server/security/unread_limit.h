@@ -1,8 +1,8 @@
 // Bounds the answers that a connection leaves unread: they take memory until the client reads them.
 //
-// A connection that stays above the bound gets no further call until its client has read. Clients
-// on the socket are not bounded: gRPC names all of them alike, and who may open the socket is
-// trusted.
+// A connection that stays above the bound gets no further call until its client has read; at once
+// if all connections together are above theirs. Clients on the socket are not bounded: gRPC names
+// all of them alike, and who may open the socket is trusted.
 // Threads: any.
 #pragma once
 
@@ -19,6 +19,7 @@ class UnreadLimit {
   // What gRPC 1.51 keeps for a call, besides its answer: 17 KB were seen.
   static constexpr std::size_t kCallBytes = 16 << 10;
   static constexpr std::size_t kMostBytes = 48 << 10;
+  static constexpr std::size_t kMostBytesOfAll = std::size_t{64} << 20;
   // The answers to many calls at once are above the bound, too, until gRPC has sent them.
   static constexpr std::int64_t kPatienceNs = 1'000'000'000;
 
@@ -26,7 +27,7 @@ class UnreadLimit {
     const std::lock_guard lock(mutex_);
     const auto found = unread_.find(peer);
     return found != unread_.end() && found->second.bytes >= kMostBytes &&
-           now_ns - found->second.above_since_ns > kPatienceNs;
+           (bytes_of_all_ > kMostBytesOfAll || now_ns - found->second.above_since_ns > kPatienceNs);
   }
   // An answer waits for its client. Afterwards give the same bytes to Sent.
   void Waits(const std::string& peer, std::size_t answer_bytes, std::int64_t now_ns) {
@@ -35,12 +36,14 @@ class UnreadLimit {
     Unread& unread = unread_[peer];
     if (unread.bytes < kMostBytes) unread.above_since_ns = now_ns;
     unread.bytes += kCallBytes + answer_bytes;
+    bytes_of_all_ += kCallBytes + answer_bytes;
   }
   void Sent(const std::string& peer, std::size_t answer_bytes) {
     const std::lock_guard lock(mutex_);
     const auto found = unread_.find(peer);
     if (found == unread_.end()) return;
     found->second.bytes -= kCallBytes + answer_bytes;
+    bytes_of_all_ -= kCallBytes + answer_bytes;
     if (found->second.bytes == 0) unread_.erase(found);
   }
 
@@ -52,6 +55,7 @@ class UnreadLimit {
 
   mutable std::mutex mutex_;
   std::map<std::string, Unread> unread_;  // by peer; none without bytes
+  std::size_t bytes_of_all_ = 0;
 };
 
 }  // namespace palpate

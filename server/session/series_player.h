@@ -125,8 +125,8 @@ class SeriesPlayer {
   std::uint64_t commands_ = 0;  // calls of Control
   Taken taken_;
   std::condition_variable was_taken_;  // also when the series ends
-  std::shared_ptr<Series> series_;  // null: none
-  double position_ = 0.0;           // 0 to below `frames`: the last frame lasts, too
+  std::shared_ptr<Series> series_;     // null: none
+  double position_ = 0.0;              // 0 to below `frames`: the last frame lasts, too
   bool playing_ = false;
   double rate_hz_ = 10.0;
   bool loop_ = false;

@@ -154,7 +154,7 @@ class Strangers(AttackTest):
 
 
 class KnownAttackers(AttackTest):
-    """A client that made a call is not watched. gRPC itself ends its endless messages; nothing ends
+    """An editor who made a call is not watched. gRPC itself ends its endless messages; nothing ends
     its endless headers but the operator, who makes it a stranger again."""
 
     def test_endless_headers_end_with_the_token(self):
@@ -169,7 +169,7 @@ class KnownAttackers(AttackTest):
 
     def test_endless_messages_are_ended(self):
         before = self.daemon.resident_bytes()
-        sent = self.attack(endless_messages, "127.0.0.2", self.daemon.tokens["viewer"],
+        sent = self.attack(endless_messages, "127.0.0.2", self.daemon.tokens["editor"],
                            most_bytes=FAR_BEYOND)
         # gRPC drops what comes until it closes the connection.
         self.assertLess(sent, FAR_BEYOND)

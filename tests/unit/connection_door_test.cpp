@@ -205,8 +205,8 @@ TEST_F(ConnectionWatchTest, ANewcomerGetsInAmongManyAddressesAndTheOldestGoes) {
 
 TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedUntilItIsKnownNoMore) {
   Pair known = Enter(), other = Enter();
-  watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = "a"});
-  watch_.Admitted(PeerName(other.peer), {.token_sha256_hex = "b"});
+  watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = "a"}, Role::kEditor);
+  watch_.Admitted(PeerName(other.peer), {.token_sha256_hex = "b"}, Role::kEditor);
   const Pair greedy = Enter();
   EXPECT_TRUE(Send(known, 9 * kMiB));
   EXPECT_TRUE(Send(other, 9 * kMiB));
@@ -229,11 +229,26 @@ TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedUntilItIsKnownNoMore) {
   }));
 }
 
+// It would keep gRPC's threads from everybody else. Its greatest request is 3 MiB.
+TEST_F(ConnectionWatchTest, AViewerWhoNeverPausesIsCutOffAndAnEditorIsNot) {
+  const Pair modest = Enter(), viewer = Enter(), editor = Enter();
+  for (const Pair* pair : {&modest, &viewer}) {
+    watch_.Admitted(PeerName(pair->peer), {.token_sha256_hex = "a"}, Role::kViewer);
+  }
+  watch_.Admitted(PeerName(editor.peer), {.token_sha256_hex = "b"}, Role::kEditor);
+  EXPECT_TRUE(Send(modest, 3 * kMiB));
+  EXPECT_TRUE(Send(editor, 64 * kMiB));
+  Send(viewer, 64 * kMiB);
+  EXPECT_TRUE(Eventually([&] { return IsClosed(viewer.client); }));
+  EXPECT_FALSE(IsClosed(modest.client));
+  EXPECT_FALSE(IsClosed(editor.client));
+}
+
 // A token may be renewed while its connection stays, and a client may be allowed again.
 TEST_F(ConnectionWatchTest, TheNewestCredentialsCount) {
   const Pair known = Enter();
   const auto admit = [&](const char* token) {
-    watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = token});
+    watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = token}, Role::kEditor);
   };
   const auto forget_unless = [&](const std::string& token) {
     watch_.ForgetUnless([&](const Credentials& one) { return one.token_sha256_hex == token; });

@@ -134,8 +134,8 @@ TEST_F(CertificatesTest, APolicyKnowsNamesLetterForLetter) {
                        .clients = {{"a.example", Role::kViewer}, {"b.example", Role::kOperator}}});
   const auto recognised = [&](const std::string& san) {
     Issue("lab", "client", san);
-    return policy.Recognise({.transport = Transport::kTls, .certificate_chain = Shared(Read("client.pem"))},
-                            kNow);
+    return policy.Recognise(
+        {.transport = Transport::kTls, .certificate_chain = Shared(Read("client.pem"))}, kNow);
   };
   EXPECT_EQ(recognised("DNS:a.example").identity->role, Role::kViewer);
   EXPECT_EQ(recognised("DNS:a.example,DNS:b.example").identity->name, "certificate b.example");
@@ -162,7 +162,8 @@ TEST_F(CertificatesTest, FilesThatAreReadAgainAreJudgedOneByOne) {
   };
   const auto knows_certificate = [&](const Policy& policy) {
     return policy
-        .Recognise({.transport = Transport::kTls, .certificate_chain = Shared(Read("server.pem"))}, kNow)
+        .Recognise({.transport = Transport::kTls, .certificate_chain = Shared(Read("server.pem"))},
+                   kNow)
         .identity.has_value();
   };
   const Policy first(options);
@@ -191,7 +192,8 @@ TEST_F(CertificatesTest, APolicyTrustsNothingItWasNotTold) {
   const std::string chain = Read("server.pem");
   EXPECT_FALSE(none.Recognise({.transport = Transport::kTls}, kNow).identity);
   EXPECT_FALSE(
-      none.Recognise({.transport = Transport::kTls, .certificate_chain = Shared(chain)}, kNow).identity);
+      none.Recognise({.transport = Transport::kTls, .certificate_chain = Shared(chain)}, kNow)
+          .identity);
   EXPECT_FALSE(
       none.Recognise({.transport = Transport::kTls, .authorization = "Bearer "}, kNow).identity);
   // A token without TLS was heard by others; also on the socket.

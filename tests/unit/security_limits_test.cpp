@@ -130,6 +130,19 @@ TEST(UnreadLimit, EachConnectionHasItsOwnAndTheSocketHasNone) {
   EXPECT_TRUE(limit.IsAbove("ipv4:10.0.0.7:2", late));
 }
 
+TEST(UnreadLimit, ABurstOnManyConnectionsIsBoundedAtOnce) {
+  UnreadLimit limit;
+  std::size_t answers = 0;
+  for (int connection = 0; connection < 900; ++connection) {
+    const std::string peer = "ipv4:10.0.0.7:" + std::to_string(connection);
+    for (int n = 0; n < 100 && !limit.IsAbove(peer, kSecond); ++n, ++answers) {
+      limit.Waits(peer, 1000, kSecond);
+    }
+  }
+  EXPECT_GT(answers, 3u * 900);  // each has its own bound
+  EXPECT_LT(answers, 3u * 900 + UnreadLimit::kMostBytesOfAll / UnreadLimit::kCallBytes);
+}
+
 // What the shipped budget is made for.
 TEST(IdentityLimits, OneClientMayHaveEightStreamsAtFullRateAndSixtyFourViewers) {
   IdentityLimits limits({});
@@ -148,8 +161,8 @@ TEST(LineBudget, AFloodIsAFewLinesThatSayHowMany) {
     ++lines;
     left_out += *take;
   }
-  EXPECT_GE(lines, 13);
-  EXPECT_LE(lines, 18);
+  EXPECT_GE(lines, 23);
+  EXPECT_LE(lines, 28);
   EXPECT_GT(left_out, 40'000u);
   // It hides nobody else.
   EXPECT_TRUE(log.Take("ipv4:10.0.0.8:1", 61 * kSecond));
