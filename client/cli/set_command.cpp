@@ -33,7 +33,7 @@ const Setting& Named(const std::string& key) {
                               arguments::DidYouMean(key, Names()));
 }
 
-void Store(const Setting& setting, const std::string& value, client::SettingsUpdate& update) {
+void StoreValue(const Setting& setting, const std::string& value, client::SettingsUpdate& update) {
   if (StoreSetting(setting, value, update)) return;
   throw arguments::UsageError(
       fmt::format("{} cannot be '{}': give {}", setting.name, value, ValuesOf(setting)));
@@ -51,7 +51,7 @@ const Setting& TakeSetting(SetValues& values) {
   const bool is_word =
       !values.value.empty() && std::isalpha(static_cast<unsigned char>(values.value.front())) != 0;
   if (setting == &client::kIsovalue && is_word) return *setting;
-  Store(*setting, values.value, values.update);
+  StoreValue(*setting, values.value, values.update);
   return *setting;
 }
 
@@ -110,7 +110,7 @@ void StoreNamedSetting(const std::string& text, client::SettingsUpdate& update) 
   if (equals == std::string::npos) {
     throw arguments::UsageError("'" + text + "' is no setting: give KEY=VALUE");
   }
-  Store(Named(text.substr(0, equals)), text.substr(equals + 1), update);
+  StoreValue(Named(text.substr(0, equals)), text.substr(equals + 1), update);
 }
 
 std::string DescribeChange(const Setting& setting, const client::SettingsResult& result) {

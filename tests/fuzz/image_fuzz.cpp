@@ -129,7 +129,8 @@ void ReadImage(Input input) {
     case 1:
       return ReadPlain(bytes, file, ImageFormat::kMetaImage, ParseMetaImageHeader);
     case 2:
-      return ReadPlain(bytes, file, ImageFormat::kNifti, ParseNiftiHeader);
+      return ReadPlain(bytes, file, ImageFormat::kNifti,
+                       [](std::string_view text) { return ParseNiftiHeader(text); });
     case 3:
       return ReadTiff(bytes);
     case 4:

@@ -187,7 +187,7 @@ class Damage(RecordingTest):
         for place in {*range(80), *range(len(data) - 60, len(data)),
                       *choose.sample(range(len(data)), 80)}:
             recording = self.opened(data[:place])
-            self.assertEqual(recording is None, place < 24 + len(self.recording.program) + 8)
+            self.assertEqual(recording is None, place < 24 + len(self.recording.program) + 16)
             if recording:
                 self.check_prefix(recording)
                 lengths.add(len(recording.ticks))

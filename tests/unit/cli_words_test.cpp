@@ -216,7 +216,7 @@ TEST(CliVolume, TextFromElsewhereStaysOnItsLine) {
   volume.source = "evil\n\x1b[2Jname";
   const std::string text = Describe(volume);
   EXPECT_EQ(text.find('\x1b'), std::string::npos);
-  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 5);
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 6);
   volume.source = "/data/\xff.nrrd";  // no UTF-8
   EXPECT_TRUE(Json::accept(ToText(ToJson(volume))));
 }

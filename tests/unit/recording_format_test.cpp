@@ -133,6 +133,8 @@ void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
 TEST(RecordingFormat, EverythingComesBack) {
   RecordingReader reader = ReadBytes(SmallRecording());
   EXPECT_EQ(reader.header().program, "test 1.0");
+  ASSERT_TRUE(reader.header().created_monotonic_ns);
+  EXPECT_GT(*reader.header().created_monotonic_ns, 0);
   EXPECT_GT(reader.header().created_unix_ns, 1'600'000'000'000'000'000);
   const std::vector<RecordedChunk> chunks = ReadAll(reader);
   ASSERT_EQ(chunks.size(), 8u);
@@ -169,6 +171,7 @@ TEST(RecordingFormat, ASceneOfVersion4HasNoPlaceInTheWorld) {
   const std::vector<RecordedChunk> chunks = ReadAll(reader);
   ASSERT_EQ(chunks.size(), 1u);
   EXPECT_FALSE(std::get<RecordedScene>(chunks[0]).X_WI);
+  EXPECT_FALSE(reader.header().created_monotonic_ns);
   EXPECT_EQ(std::get<RecordedScene>(chunks[0]).value_max, old.value_max);
 }
 
@@ -190,7 +193,7 @@ TEST(RecordingFormat, ACutRecordingReadsUpToTheLastWholeChunk) {
       ++refused;
     }
   }
-  EXPECT_EQ(refused, FrameHeader({.program = "test 1.0"}).size());
+  EXPECT_EQ(refused, FrameHeader({.created_monotonic_ns = 1, .program = "test 1.0"}).size());
   EXPECT_EQ(last, 7u);
 }
 
@@ -272,9 +275,9 @@ TEST(RecordingFormat, OtherFilesAreRefusedInOneLine) {
                                    std::string(1000, '\0'), std::string("\x89PLPREC\n")}) {
     EXPECT_EQ(Refusal([&] { ReadBytes(bytes); }), ErrorKind::kInvalidArgument);
   }
-  std::string newer = FrameHeader({.program = "test"});
-  newer[8] = 6;
-  EXPECT_NE(testing::Complaint([&] { ReadBytes(newer); }).find('6'), std::string::npos);
+  std::string newer = FrameHeader({.created_monotonic_ns = 1, .program = "test"});
+  newer[8] = 7;
+  EXPECT_NE(testing::Complaint([&] { ReadBytes(newer); }).find('7'), std::string::npos);
   EXPECT_EQ(Refusal([] { RecordingReader("/nowhere/recording"); }), ErrorKind::kNotFound);
 }
 

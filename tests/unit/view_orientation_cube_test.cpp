@@ -129,8 +129,8 @@ TEST(ViewOrientationCube, KeysLookFromTheSidesOfAPatientInAnyOrientationAndPlace
 TEST(ViewOrientationCube, KeysLookFromTheSidesOfOtherThingsAsTheyStand) {
   // y of the volume is up, z to the front: as D.
   const Mat3 same = Mat3::Identity();
-  const std::map<int, std::string> from = {{1, "+z"}, {2, "-Z"}, {3, "-X"},
-                                           {4, "+X"}, {5, "+Y"}, {6, "-y"}};
+  const std::map<int, std::string> from = {{1, "+z"}, {2, "-z"}, {3, "-x"},
+                                           {4, "+x"}, {5, "+y"}, {6, "-y"}};
   for (const auto& [key, side] : from) {
     EXPECT_EQ(FaceText(LookAfterKey(key, false, same, same).middle, false), side);
   }
