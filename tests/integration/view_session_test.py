@@ -114,6 +114,7 @@ class ViewSession(DaemonTest):
         self.becomes(lambda: self.state().running)
         self.assertEqual(self.state().path, str(self.daemon.folder / "again-2.palrec"))
         self.assertEqual((self.daemon.folder / "again.palrec").stat().st_size, size)
+        self.conn.recording.stop()  # the next test has the same daemon
 
     def test_somebody_elses_replay_is_no_live_state(self):
         path = self.daemon.folder / "theirs.palrec"
