@@ -36,15 +36,20 @@ TEST(StopLocks, TheStopIsTakenWhileEveryLockIsHeld) {
   // Takes the commands in the servo's place, which does not run.
   ForceSwitch& commands = served.data().servo().forces();
   ASSERT_EQ(commands.Take(), ForceCommand::kNone);
+  bool others_wait = false, is_taken = false;
+  int answers_meanwhile = 0;
   {
+    // No EXPECT in here: GoogleTest's own lock is held, too.
     const test::AllOwnLocksHeld all;
-    // Another call shows that the locks are held.
     stub->async()->GetDevice(&reading, &get, &device, count);
-    EXPECT_TRUE(test::Eventually([&] { return test::AllOwnLocksHeld::waiting() > 0; }));
+    others_wait = test::Eventually([&] { return test::AllOwnLocksHeld::waiting() > 0; });
     stub->async()->StopForces(&stopping, &stop, &stopped, count);
-    EXPECT_TRUE(test::Eventually([&] { return commands.Take() == ForceCommand::kStop; }));
-    EXPECT_EQ(answers, 0);
+    is_taken = test::Eventually([&] { return commands.Take() == ForceCommand::kStop; });
+    answers_meanwhile = answers;
   }
+  EXPECT_TRUE(others_wait);  // else the locks were not held
+  EXPECT_TRUE(is_taken);
+  EXPECT_EQ(answers_meanwhile, 0);
   EXPECT_TRUE(test::Eventually([&] { return answers == 2; }));
 }
 
