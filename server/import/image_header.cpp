@@ -216,4 +216,6 @@ std::string Quoted(std::string_view text) {
   return quoted + (text.size() > kLongest ? "...'" : "'");
 }
 
+std::string FileName(const std::filesystem::path& file) { return Quoted(file.filename().string()); }
+
 }  // namespace palpate

@@ -120,5 +120,7 @@ std::string Short(double number);
 std::string ListOf(const Vec3& numbers);  // "1 x 2 x 3"
 // Prepares text of a file for a message: shortened, without control characters.
 std::string Quoted(std::string_view text);
+// Without its folder, quoted.
+std::string FileName(const std::filesystem::path& file);
 
 }  // namespace palpate

@@ -17,8 +17,8 @@
 
 #include "server/import/data_check.h"
 #include "server/import/dicom_file.h"
+#include "server/import/dicom_stack.h"
 #include "server/import/file_start.h"
-#include "server/import/image_geometry.h"
 #include "server/import/readers.h"
 #include "server/volume/volume_metadata.h"
 
@@ -44,30 +44,8 @@ const gdcm::Tag kIntercept(0x0028, 0x1052);
 const gdcm::Tag kSlope(0x0028, 0x1053);
 const gdcm::Tag kRescaleType(0x0028, 0x1054);
 
-// Relative difference of a pitch from the median: up to kEvenPitch without a warning. From
-// kMissingSlice times the median on, a slice is missing.
-constexpr double kEvenPitch = 0.01;
-constexpr double kMissingSlice = 1.5;
-// Tolerance for the unit vectors along rows and columns.
-constexpr double kParallel = 1e-3;
-// Pitches that differ by less, relatively, were planned to be the same.
-constexpr double kSamePitch = 0.1;
-// Sideways drift of the stack per length; more is a gantry tilt.
-constexpr double kStraight = 0.01;
 constexpr double kFarthest_mm = 1e9;
 constexpr std::int64_t kMostCopied = std::int64_t{256} << 20;
-
-struct Slice {
-  fs::path file;
-  Vec3 position_W_mm;
-  Vec3 row_W;     // unit vector along x
-  Vec3 column_W;  // unit vector along y
-  std::array<double, 2> spacing_mm{};
-  std::array<std::int64_t, 2> size{};
-  ScalarType type = ScalarType::kInt16;
-  std::string unit;
-  bool is_ct = false;
-};
 
 // The text of a tag in one file; empty if the tag is absent.
 class Tags {
@@ -116,13 +94,11 @@ std::string ParseUnit(const Tags& tags) {
   return tags.Text(kModality) == "CT" && is_rescaled ? "HU" : "";
 }
 
-std::string FileName(const fs::path& file) { return Quoted(file.filename().string()); }
-
-Slice ParseSlice(const Tags& tags) {
+DicomSlice ParseSlice(const Tags& tags) {
   const auto position = tags.Numbers(kPosition, 3);
   const auto orientation = tags.Numbers(kOrientation, 6);
   const auto spacing = tags.Numbers(kPixelSpacing, 2);
-  Slice slice;
+  DicomSlice slice;
   slice.file = tags.file();
   const std::string name = "the slice " + FileName(slice.file);
   if (position.empty() || orientation.empty() || spacing.empty()) {
@@ -138,9 +114,9 @@ Slice ParseSlice(const Tags& tags) {
   }
   slice.row_W = {orientation[0], orientation[1], orientation[2]};
   slice.column_W = {orientation[3], orientation[4], orientation[5]};
-  if (std::abs(slice.row_W.norm() - 1.0) > kParallel ||
-      std::abs(slice.column_W.norm() - 1.0) > kParallel ||
-      std::abs(slice.row_W.dot(slice.column_W)) > kParallel) {
+  if (std::abs(slice.row_W.norm() - 1.0) > kParallelSlices ||
+      std::abs(slice.column_W.norm() - 1.0) > kParallelSlices ||
+      std::abs(slice.row_W.dot(slice.column_W)) > kParallelSlices) {
     Refuse(name + " has an orientation that is not made of unit vectors; export it again");
   }
   slice.row_W.normalize();
@@ -186,8 +162,8 @@ std::vector<std::string> ImageFiles(const fs::path& folder, const ImportLimits& 
 }
 
 // Returns the slices of the largest series.
-std::vector<Slice> ScanFolder(const fs::path& folder, const ImportLimits& limits,
-                              Reporter* reporter) {
+std::vector<DicomSlice> ScanFolder(const fs::path& folder, const ImportLimits& limits,
+                                   Reporter* reporter) {
   const std::vector<std::string> files = ImageFiles(folder, limits);
   if (files.empty()) Refuse("the folder holds no DICOM slices; give the one with the series");
   gdcm::SmartPointer<gdcm::Scanner> scanner = new gdcm::Scanner;
@@ -219,172 +195,9 @@ std::vector<Slice> ScanFolder(const fs::path& folder, const ImportLimits& limits
                    " DICOM series; the one with the most slices is taken (" +
                    std::to_string(largest->second.size()) + " slices, " + largest->first + ")");
   }
-  std::vector<Slice> slices;
+  std::vector<DicomSlice> slices;
   for (const Tags& tags : largest->second) slices.push_back(ParseSlice(tags));
   return slices;
-}
-
-// Slices of one size, spacing and orientation, sorted along their normal. Their places, first voxel
-// first: mm along the rows, the columns and the normal.
-struct Stack {
-  std::vector<Slice> slices;
-  std::vector<Vec3> places_mm;
-  Mat3 direction;          // columns: rows, columns and normal in W
-  Vec3 first_mm;           // where the volume begins, as a place
-  double pitch_mm = 0.0;   // of the volume's slices
-  std::int64_t count = 0;  // of the volume's slices
-  bool is_resampled = false;
-};
-
-Stack SortedStack(std::vector<Slice> slices) {
-  const Slice first = slices.front();
-  for (const Slice& slice : slices) {
-    if (slice.size != first.size || (slice.row_W - first.row_W).norm() > kParallel ||
-        (slice.column_W - first.column_W).norm() > kParallel ||
-        std::abs(slice.spacing_mm[0] / first.spacing_mm[0] - 1.0) > kParallel ||
-        std::abs(slice.spacing_mm[1] / first.spacing_mm[1] - 1.0) > kParallel) {
-      Refuse("the slices " + FileName(first.file) + " and " + FileName(slice.file) +
-             " differ in size, spacing or orientation; keep those of one stack");
-    }
-  }
-  if (slices.size() < 2) Refuse("there is a single slice; a volume needs at least two");
-  Stack stack;
-  stack.direction << first.row_W, first.column_W, first.row_W.cross(first.column_W);
-  const Vec3 normal_W = stack.direction.col(2);
-  std::sort(slices.begin(), slices.end(), [&](const Slice& a, const Slice& b) {
-    return normal_W.dot(a.position_W_mm) < normal_W.dot(b.position_W_mm);
-  });
-  for (const Slice& slice : slices) {
-    stack.places_mm.push_back(stack.direction.transpose() * slice.position_W_mm);
-  }
-  stack.slices = std::move(slices);
-  return stack;
-}
-
-double Median(std::vector<double> numbers) {
-  std::ranges::sort(numbers);
-  return 0.5 * (numbers[(numbers.size() - 1) / 2] + numbers[numbers.size() / 2]);
-}
-
-// The line that most of a stack's slices lie on. z is along the normal.
-struct Line {
-  Vec3 middle_mm;  // its place in the middle of the stack
-  Vec3 slope;      // mm aside for each mm along the normal; z is 1
-
-  Vec3 At(double z_mm) const { return middle_mm + slope * (z_mm - middle_mm.z()); }
-};
-
-Line LineThrough(const std::vector<Vec3>& places) {
-  // From slices half a stack apart. The least counts: slices that lie elsewhere make it steeper.
-  std::vector<Vec3> slopes;
-  const std::size_t half = places.size() / 2;
-  for (std::size_t k = 0; k + half < places.size(); ++k) {
-    const Vec3 along = places[k + half] - places[k];
-    slopes.push_back(along / along.z());
-  }
-  const Vec3 slope = *std::ranges::min_element(slopes, {}, [](const Vec3& s) { return s.norm(); });
-  const double middle_mm = 0.5 * (places.front().z() + places.back().z());
-  std::vector<double> x, y;
-  for (const Vec3& place : places) {
-    const Vec3 straight = place - slope * (place.z() - middle_mm);
-    x.push_back(straight.x());
-    y.push_back(straight.y());
-  }
-  return {{Median(x), Median(y), middle_mm}, slope};
-}
-
-// Refuses or warns of slices that will not be where their files say: the volume's lie above each
-// other. Sets where the volume begins.
-void FindLine(Stack* stack, Reporter* reporter) {
-  const std::vector<Vec3>& places = stack->places_mm;
-  const Line line = LineThrough(places);
-  stack->first_mm = {line.middle_mm.x(), line.middle_mm.y(), places.front().z()};
-  const auto& voxel_mm = stack->slices.front().spacing_mm;
-  const auto voxels = [&](const Vec3& off_mm) {
-    return std::max(std::abs(off_mm.x()) / voxel_mm[0], std::abs(off_mm.y()) / voxel_mm[1]);
-  };
-  const auto off_mm = [&](const Vec3& place) { return Vec3(place - line.At(place.z())); };
-  const auto worst = std::ranges::max_element(
-      places, {}, [&](const Vec3& place) { return voxels(off_mm(place)); });
-  const std::string beside =
-      "the slice " +
-      FileName(stack->slices[static_cast<std::size_t>(worst - places.begin())].file) + " lies " +
-      Short(off_mm(*worst).norm()) + " mm beside the line that the others lie on; ";
-  if (voxels(off_mm(*worst)) > kFarOff) {
-    Refuse(beside + "correct the positions, or export the series again");
-  }
-  const Vec3 aside_mm = line.At(places.back().z()) - line.At(places.front().z());
-  const std::string tilted =
-      "the stack is tilted against its slices (gantry tilt): from the first to the last they move "
-      "aside by " +
-      Short(aside_mm.head<2>().norm()) + " mm; ";
-  if (line.slope.head<2>().norm() > kStraight) Refuse(tilted + "resample it first");
-  if (voxels(off_mm(*worst)) > kSlightlyOff) reporter->Warn(beside + "it is put on that line");
-  if (voxels(0.5 * aside_mm) > kSlightlyOff) reporter->Warn(tilted + "they are put straight");
-}
-
-// Refuses slices at one place, and a gap where slices are missing: a single long pitch between
-// others. Several long pitches in a row were planned so.
-void CheckGaps(const Stack& stack, const std::vector<double>& pitches) {
-  std::vector<double> sorted = pitches;
-  std::sort(sorted.begin(), sorted.end());
-  // The lower of two middle values, so that a gap is found even if it is half of all pitches.
-  const double median = sorted[(sorted.size() - 1) / 2];
-  const auto is_like = [&](std::size_t k, std::size_t neighbour) {
-    return neighbour < pitches.size() &&
-           std::abs(pitches[neighbour] - pitches[k]) < kSamePitch * pitches[k];
-  };
-  for (std::size_t k = 0; k < pitches.size(); ++k) {
-    const std::string pair =
-        FileName(stack.slices[k].file) + " and " + FileName(stack.slices[k + 1].file);
-    if (pitches[k] < 0.1 * median || median < kLeastSpacingMm) {
-      Refuse("the slices " + pair + " lie at the same place; keep one phase of the series");
-    }
-    if (pitches[k] > kMissingSlice * median && !is_like(k, k - 1) && !is_like(k, k + 1)) {
-      Refuse("a slice is missing between " + pair + " (" + Short(pitches[k]) + " mm instead of " +
-             Short(median) + " mm); export the series again");
-    }
-  }
-}
-
-// Finds the volume's slices: as many as the stack's, at their mean pitch, if that moves none of
-// them far. Otherwise they are resampled.
-void FindPitch(const ImportLimits& limits, Stack* stack, Reporter* reporter) {
-  const std::vector<Vec3>& places = stack->places_mm;
-  std::vector<double> pitches;
-  for (std::size_t k = 1; k < places.size(); ++k) {
-    pitches.push_back(places[k].z() - places[k - 1].z());
-  }
-  CheckGaps(*stack, pitches);
-  const double length_mm = places.back().z() - places.front().z();
-  stack->count = static_cast<std::int64_t>(places.size());
-  stack->pitch_mm = length_mm / static_cast<double>(pitches.size());
-  if (limits.spacing_is_given) return;
-  double off_mm = 0.0;
-  for (std::size_t k = 0; k < places.size(); ++k) {
-    const double even_mm = static_cast<double>(k) * stack->pitch_mm;
-    off_mm = std::max(off_mm, std::abs(places[k].z() - places.front().z() - even_mm));
-  }
-  const auto [least, greatest] = std::ranges::minmax(pitches);
-  const std::string uneven =
-      "the slices are unevenly spaced, " + Short(least) + " to " + Short(greatest) + " mm; ";
-  const std::string moved = "their mean, " + Short(stack->pitch_mm) + " mm, would put one " +
-                            Short(off_mm) + " mm from its place";
-  if (off_mm > kSlightlyOff * stack->pitch_mm) {
-    if (!limits.may_resample) {
-      Refuse(uneven + moved + "; leave --no-resample out, or export slices at one spacing");
-    }
-    stack->is_resampled = true;
-    // At most a half pitch beyond the last slice, or short of it.
-    stack->count = 1 + std::llround(std::min(length_mm / least, 1e9));
-    stack->pitch_mm = least;
-    reporter->Warn(uneven + moved + ", so " + std::to_string(stack->count) + " slices, one each " +
-                   Short(least) + " mm, are interpolated from the " +
-                   std::to_string(places.size()) + " (palpate-import --no-resample refuses)");
-  } else if (greatest - least > kEvenPitch * stack->pitch_mm) {
-    reporter->Warn(uneven + "their mean is taken, which moves a slice by up to " + Short(off_mm) +
-                   " mm");
-  }
 }
 
 // GDCM takes padding after the pixels for elements of eight bytes, reads each by itself, and
@@ -395,7 +208,7 @@ std::optional<FileStart> WithoutPadding(const fs::path& file) {
   return std::optional<FileStart>(std::in_place, file, end);
 }
 
-void ReadSlice(const Slice& slice, const VoxelSink& sink) {
+void ReadSlice(const DicomSlice& slice, const VoxelSink& sink) {
   const std::optional<FileStart> start = WithoutPadding(slice.file);
   const auto io = itk::GDCMImageIO::New();
   const auto reader = itk::ImageFileReader<Image>::New();
@@ -412,7 +225,7 @@ void ReadSlice(const Slice& slice, const VoxelSink& sink) {
   sink(LeafType::kFloat, reader->GetOutput()->GetBufferPointer(), size[0] * size[1]);
 }
 
-void ReadWhole(const Slice& slice, const VoxelSink& sink) {
+void ReadWhole(const DicomSlice& slice, const VoxelSink& sink) {
   try {
     ReadSlice(slice, sink);
   } catch (const itk::ExceptionObject&) {
@@ -424,7 +237,7 @@ void ReadWhole(const Slice& slice, const VoxelSink& sink) {
 // Gives the volume's slices one after the other, interpolated between the stack's.
 class Resampler {
  public:
-  explicit Resampler(const Stack& stack) : stack_(stack) { Read(0), Read(1); }
+  explicit Resampler(const DicomStack& stack) : stack_(stack) { Read(0), Read(1); }
 
   // `height_mm` must not be less than before.
   const std::vector<float>& At(double height_mm) {
@@ -454,12 +267,12 @@ class Resampler {
     between_.resize(above_.size());
   }
 
-  const Stack& stack_;
+  const DicomStack& stack_;
   std::size_t next_ = 0;  // the slice in above_; the one before is in below_
   std::vector<float> below_, above_, between_;
 };
 
-void ReadStack(const Stack& stack, const VoxelSink& sink, Reporter* reporter) {
+void ReadStack(const DicomStack& stack, const VoxelSink& sink, Reporter* reporter) {
   std::optional<Resampler> resampler;
   if (stack.is_resampled) resampler.emplace(stack);
   for (std::int64_t k = 0; k < stack.count; ++k) {
@@ -475,8 +288,8 @@ void ReadStack(const Stack& stack, const VoxelSink& sink, Reporter* reporter) {
   }
 }
 
-VolumeMetadata MakeMetadata(const Stack& stack) {
-  const Slice& first = stack.slices.front();
+VolumeMetadata MakeMetadata(const DicomStack& stack) {
+  const DicomSlice& first = stack.slices.front();
   VolumeMetadata metadata;
   metadata.size = {static_cast<int>(first.size[0]), static_cast<int>(first.size[1]),
                    static_cast<int>(stack.count)};
@@ -486,7 +299,7 @@ VolumeMetadata MakeMetadata(const Stack& stack) {
   metadata.patient_axes = "LPS";
   metadata.original_type = Name(first.type);
   const bool is_one_unit = std::ranges::all_of(
-      stack.slices, [&](const Slice& slice) { return slice.unit == first.unit; });
+      stack.slices, [&](const DicomSlice& slice) { return slice.unit == first.unit; });
   if (is_one_unit) metadata.unit = first.unit;
   return metadata;
 }
@@ -499,10 +312,8 @@ VolumeMetadata ReadDicomVolume(const fs::path& folder, const ImportLimits& limit
   gdcm::Trace::WarningOff();
   gdcm::Trace::ErrorOff();
   reporter->Progress(0.0, "scanning");
-  Stack stack = SortedStack(ScanFolder(folder, limits, reporter));
-  FindPitch(limits, &stack, reporter);
-  FindLine(&stack, reporter);
-  const Slice& first = stack.slices.front();
+  const DicomStack stack = MakeStack(ScanFolder(folder, limits, reporter), limits, reporter);
+  const DicomSlice& first = stack.slices.front();
   const auto size = VolumeSize({first.size[0], first.size[1], stack.count});
   CheckedVoxelBytes(size, first.type, LeafType::kFloat, limits);
   ReadStack(stack, sink, reporter);

@@ -25,8 +25,6 @@ struct SliceName {
   }
 };
 
-std::string FileName(const fs::path& path) { return Quoted(path.filename().string()); }
-
 std::optional<SliceName> Split(const fs::path& path) {
   constexpr std::string_view kDigits = "0123456789";
   const std::string stem = path.stem().string();
