@@ -25,32 +25,29 @@ TEST(StopLocks, TheStopIsTakenWhileEveryLockIsHeld) {
   served.server().Start();
   const auto stub = v1::DeviceService::NewStub(
       grpc::CreateChannel("unix:" + socket, grpc::InsecureChannelCredentials()));
-  grpc::ClientContext first, reading, stopping;
-  const v1::GetDeviceRequest get;
+  grpc::ClientContext first, stopping;
   const v1::StopForcesRequest stop;
   v1::GetDeviceResponse device;
   v1::StopForcesResponse stopped;
-  ASSERT_TRUE(stub->GetDevice(&first, get, &device).ok());
-  std::atomic<int> answers = 0;
-  const auto count = [&](const grpc::Status&) { ++answers; };
+  ASSERT_TRUE(stub->GetDevice(&first, {}, &device).ok());
+  std::atomic<bool> is_answered = false;
   // Takes the commands in the servo's place, which does not run.
   ForceSwitch& commands = served.data().servo().forces();
   ASSERT_EQ(commands.Take(), ForceCommand::kNone);
-  bool others_wait = false, is_taken = false;
-  int answers_meanwhile = 0;
+  bool is_taken = false, waits_afterwards = false, is_answered_early = true;
   {
     // No EXPECT in here: GoogleTest's own lock is held, too.
     const test::AllOwnLocksHeld all;
-    stub->async()->GetDevice(&reading, &get, &device, count);
-    others_wait = test::Eventually([&] { return test::AllOwnLocksHeld::waiting() > 0; });
-    stub->async()->StopForces(&stopping, &stop, &stopped, count);
+    stub->async()->StopForces(&stopping, &stop, &stopped,
+                              [&](const grpc::Status&) { is_answered = true; });
     is_taken = test::Eventually([&] { return commands.Take() == ForceCommand::kStop; });
-    answers_meanwhile = answers;
+    waits_afterwards = test::Eventually([&] { return test::AllOwnLocksHeld::waiting() > 0; });
+    is_answered_early = is_answered;
   }
-  EXPECT_TRUE(others_wait);  // else the locks were not held
   EXPECT_TRUE(is_taken);
-  EXPECT_EQ(answers_meanwhile, 0);
-  EXPECT_TRUE(test::Eventually([&] { return answers == 2; }));
+  EXPECT_TRUE(waits_afterwards);  // else the locks were not held
+  EXPECT_FALSE(is_answered_early);
+  EXPECT_TRUE(test::Eventually([&] { return is_answered.load(); }));
 }
 
 }  // namespace
