@@ -113,8 +113,8 @@ class Ends(FloodTest):
         def takes_s(act, what):
             """From the act to the daemon's line, s."""
             lines = len(self.daemon.said)
-            act()
             began = time.monotonic()
+            act()
             self.assertTrue(wait_until(
                 lambda: any(what in line for line in self.daemon.said[lines:])), what)
             return time.monotonic() - began
