@@ -100,7 +100,7 @@ std::vector<std::string> LiveView(const WatchStatus& status, int columns, int ro
     lines.push_back("HIP       " + Aligned(s.hip_mm));
     lines.push_back("SCP_H     " + Aligned(s.scp_h_mm));
     lines.push_back("SCP_V     " + Aligned(s.scp_v_mm));
-    lines.push_back("in LPS    " + Aligned(status.scp_h_world_mm) + " (SCP_H in the world)");
+    lines.push_back("in world  " + Aligned(status.scp_h_world_mm) + " (SCP_H, mm)");
     lines.push_back(
         fmt::format("force     {:>7.3f} N {}", force_n, ForceBar(force_n, status.max_force_n)));
     if (LacksForces(s)) lines.push_back("forces    " + InWords(s.forces));
@@ -123,7 +123,7 @@ std::string LogLine(const WatchStatus& status) {
   const client::Pose& s = *status.pose;
   return fmt::format(
       "{:.1f} s: {}, {:.1f} samples/s, {:.1f} ticks/s, missed {:.1f}/s, {} in all ({:.3f} %), "
-      "update mean {:.1f} µs p99 {:.1f} µs, {}, HIP {} SCP_H {} SCP_V {} mm, SCP_H in LPS {} mm, "
+      "update mean {:.1f} µs p99 {:.1f} µs, {}, HIP {} SCP_H {} SCP_V {} mm, SCP_H in world {} mm, "
       "force {:.3f} N, {}density {:.6g}, isovalue {}, settings {}, volume {}, age {}, dropped {}",
       f.seconds, WhatIsShown(status), f.recent_samples_per_s, f.recent_ticks_per_s,
       f.recent_missed_per_s, f.total_missed_ticks, f.total_missed_percent, f.recent_update.mean_us,

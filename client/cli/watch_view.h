@@ -17,7 +17,7 @@ struct WatchStatus {
   std::optional<client::Pose> pose;
   // Fraction of the volume's range; absent if the range is not known.
   std::optional<double> normalized_isovalue;
-  // The pose's SCP_H in the world, mm, LPS; absent if the volume's place is not known.
+  // The pose's SCP_H in the world, mm; absent if the volume's place is not known.
   std::optional<Vec3> scp_h_world_mm;
   // The force of a full bar; 0: no bar.
   double max_force_n = 0.0;

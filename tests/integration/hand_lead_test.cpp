@@ -132,7 +132,8 @@ TEST_F(HandLeads, TheSphereKeepsTheProxyOutsideAndDeflectsTheHand) {
   EXPECT_GT(contacts, 500);
   EXPECT_GT(deeper, contacts / 2);
   // At rest the resistance is what the person sees: the way from the target to the hand.
-  const Vec3 target_mm = dip(angle, away_mm);
+  const Vec3 target_mm = dip(angle, away_mm - 5.0);
+  hand->MoveTo(target_mm);
   ASSERT_TRUE(Eventually([&] {
     last = NewestPose();
     return (last.hip_mm - target_mm - last.force_n / kHandSpringNPerMm).norm() < 0.3;

@@ -212,7 +212,7 @@ TEST(WatchViewTest, TheLogHasALineForEachStatus) {
   WatchStatus status = FullStatus();
   EXPECT_FALSE(Shows(LogLine(status), "\n"));
   EXPECT_TRUE(Shows(LogLine(status), "HIP (0.100 0.333 -2.500)"));
-  EXPECT_TRUE(Shows(LogLine(status), "in LPS (-12.500 80.000 1234.000) mm"));
+  EXPECT_TRUE(Shows(LogLine(status), "in world (-12.500 80.000 1234.000) mm"));
   status.pose->scp_v_mm.reset();
   status.normalized_isovalue.reset();
   EXPECT_TRUE(Shows(LogLine(status), "SCP_V - mm")) << LogLine(status);
