@@ -1,8 +1,6 @@
 #include "server/app/hand_guide.h"
 
 #include <pthread.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -10,6 +8,7 @@
 #include <utility>
 
 #include "server/guide/touch_planner.h"
+#include "server/realtime/thread_setup.h"
 
 namespace palpate {
 namespace {
@@ -84,8 +83,7 @@ std::optional<HandGuide::Felt> HandGuide::NextFelt() {
 
 void HandGuide::Run() {
   pthread_setname_np(pthread_self(), "palpate-hand");
-  // For this thread only. If the system refuses, the thread runs with the priority of the others.
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
+  SetThreadNice(kNice);
   while (std::optional<Felt> felt = NextFelt()) {
     const auto begun = std::chrono::steady_clock::now();
     Plan(*felt);

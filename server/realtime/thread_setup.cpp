@@ -122,6 +122,13 @@ void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) n
   SetPriority(options.priority, grant);
 }
 
+void SetThreadNice(int nice) noexcept {
+  // Linux keeps the value for each thread.
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), nice);
+}
+
+int ThreadNice() noexcept { return getpriority(PRIO_PROCESS, static_cast<id_t>(gettid())); }
+
 long ThreadPageFaults() noexcept {
   rusage usage{};
   getrusage(RUSAGE_THREAD, &usage);

@@ -37,6 +37,11 @@ bool LockProcessMemory(std::vector<std::string>& warnings) noexcept;
 // may need, and the thread's name. Not real-time itself.
 void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) noexcept;
 
+// Sets the priority of the calling thread among ordinary ones; threads that it starts inherit it.
+// Below 0 needs LimitNICE= (ulimit -e) or CAP_SYS_NICE: without, the thread keeps its priority.
+void SetThreadNice(int nice) noexcept;
+int ThreadNice() noexcept;
+
 // Page faults of the calling thread so far, minor and major. One system call
 // that does not block: a real-time thread may call it now and then.
 long ThreadPageFaults() noexcept;

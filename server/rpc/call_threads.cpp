@@ -51,6 +51,7 @@ void CallThreads::AddThread(Lane& lane) {
 
 void CallThreads::Serve(Lane& lane) {
   pthread_setname_np(pthread_self(), "palpate-call");
+  SetThreadNice(nice_);  // a thread of gRPC's may have started this one
   std::unique_lock lock(mutex_);
   while (true) {
     ++lane.idle;

@@ -18,6 +18,8 @@
 #include <thread>
 #include <vector>
 
+#include "server/realtime/thread_setup.h"
+
 namespace palpate {
 
 class CallThreads {
@@ -51,6 +53,7 @@ class CallThreads {
   std::mutex mutex_;
   std::map<std::string_view, Lane> lanes_;  // by methods; does not change
   bool ends_ = false;
+  const int nice_ = ThreadNice();
 };
 
 }  // namespace palpate

@@ -1,9 +1,6 @@
 #include "server/streaming/volume_streams.h"
 
 #include <pthread.h>
-#include <sys/resource.h>
-#include <sys/types.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <optional>
@@ -12,6 +9,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/realtime/thread_setup.h"
 
 namespace palpate {
 namespace {
@@ -128,8 +126,7 @@ struct VolumeStreams::Round {
 
 void VolumeStreams::Run() {
   pthread_setname_np(pthread_self(), "palpate-volume");
-  // Sets the priority of this thread only. If that is refused, the thread keeps its priority.
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
+  SetThreadNice(kNice);
   bool worked = true;
   while (const std::optional<Round> round = NextRound(worked)) {
     worked = false;

@@ -1,6 +1,9 @@
 """The emergency stop gets through whatever other clients hold of the daemon."""
 
 import contextlib
+import os
+import pathlib
+import subprocess
 import threading
 import unittest
 
@@ -58,6 +61,25 @@ class StopTest(unittest.TestCase):
             threading.Thread(target=first, args=(call,), daemon=True).start()
         wait_for(lambda: len(answers) == CROWD, "answers to the crowd")
         return answers
+
+    def test_its_threads_go_before_others(self):
+        self.start("builtin:sphere:16")
+        may = subprocess.run(["sh", "-c", "renice -n -5 -p $$"], capture_output=True)
+        urgent = -5 if may.returncode == 0 else 0
+        expected = {"nexting_thread": {urgent}, "default-executo": {urgent},
+                    "palpate-call": {0}, "palpate-pump": {0}}
+
+        def nices():
+            found = {name: set() for name in expected}
+            for task in pathlib.Path(f"/proc/{self.daemon.pid}/task").iterdir():
+                with contextlib.suppress(OSError, KeyError):  # it has ended, or is another one
+                    found[(task / "comm").read_text().strip()].add(
+                        os.getpriority(os.PRIO_PROCESS, int(task.name)))
+            return found
+
+        self.check_stops()
+        wait_for(lambda: all(nices().values()), "threads of each kind")
+        self.assertEqual(nices(), expected)
 
     def test_while_viewers_stream(self):
         self.start("builtin:sphere:16")
