@@ -28,8 +28,8 @@ std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtim
 // Returns the configured device and all other devices of this machine. Opens none of them.
 std::vector<ListedDevice> ListDevices(const DeviceConfig& config);
 
-// The same, at most once a second: it loads the vendor's library and searches the USB, beside the
-// servo. Borrows `config`.
+// Returns a ListDevices that looks at most once a second and else repeats its answer: a look loads
+// the vendor's library and searches the USB, beside the servo. Borrows `config`.
 std::function<std::vector<ListedDevice>()> DeviceListOf(const DeviceConfig& config);
 
 // Returns the buttons that stop the forces while all of them are held. Throws Error if the device

@@ -1,5 +1,5 @@
 // Decides which lines about clients are logged: no flood may fill the log, nor hide lines about
-// others.
+// other known clients.
 //
 // Each address or identity gets twenty lines at once and then one every ten seconds. Each line says
 // how many were left out. Above kMostClients, the further ones share one budget.

@@ -136,7 +136,7 @@ void Acceptor::Accept(std::size_t listener) {
     // gRPC probes silent peers, but not while a message to the peer waits for room.
     setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
   }
-  // Without TLS, loopback's clients are known by that.
+  // Without TLS, every client is one of loopback.
   const bool is_tls = listeners_[listener] == tls_listener_;
   const std::optional<Credentials> known =
       is_tls ? std::nullopt : std::optional(Credentials{.transport = Transport::kPlain});

@@ -41,7 +41,7 @@ class Acceptor {
   // TakeSocket and TakePort bind the address, so that no other process can take it. Clients cannot
   // connect before Start. The socket's file gets the mode 0660.
   void TakeSocket(const std::string& path);
-  // is_tls: who connects is a stranger at first. Otherwise clients are loopback's.
+  // is_tls: a client is a stranger until its first admitted call. Otherwise it has loopback's role.
   void TakePort(const HostPort& address, bool is_tls);
   // Listens. `sinks`: the receivers of the connections, in the order in which the addresses were
   // taken. gRPC's server must be running.

@@ -15,6 +15,7 @@ namespace palpate {
 namespace {
 
 constexpr char kAuthorization[] = "authorization";
+constexpr char kStrangers[] = "a stranger";
 
 std::string Joined(const std::vector<grpc::string_ref>& values) {
   std::string text;
@@ -66,7 +67,7 @@ void Admission::Leave() {
   if (!access) return;
   const Running& call = *running_;
   if (call.answer_bytes) {
-    access->unread_.Sent(call.peer, *call.answer_bytes);
+    access->unread_.Sent(call.peer, *call.answer_bytes, !ok());
   } else {
     access->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   }
@@ -100,7 +101,7 @@ void Admission::Changed(std::string_view what) const {
 }
 
 grpc::Status Admission::Answered(const grpc::Status& status, std::size_t answer_bytes) {
-  if (!access_) return status;
+  if (!access_ || !ok()) return status;
   Running& call = *running_;
   const std::int64_t now_ns = MonotonicNowNs();
   access_->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
@@ -170,7 +171,7 @@ Admission Access::Admit(grpc::ServerContextBase* context, std::string_view metho
   }
 }
 
-std::optional<Admission> Access::Enter(const Admission::Running& call,
+std::optional<Admission> Access::Enter(Admission::Running call,
                                        const PolicyBoard::Reading& policy) {
   const CallKind kind = call.rule->kind;
   const std::int64_t now_ns = MonotonicNowNs();
@@ -181,15 +182,21 @@ std::optional<Admission> Access::Enter(const Admission::Running& call,
   } else {
     problem = limits_.Enter(call.caller.name, kind, call.request_bytes, now_ns);
   }
-  if (problem) {
-    return Refuse(call, call.rule->method, {grpc::StatusCode::RESOURCE_EXHAUSTED, *problem});
-  }
   Admission admission;
   admission.access_ = this;
+  if (problem) {
+    admission.status_ =
+        Refuse(call, call.rule->method, {grpc::StatusCode::RESOURCE_EXHAUSTED, *problem}).status_;
+    // A refusal, too, waits in gRPC until its client reads.
+    call.answer_bytes = 0;
+    unread_.Waits(call.peer, 0, now_ns, /*is_refusal=*/true);
+    if (connections_ && unread_.IsDeaf(call.peer)) connections_->Cut(call.peer);
+  }
   {
     const std::lock_guard lock(running_mutex_);
     admission.running_ = running_.insert(running_.end(), call);
   }
+  if (problem) return admission;
   // Else the review that follows a new policy finds the call in the list.
   if (!policy.IsInForce()) return std::nullopt;
   admission.running_->is_noted =
@@ -205,18 +212,22 @@ void Access::SetPolicy(std::shared_ptr<const Policy> policy) {
   Review();
 }
 
-// Ends calls without the lock: an end writes to the connection, and may call back.
+// Ends calls without the lock: an end writes to the connection, and gRPC may call OnDone at once.
 void Access::Review() {
   const PolicyBoard::Reading policy(policy_);
   const auto identity_of = [&](const Credentials& credentials) {
     return policy->Recognise(credentials, now_()).identity;
   };
-  for (const End& end : MarkEnds(Judged(identity_of))) {
+  for (const End& end : MarkEnds(Judged(identity_of), policy)) {
     grpc_call_cancel(end.call, nullptr);
     grpc_call_unref(end.call);
     LogOfClient(LogLevel::kWarning, end.whose, "{}", end.line);
   }
-  if (connections_) connections_->ForgetUnless([&](const auto& one) { return !!identity_of(one); });
+  if (!connections_) return;
+  connections_->Judge([&](const Credentials& credentials) {
+    const auto identity = identity_of(credentials);
+    return identity ? std::optional(identity->role) : std::nullopt;
+  });
 }
 
 // Verifying a chain of certificates takes long, so it happens once for all calls, and without the
@@ -231,9 +242,12 @@ Access::Identities Access::Judged(const IdentityOf& identity_of) const {
   return judged;
 }
 
-std::vector<Access::End> Access::MarkEnds(const Identities& judged) {
+std::vector<Access::End> Access::MarkEnds(const Identities& judged,
+                                          const PolicyBoard::Reading& policy) {
   std::vector<End> ends;
   const std::lock_guard lock(running_mutex_);
+  // Another policy may have admitted some of them. Its own review follows.
+  if (!policy.IsInForce()) return ends;
   const std::int64_t now_ns = MonotonicNowNs();
   for (Admission::Running& call : running_) {
     const auto found = judged.find(call.credentials);
@@ -255,7 +269,7 @@ std::vector<Access::End> Access::MarkEnds(const Identities& judged) {
 Admission Access::Refuse(const Admission::Running& call, std::string_view method,
                          const grpc::Status& problem) const {
   // Strangers share one budget of lines: a flood may come from many addresses.
-  const std::string who = call.caller.name.empty() ? "a stranger" : call.caller.name;
+  const std::string who = call.caller.name.empty() ? kStrangers : call.caller.name;
   LogOfClient(LogLevel::kWarning, call.caller.name.empty() ? who : call.peer,
               "refused {} at {} to call {}: {}", who, call.peer, method, problem.error_message());
   return Admission(grpc::Status(

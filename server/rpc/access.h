@@ -143,13 +143,12 @@ class Access {
   Admission Refuse(const Admission::Running& call, std::string_view method,
                    const grpc::Status& problem) const;
   // None if the policy is no longer in force.
-  std::optional<Admission> Enter(const Admission::Running& call,
-                                 const PolicyBoard::Reading& policy);
+  std::optional<Admission> Enter(Admission::Running call, const PolicyBoard::Reading& policy);
 
   // Of the credentials of all running calls.
   Identities Judged(const IdentityOf& identity_of) const;
   // Marks the calls that must end.
-  std::vector<End> MarkEnds(const Identities& judged);
+  std::vector<End> MarkEnds(const Identities& judged, const PolicyBoard::Reading& policy);
 
   const LimitOptions options_;
   IdentityLimits limits_;
@@ -166,8 +165,18 @@ class Access {
 template <class Request, class Response>
 class RefusedStream final : public grpc::ServerBidiReactor<Request, Response> {
  public:
-  explicit RefusedStream(const grpc::Status& status) { this->Finish(status); }
+  explicit RefusedStream(Admission admission) : admission_(std::move(admission)) {
+    this->Finish(admission_.status());
+  }
+  // Refuses a call that was admitted.
+  RefusedStream(Admission admission, const grpc::Status& status)
+      : admission_(std::move(admission)) {
+    this->Finish(status);
+  }
   void OnDone() override { delete this; }
+
+ private:
+  Admission admission_;
 };
 
 }  // namespace palpate

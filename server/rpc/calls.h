@@ -55,7 +55,8 @@ class EventStream final : public grpc::ServerWriteReactor<Event> {
     const std::lock_guard lock(mutex_);
     std::size_t bytes = 0;
     for (const Event& event : waiting_) bytes += event.ByteSizeLong();
-    end_ = admission_.Answered(status, bytes);
+    admission_.Answered(status, bytes);  // what was sent stays sent
+    end_ = status;
     if (waiting_.empty()) this->Finish(*end_);
   }
 

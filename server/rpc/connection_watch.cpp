@@ -39,7 +39,7 @@ std::string NameOf(const in_addr& address, std::uint16_t port) {
 
 const char* ReasonFor(bool sent_too_much) {
   return sent_too_much
-             ? "it sent too much for who may only watch, or without a call that it may make"
+             ? "it sent too much for a client that may only watch, or made no call that it may make"
              : "too many are connected without a call that they may make";
 }
 
@@ -102,26 +102,40 @@ void ConnectionWatch::Admitted(const std::string& peer, const Credentials& crede
   }
 }
 
-void ConnectionWatch::ForgetUnless(const std::function<bool(const Credentials&)>& recognises) {
+void ConnectionWatch::Judge(const std::function<std::optional<Role>(const Credentials&)>& role_of) {
   std::unique_lock lock(mutex_);
   DropEnded();
   const Connections asked = connections_;
   lock.unlock();  // the acceptor needs it
-  std::vector<const Connections::value_type*> refused;
+  std::vector<std::pair<const Connections::value_type*, std::optional<Role>>> judged;
   for (const auto& one : asked) {
-    if (one.second.known && !recognises(*one.second.known)) refused.push_back(&one);
+    if (one.second.known) judged.emplace_back(&one, role_of(*one.second.known));
   }
   lock.lock();
-  for (const auto* const one : refused) {
+  for (const auto& [one, role] : judged) {
     const auto found = connections_.find(one->first);
     // A new connection of the same port may have replaced it, or a call with other credentials.
-    if (found != connections_.end() && found->second.number == one->second.number &&
-        found->second.known == one->second.known) {
-      found->second.known.reset();
-      is_busy_ = true;
+    if (found == connections_.end() || found->second.number != one->second.number ||
+        found->second.known != one->second.known) {
+      continue;
     }
+    found->second.role = role.value_or(Role::kViewer);
+    if (role) continue;
+    found->second.known.reset();
+    is_busy_ = true;
   }
   changed_.notify_all();
+}
+
+void ConnectionWatch::Cut(const std::string& peer) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = connections_.find(peer);
+    if (found == connections_.end()) return;
+    shutdown(found->second.fd, SHUT_RDWR);
+  }
+  LogOfClient(LogLevel::kWarning, "cut off", "cut off {}: it goes on calling and reads no answer",
+              peer);
 }
 
 void ConnectionWatch::DropEnded() {
@@ -147,10 +161,10 @@ void ConnectionWatch::Run() {
     changed_.wait(lock, [this] { return stop_ || !connections_.empty(); });
     changed_.wait_for(lock, kCalmTime, [this] { return stop_ || is_busy_; });
     if (changed_.wait_for(lock, kReviewTime, [this] { return stop_; })) return;
-    const std::vector<Cut> cuts = Review();
+    const std::vector<Excess> cuts = Review();
     lock.unlock();
-    for (const Cut& cut : cuts) {
-      LogOfClient(LogLevel::kWarning, cut.peer, "cut off {}: {}", cut.peer,
+    for (const Excess& cut : cuts) {
+      LogOfClient(LogLevel::kWarning, "cut off", "cut off {}: {}", cut.peer,
                   ReasonFor(cut.sent_too_much));
     }
     lock.lock();
@@ -158,7 +172,7 @@ void ConnectionWatch::Run() {
 }
 
 // Only shuts connections down. The next review notices their end and removes them.
-std::vector<ConnectionWatch::Cut> ConnectionWatch::Review() {
+std::vector<ConnectionWatch::Excess> ConnectionWatch::Review() {
   DropEnded();
   const std::int64_t now_ns = MonotonicNowNs();
   const auto forgotten = static_cast<std::int64_t>(
@@ -178,14 +192,14 @@ std::vector<ConnectionWatch::Cut> ConnectionWatch::Review() {
       is_busy_ = is_busy_ || connection.recent_bytes > kViewerBounds.bytes_of_one / 8;
     }
   }
-  std::vector<Cut> cuts;
+  std::vector<Excess> cuts;
   CutAmong(strangers, kStrangerBounds, cuts);
   CutAmong(viewers, kViewerBounds, cuts);
   return cuts;
 }
 
 void ConnectionWatch::CutAmong(Bounded& bounded, const ConnectionBounds& bounds,
-                               std::vector<Cut>& cuts) {
+                               std::vector<Excess>& cuts) {
   std::sort(bounded.begin(), bounded.end(), [](const auto& a, const auto& b) {
     return a.first->second.number < b.first->second.number;
   });

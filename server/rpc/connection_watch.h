@@ -5,8 +5,8 @@
 // longer allowed: a client that sends endless headers makes no call that could be refused.
 //
 // Known clients who may only watch have little to send. gRPC 1.51 reads from a connection as long
-// as bytes come, on one of its few threads: a few that never pause would keep it from everybody
-// else, and from the emergency stop.
+// as bytes come, on one of its few threads. Without a bound, a few connections that never pause
+// would keep these threads from all other clients, and from the emergency stop.
 //
 // The watch does not ban addresses: a cut-off peer may connect again at once. Other clients behind
 // the same NAT share the address, and CutsAmong bounds what all strangers send together.
@@ -57,10 +57,12 @@ class ConnectionWatch {
   // A call on this connection was allowed by `credentials`. The newest count. `peer`: the name in
   // gRPC's form.
   void Admitted(const std::string& peer, const Credentials& credentials, Role role);
-  // Connections whose client `recognises` no longer accepts are strangers' from now on. Call it now
-  // and then: it also forgets connections that have ended. `recognises` is called without the lock
-  // and may be slow.
-  void ForgetUnless(const std::function<bool(const Credentials&)>& recognises);
+  // Connections whose client has no role any more are strangers' from now on. Call it now and then:
+  // it also forgets connections that have ended. `role_of` is called without the lock and may be
+  // slow.
+  void Judge(const std::function<std::optional<Role>(const Credentials&)>& role_of);
+  // Cuts off a connection whose client calls and does not read. Nothing if it is not watched.
+  void Cut(const std::string& peer);
 
  private:
   struct Connection {
@@ -76,7 +78,7 @@ class ConnectionWatch {
   };
   using Connections = std::map<std::string, Connection>;  // by their peers
 
-  struct Cut {
+  struct Excess {
     std::string peer;
     bool sent_too_much;
   };
@@ -85,8 +87,8 @@ class ConnectionWatch {
 
   void Run();
   void DropEnded();
-  std::vector<Cut> Review();
-  static void CutAmong(Bounded& bounded, const ConnectionBounds& bounds, std::vector<Cut>& cuts);
+  std::vector<Excess> Review();
+  static void CutAmong(Bounded& bounded, const ConnectionBounds& bounds, std::vector<Excess>& cuts);
 
   const int first_file_;
   std::mutex mutex_;

@@ -201,9 +201,10 @@ Reply* DeviceService::CalibrateDevice(CallContext* context,
 LeadHandReactor* DeviceService::LeadHand(CallContext* context) {
   Admission admission = calls_.access().Admit(context, "/palpate.v1.DeviceService/LeadHand");
   using Refused = RefusedStream<v1::LeadHandRequest, v1::LeadHandResponse>;
-  if (!admission.ok()) return new Refused(admission.status());
+  if (!admission.ok()) return new Refused(std::move(admission));
   if (!hand_) {
-    return new Refused({grpc::StatusCode::FAILED_PRECONDITION,
+    return new Refused(std::move(admission),
+                       {grpc::StatusCode::FAILED_PRECONDITION,
                         "only the simulated hand can be led, and the daemon's device is `" +
                             device_.spec().kind + "`: set [device] kind = \"simulated\""});
   }
@@ -250,7 +251,9 @@ void DeviceService::Note(ForceCommand command, const Admission& by) {
      : command == ForceCommand::kEnable ? enabled_by_
                                         : disabled_by_) = by.Who();
   }
-  LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, by.caller().name, "forces: {}, by {}",
+  // No other lines of the client may hide these.
+  const std::string whose = "forces, " + by.caller().name;
+  LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, whose, "forces: {}, by {}",
               is_stop ? "emergency stop" : NameOf(command), by.Who());
 }
 

@@ -141,7 +141,8 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
     why_ = why;
     if (lead_ != 0) parts_.hand.GiveBack(lead_);
     if (alarm_) alarm_->Cancel();
-    Finish(admission_.Answered(status, 0));
+    admission_.Answered(status, 0);
+    Finish(status);
   }
 
   const LeadHandParts parts_;

@@ -182,7 +182,7 @@ grpc::ServerBidiReactor<v1::StreamPosesRequest, v1::StreamPosesResponse>* PoseSe
     grpc::CallbackServerContext* context) {
   Admission admission = access_.Admit(context, "/palpate.v1.PoseService/StreamPoses");
   if (!admission.ok()) {
-    return new RefusedStream<v1::StreamPosesRequest, v1::StreamPosesResponse>(admission.status());
+    return new RefusedStream<v1::StreamPosesRequest, v1::StreamPosesResponse>(std::move(admission));
   }
   auto reactor = std::make_shared<PoseReactor>();
   PoseReactor* raw = reactor.get();

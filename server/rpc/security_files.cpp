@@ -89,7 +89,9 @@ void SecurityFiles::Run() {
       ReadPair();
     }
     if (tls_) tls_->WarnBeforeEnd(std::chrono::system_clock::now());
+    lock.unlock();  // a reload and the end do not wait for the calls that end here
     access_.Review();
+    lock.lock();
   }
 }
 

@@ -62,7 +62,8 @@ EventStream<v1::LoadVolumeResponse>* VolumeService::LoadVolume(
 VolumeStreamReactor* VolumeService::StreamVolume(CallContext* context) {
   Admission admission = calls_.access().Admit(context, "/palpate.v1.VolumeService/StreamVolume");
   if (!admission.ok()) {
-    return new RefusedStream<v1::StreamVolumeRequest, v1::StreamVolumeResponse>(admission.status());
+    return new RefusedStream<v1::StreamVolumeRequest, v1::StreamVolumeResponse>(
+        std::move(admission));
   }
   return StreamVolumeTo(streams_, std::move(admission));
 }

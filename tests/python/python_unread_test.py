@@ -12,7 +12,7 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, recording_pb2, registration
                         render_pb2_grpc, series_pb2, volume_pb2)
 from secured import SecuredDaemon, stop_forces, wait_for
 from support import PATIENCE_S, Daemon
-from wire import DATA, Unreading, frame
+from wire import DATA, Deaf, Unreading, frame
 
 CONNECTIONS = 4
 CALLS = 100  # on each connection, which allows no more at once
@@ -84,6 +84,21 @@ class Unread(unittest.TestCase):
             # A refusal needs no window.
             attacker.read_until(b"of answers wait for this connection")
             self.check_honest(stack.enter_context(daemon.channel(daemon.tokens["viewer"])))
+
+    def test_who_reads_not_even_refusals_is_cut_off(self):
+        def deaf(daemon):
+            plain = socket.socket()
+            plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            plain.connect(("127.0.0.1", daemon.port))
+            return Deaf(daemon.tls().wrap_socket(plain, server_hostname="localhost"),
+                        daemon.tokens["viewer"])
+
+        with SecuredDaemon(MANY_CALLS) as daemon, \
+                contextlib.closing(deaf(daemon)) as attacker, self.assertRaises(OSError):
+            for n in range(10000):
+                attacker.call(b"/palpate.v1.VolumeService/GetVolume", 1, first=2 * n + 1)
+                time.sleep(0.001)
+        self.assertTrue(any("reads no answer" in line for line in daemon.said))
 
     def test_who_led_the_hand_and_reads_nothing_keeps_no_place(self):
         target = device_pb2.LeadHandRequest()

@@ -6,7 +6,7 @@ import ssl
 from support import PATIENCE_S
 
 GET_DEVICE = b"/palpate.v1.DeviceService/GetDevice"
-HEADERS, DATA, SETTINGS, CONTINUATION = 1, 0, 4, 9
+HEADERS, DATA, SETTINGS, WINDOW_UPDATE, CONTINUATION = 1, 0, 4, 8, 9
 END_HEADERS, END_STREAM = 4, 1
 
 def header(name, value):
@@ -95,3 +95,13 @@ class Unreading(Stranger):
         for stream in range(first, first + 2 * count, 2):
             self.begin_call(stream, is_whole=True, more=self.more, path=path)
             self.send(frame(DATA, END_STREAM, stream, bytes(5)))
+
+
+class Deaf(Unreading):
+    """Opens its windows and reads nothing at all, so that the connection itself fills."""
+
+    settings = b"\x00\x04\x7f\xff\xff\xff"
+
+    def begin(self, connected):
+        super().begin(connected)
+        self.send(frame(WINDOW_UPDATE, 0, 0, (0x7fff0000).to_bytes(4, "big")))

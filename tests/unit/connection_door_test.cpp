@@ -153,6 +153,13 @@ class ConnectionWatchTest : public ::testing::Test {
     return pair;
   }
 
+  // Who has this token is an editor; all others are not known any more.
+  void KnowOnly(const std::string& token) {
+    watch_.Judge([&](const Credentials& one) {
+      return one.token_sha256_hex == token ? std::optional(Role::kEditor) : std::nullopt;
+    });
+  }
+
   // So much comes, and is read by the server. False: it was cut off before.
   static bool Send(const Pair& pair, std::int64_t bytes) {
     std::vector<char> piece(1 << 16);
@@ -214,12 +221,11 @@ TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedUntilItIsKnownNoMore) {
   // A review that would have cut off all.
   EXPECT_TRUE(Eventually([&] { return IsClosed(greedy.client); }));
   EXPECT_FALSE(IsClosed(known.client));
-  watch_.ForgetUnless(
-      [](const Credentials& credentials) { return credentials.token_sha256_hex == "b"; });
+  KnowOnly("b");
   EXPECT_TRUE(Eventually([&] { return IsClosed(known.client); }));
   EXPECT_FALSE(IsClosed(other.client));
   // The second file of a connection that has ended goes too.
-  const auto look = [&] { watch_.ForgetUnless([](const Credentials&) { return true; }); };
+  const auto look = [&] { KnowOnly("b"); };
   look();  // forgets those that it cut off
   const std::ptrdiff_t before = OpenFiles();
   other.client = Descriptor();
@@ -242,6 +248,10 @@ TEST_F(ConnectionWatchTest, AViewerWhoNeverPausesIsCutOffAndAnEditorIsNot) {
   EXPECT_TRUE(Eventually([&] { return IsClosed(viewer.client); }));
   EXPECT_FALSE(IsClosed(modest.client));
   EXPECT_FALSE(IsClosed(editor.client));
+  // An editor who has become a viewer.
+  watch_.Judge([](const Credentials&) { return std::optional(Role::kViewer); });
+  Send(editor, 64 * kMiB);
+  EXPECT_TRUE(Eventually([&] { return IsClosed(editor.client); }));
 }
 
 // A token may be renewed while its connection stays, and a client may be allowed again.
@@ -250,21 +260,18 @@ TEST_F(ConnectionWatchTest, TheNewestCredentialsCount) {
   const auto admit = [&](const char* token) {
     watch_.Admitted(PeerName(known.peer), {.token_sha256_hex = token}, Role::kEditor);
   };
-  const auto forget_unless = [&](const std::string& token) {
-    watch_.ForgetUnless([&](const Credentials& one) { return one.token_sha256_hex == token; });
-  };
   admit("a");
   admit("b");
-  forget_unless("b");
-  forget_unless("c");
+  KnowOnly("b");
+  KnowOnly("c");
   admit("d");
-  forget_unless("d");
+  KnowOnly("d");
   EXPECT_TRUE(Send(known, 9 * kMiB));
   const Pair greedy = Enter();
   Send(greedy, 9 * kMiB);
   EXPECT_TRUE(Eventually([&] { return IsClosed(greedy.client); }));
   EXPECT_FALSE(IsClosed(known.client));
-  forget_unless("a");
+  KnowOnly("a");
   EXPECT_TRUE(Eventually([&] { return IsClosed(known.client); }));
 }
 

@@ -41,7 +41,8 @@ class EndlessPoses final : public v1::PoseService::CallbackService {
       grpc::CallbackServerContext* context) override {
     Admission admission = access_.Admit(context, "/palpate.v1.PoseService/StreamPoses");
     if (!admission.ok()) {
-      return new RefusedStream<v1::StreamPosesRequest, v1::StreamPosesResponse>(admission.status());
+      return new RefusedStream<v1::StreamPosesRequest, v1::StreamPosesResponse>(
+          std::move(admission));
     }
     return new EndlessStream(std::move(admission));
   }

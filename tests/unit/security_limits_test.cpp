@@ -144,6 +144,20 @@ TEST(UnreadLimit, ABurstOnManyConnectionsIsBoundedAtOnce) {
 }
 
 // What the shipped budget is made for.
+TEST(UnreadLimit, WhoReadsNotEvenRefusalsIsDeafAndReadOnesDoNotCount) {
+  UnreadLimit limit;
+  const std::string peer = "ipv4:10.0.0.7:1";
+  for (int n = 0; n < 1000; ++n) limit.Waits(peer, 1000, 0);
+  for (int n = 0; n < 1000; ++n) {
+    limit.Waits(peer, 0, 0, true);
+    limit.Sent(peer, 0, true);
+  }
+  EXPECT_FALSE(limit.IsDeaf(peer));
+  for (std::size_t n = 0; n < UnreadLimit::kMostRefusals; ++n) limit.Waits(peer, 0, 0, true);
+  EXPECT_TRUE(limit.IsDeaf(peer));
+  EXPECT_FALSE(limit.IsDeaf("ipv4:10.0.0.7:2"));
+}
+
 TEST(IdentityLimits, OneClientMayHaveEightStreamsAtFullRateAndSixtyFourViewers) {
   IdentityLimits limits({});
   for (int n = 0; n < 8; ++n) EXPECT_FALSE(limits.EnterSamples("a", false, 1000));
