@@ -28,6 +28,8 @@ struct Placement {
 struct PatientFacing {
   std::string face;  // anterior
   std::string head;  // superior
+  // Of the volume that was looked at: another one in its place is a conflict.
+  std::optional<std::uint64_t> loaded_revision{};
 };
 inline constexpr std::array<const char*, 6> kWorldDirections = {"+x", "-x", "+y", "-y", "+z", "-z"};
 // The key under which a guest of palpate-web steers it, beside those of settings. The value is 6

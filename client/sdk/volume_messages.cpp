@@ -125,6 +125,9 @@ v1::UpdateRegistrationRequest ToProto(const PlacementChange& change) {
   if (change.facing) {
     request.mutable_facing()->set_face(change.facing->face);
     request.mutable_facing()->set_head(change.facing->head);
+    if (change.facing->loaded_revision) {
+      request.mutable_facing()->set_loaded_revision(*change.facing->loaded_revision);
+    }
   }
   if (change.expected_revision) request.set_expected_revision(*change.expected_revision);
   return request;

@@ -62,6 +62,8 @@ Reply* RegistrationService::UpdateRegistration(CallContext* context,
                          std::optional<PatientFacing> facing;
                          if (request->has_facing()) {
                            facing = {request->facing().face(), request->facing().head()};
+                           if (request->facing().has_loaded_revision())
+                             facing->loaded_revision = request->facing().loaded_revision();
                          }
                          const VolumeState state = session_.Move(change, expected, true, facing);
                          by.Changed("placement");

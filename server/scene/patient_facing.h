@@ -3,6 +3,8 @@
 // Frame: W world (mm). Threads: pure functions.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -12,6 +14,8 @@ namespace palpate {
 struct PatientFacing {
   std::string face;  // anterior
   std::string head;  // superior
+  // Of the volume that was looked at; none: of the present one.
+  std::optional<std::uint64_t> loaded_revision{};
 };
 
 // Returns axes as in VolumeMetadata::patient_axes. Left follows from the two directions: the file

@@ -417,6 +417,11 @@ VolumeState Session::Move(const std::function<Registration(const VolumeState&)>&
   const std::lock_guard lock(mutex_);
   CheckRevision(expected_revision, settings_revision_);
   const VolumeMetadata& metadata = volume_->metadata();
+  if (facing &&
+      facing->loaded_revision.value_or(volume_->loaded_revision()) != volume_->loaded_revision()) {
+    throw Error(ErrorKind::kConflict,
+                "another volume has been loaded: look at it, and say where it faces");
+  }
   if (facing && !metadata.patient_axes.empty()) {
     throw Error(ErrorKind::kFailedPrecondition,
                 "the file states its orientation: where the patient faces cannot be answered");

@@ -32,6 +32,9 @@ void ChooseDirection(const char* label, int& choice) {
 void FacingPopup(Viewer& viewer) {
   if (!ImGui::BeginPopup("facing")) return;
   FacingForm& form = viewer.state().facing;
+  if (form.loaded_revision != viewer.feed().volume().lattice()->loaded_revision) {
+    ImGui::CloseCurrentPopup();
+  }
   BeginAllowed(viewer, client::Role::kEditor);
   ChooseDirection("The face points to", form.face);
   ChooseDirection("The head points to", form.head);
@@ -41,7 +44,7 @@ void FacingPopup(Viewer& viewer) {
   if (ImGui::Button("Keep for this file")) {
     const client::PatientFacing facing{
         client::kWorldDirections[static_cast<std::size_t>(form.face)],
-        client::kWorldDirections[static_cast<std::size_t>(form.head)]};
+        client::kWorldDirections[static_cast<std::size_t>(form.head)], form.loaded_revision};
     viewer.feed().commands().Do("where it faces", [facing](client::Client& palpated) {
       palpated.Place({.facing = facing});
     });
@@ -61,7 +64,7 @@ void AskFacing(Viewer& viewer, const ImVec2& right_top, float scale) {
   const ImVec2 before = ImGui::GetCursorScreenPos();
   ImGui::SetCursorScreenPos({right_top.x - extent.x, right_top.y});
   if (ImGui::InvisibleButton("facing line", {extent.x, extent.y + 2.0f * scale})) {
-    viewer.state().facing = {};
+    viewer.state().facing = {viewer.feed().volume().lattice()->loaded_revision};
     ImGui::OpenPopup("facing");
   }
   Tip("where face and head point, for everybody and for this file");

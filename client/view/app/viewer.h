@@ -67,7 +67,8 @@ struct SessionState {
 
 // The answer to where the patient faces, as chosen so far: numbers of client::kWorldDirections.
 struct FacingForm {
-  int face = -1;  // -1: not chosen
+  std::uint64_t loaded_revision = 0;  // of the volume that it asks about
+  int face = -1;                      // -1: not chosen
   int head = -1;
 };
 

@@ -200,7 +200,8 @@ void PalpatedSource::PutHeld() {
 void PalpatedSource::Steer(const SteerRequest& request,
                            std::function<void(std::string error)> done) {
   const auto update = UpdateOf(request.key, request.value);
-  const auto facing = FacingOf(request.key, request.value);
+  auto facing = FacingOf(request.key, request.value);
+  if (facing && lattice_) facing->loaded_revision = lattice_->loaded_revision;
   if (!update && !facing) {
     options_.steered(false);
     done(request.key + " does not take this value");

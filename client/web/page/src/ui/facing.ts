@@ -47,5 +47,6 @@ export function showFacing(root: HTMLElement, state: State, room: Room): void {
     room.steer(kFacingKey, kDirections.length * f + h).then(() => dialog.close(), (refusal: Error) => setText(error, refusal.message));
   });
   for (const topic of ["volume", "placement", "hello"] as const) state.on(topic, update);
+  state.on("volume", () => dialog.close()); // it asked about the one before
   update();
 }
