@@ -151,6 +151,10 @@ SeriesControlled SeriesPlayer::Control(const SeriesControl& control) {
   const VolumeState volume = session_.volume();
   std::unique_lock lock(mutex_);
   StateLocked(volume);  // throws if there is no series
+  if (session_.store().is_held()) {
+    throw Error(ErrorKind::kConflict,
+                "a recording is replayed in place of the series: try again after the replay");
+  }
   Take(control);
   const std::uint64_t command = ++commands_;
   wake_.notify_all();

@@ -97,8 +97,8 @@ class VolumeStore {
    private:
     VolumeStore& store_;
   };
-  // Call both only in a transaction.
   bool is_held() const { return is_held_; }
+  // Call it only in a transaction.
   bool shows_series() const { return frames_bytes_ > 0; }
 
   // Takes replaced volumes, and other objects that hold many bricks.
@@ -118,7 +118,7 @@ class VolumeStore {
   std::mutex mutex_;                               // held for each transaction; guards what follows
   std::shared_ptr<const VolumeSnapshot> present_;  // null: none yet
   std::uint64_t frames_bytes_ = 0;                 // of the series that present_ is of; 0: of none
-  bool is_held_ = false;
+  std::atomic<bool> is_held_ = false;
   std::uint64_t replaced_revision_ = 0;  // the first of this volume's
   ContentHash saved_;                    // of the voxels as loaded or saved
   std::atomic<std::uint64_t> unsaved_edits_ = 0;

@@ -1,6 +1,9 @@
 #include "server/streaming/volume_streams.h"
 
 #include <pthread.h>
+#include <sys/resource.h>
+#include <sys/types.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <optional>
@@ -9,7 +12,6 @@
 #include <utility>
 
 #include "common/error/error.h"
-#include "server/realtime/thread_setup.h"
 
 namespace palpate {
 namespace {
@@ -126,7 +128,8 @@ struct VolumeStreams::Round {
 
 void VolumeStreams::Run() {
   pthread_setname_np(pthread_self(), "palpate-volume");
-  SetThreadNice(kNice);
+  // Sets the priority of this thread only. If that is refused, the thread keeps its priority.
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
   bool worked = true;
   while (const std::optional<Round> round = NextRound(worked)) {
     worked = false;

@@ -286,16 +286,18 @@ TEST_F(SeriesPlayerTest, WithoutRoomForABlendTheFrameBeforeItIsShown) {
 
 TEST_F(SeriesPlayerTest, VoxelsThatAreHeldAreNoEditsOfAFrame) {
   Load();
+  player_.Control({.playing = true, .rate_hz = 100.0, .loop = true});
   auto hold = std::make_unique<VolumeStore::Hold>(session().store());
   const BrickDirectory before = volume()->bricks();
   Paint(Vec3i(3, 3, 3), 5.0f);
-  player_.Control({.playing = true, .rate_hz = 100.0, .loop = true});
   Pass(15);
   AwaitLooks();
   EXPECT_EQ(At(Vec3i(3, 3, 3)), 5.0f);  // no frame was shown
-  player_.Control({.playing = false, .position_frames = 0.0});
+  // Its answer would name a tick and a volume that are not of that frame.
+  EXPECT_EQ(Refusal([&] { player_.Control({.position_frames = 1.0}); }), ErrorKind::kConflict);
   session().store().Edit([&](const auto& present) { return present->bricks().ChangesTo(before); });
   hold.reset();
+  player_.Control({.playing = false});
   for (const int frame : {1, 0, 4, 0}) {
     player_.Control({.position_frames = frame});
     EXPECT_TRUE(Shows(frame)) << frame;
