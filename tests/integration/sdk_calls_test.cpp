@@ -311,6 +311,7 @@ TEST_F(SdkCalls, TheTickThatIsNamedIsTheFirstOne) {
   const SeriesResult series = p.LoadSeries(frames, {.settings = stiffness(3)});
   EXPECT_EQ(p.GetSettings().stiffness_n_per_mm, 0.4);
   judge(series.series.volume_revision, *series.series.applied_tick, series.settings_revision);
+  EXPECT_EQ(named, judged);
   repeat([&](int n) {
     const SeriesState sought = p.ControlSeries({.position_frames = 1 + n % 2});
     EXPECT_EQ(sought.position_frames, 1 + n % 2);

@@ -11,7 +11,7 @@ import unittest
 
 import grpc
 
-from palpate.v1 import device_pb2, device_pb2_grpc
+from palpate.v1 import device_pb2, device_pb2_grpc, pose_pb2, pose_pb2_grpc
 from secured import SecuredDaemon
 from stolen import stolen_share
 from support import PATIENCE_S, Daemon, wait_until
@@ -105,6 +105,19 @@ class Stop(FloodTest):
 
 
 class Ends(FloodTest):
+    def revoke_s(self, role):
+        """Until a stream of this role ends."""
+        channel = self.enterContext(self.daemon.channel(self.daemon.tokens[role]))
+        start = pose_pb2.StreamPosesRequest(start=pose_pb2.StreamPosesStart(rate_hz=20))
+        stream = pose_pb2_grpc.PoseServiceStub(channel).StreamPoses(iter([start]))
+        next(stream)
+        began = time.monotonic()
+        self.daemon.revoke_token(role)
+        with self.assertRaises(grpc.RpcError):
+            for _ in stream:
+                self.assertLess(time.monotonic() - began, PATIENCE_S)
+        return time.monotonic() - began
+
     def test_revocation_reload_and_the_end(self):
         self.start(over_tls=True)
         self.flood()
@@ -119,8 +132,9 @@ class Ends(FloodTest):
                 lambda: any(what in line for line in self.daemon.said[lines:])), what)
             return time.monotonic() - began
 
-        reload_s = takes_s(lambda: self.daemon.process.send_signal(signal.SIGHUP), "configuration read again")
-        revoke_s = takes_s(lambda: self.daemon.revoke_token("editor"), "were read again")
+        reload_s = takes_s(lambda: self.daemon.process.send_signal(signal.SIGHUP),
+                           "configuration read again")
+        revoke_s = self.revoke_s("viewer")
         began = time.monotonic()
         self.daemon.end()
         end_s = time.monotonic() - began
