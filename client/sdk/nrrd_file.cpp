@@ -76,11 +76,11 @@ void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwr
   const auto& placement = volume.placement();
   const bool is_lps =
       placement && placement->patient_axes == "LPS" && !placement->axes_are_answered;
-  SaveAsNrrd(volume.bricks(), *volume.lattice(), path, overwrite, check, is_lps);
+  SaveAsNrrd(volume.bricks(), *volume.lattice(), is_lps, path, overwrite, check);
 }
 
-void SaveAsNrrd(const BrickMap& bricks, const VolumeLattice& lattice, const std::string& path,
-                bool overwrite, const std::function<void()>& check, bool is_lps) {
+void SaveAsNrrd(const BrickMap& bricks, const VolumeLattice& lattice, bool is_lps,
+                const std::string& path, bool overwrite, const std::function<void()>& check) {
   // Of the smallest type first, so that only bricks of a file are looked at.
   CheckNrrdSize(lattice.size, LeafType::kUint8);
   const LeafType type = bricks.SmallestType();

@@ -26,8 +26,8 @@ void CheckNrrdPath(const std::string& path, bool overwrite);
 void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwrite = false,
                 const std::function<void()>& check = {});
 // The same, of bricks. `is_lps`: the volume's file stated an orientation.
-void SaveAsNrrd(const BrickMap& bricks, const VolumeLattice& lattice, const std::string& path,
-                bool overwrite = false, const std::function<void()>& check = {},
-                bool is_lps = true);
+void SaveAsNrrd(const BrickMap& bricks, const VolumeLattice& lattice, bool is_lps,
+                const std::string& path, bool overwrite = false,
+                const std::function<void()>& check = {});
 
 }  // namespace palpate::client

@@ -14,8 +14,8 @@ struct NrrdHeader {
   std::string encoding;  // of the voxels: "raw", "gzip"
   Vec3i size = Vec3i::Zero();
   AffineMap X_WI;
-  bool is_lps = true;  // W is the patient's LPS; otherwise the file does not say what W is
-  std::string unit{};  // of the values; empty: none
+  bool is_lps = false;  // W is the patient's LPS; otherwise the file does not say what W is
+  std::string unit{};   // of the values; empty: none
 };
 
 std::string ToText(const NrrdHeader& header);

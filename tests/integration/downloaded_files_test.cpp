@@ -49,7 +49,7 @@ class DownloadedFiles : public ::testing::Test {
     SaveAsVdb(volume.bricks, volume.lattice, origin, Path("a.vdb"), true);
   }
   void SaveNrrd(const TypedVolume& volume) const {
-    SaveAsNrrd(volume.bricks, volume.lattice, Path("a.nrrd"), true);
+    SaveAsNrrd(volume.bricks, volume.lattice, true, Path("a.nrrd"), true);
   }
   // As palpated loads it.
   LoadedVolume Loaded(const std::string& name) const {
@@ -145,7 +145,7 @@ TEST_F(DownloadedFiles, AnNrrdFileBeyondReasonIsRefused) {
   VolumeLattice lattice = ObliqueLattice({2048, 2048, 1025});
   BrickMap bricks(lattice.BrickCounts(), TypedBrick::Constant(kUint8, 0));
   bricks.Put(17, TypedBrick::Constant(kFloat, 0.5f));
-  const auto save = [&] { SaveAsNrrd(bricks, lattice, Path("a.nrrd")); };
+  const auto save = [&] { SaveAsNrrd(bricks, lattice, true, Path("a.nrrd")); };
   EXPECT_EQ(Refusal(save), ErrorKind::kTooLarge);
   EXPECT_NE(testing::Complaint(save).find(".vdb"), std::string::npos);
   EXPECT_TRUE(fs::is_empty(folder_.path()));
@@ -343,7 +343,7 @@ struct NamedSave {
 const NamedSave kSaves[] = {
     {"a.nrrd",
      [](const TypedVolume& volume, const std::string& path, bool overwrite, const auto& check) {
-       SaveAsNrrd(volume.bricks, volume.lattice, path, overwrite, check);
+       SaveAsNrrd(volume.bricks, volume.lattice, true, path, overwrite, check);
      }},
     {"a.vdb",
      [](const TypedVolume& volume, const std::string& path, bool overwrite, const auto& check) {

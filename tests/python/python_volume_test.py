@@ -116,7 +116,10 @@ class Upload(DaemonTest):
         np.testing.assert_allclose(info.world_from_index, world_from_index(), rtol=1e-6)
         np.testing.assert_allclose(info.spacing_mm, SPACING_MM, rtol=1e-6)
         copy = self.conn.volume.download()
-        again = self.conn.volume.upload(copy.values, world_from_index=copy.world_from_index)
+        self.assertEqual(info.patient_axes, "")  # nobody says that it is a patient's
+        again = self.conn.volume.upload(copy.values, world_from_index=copy.world_from_index,
+                                        patient_axes="LPS")
+        self.assertEqual(again.patient_axes, "LPS")
         np.testing.assert_allclose(again.world_from_index, info.world_from_index, rtol=1e-12)
 
     def test_every_type_and_layout(self):
@@ -143,6 +146,7 @@ class Upload(DaemonTest):
                    lambda: self.conn.volume.upload(good, (1, 2)),
                    lambda: self.conn.volume.upload(good, (1, 2, 0)),
                    lambda: self.conn.volume.upload(good, world_from_index=np.eye(3)),
+                   lambda: self.conn.volume.upload(good, patient_axes="LPS"),
                    lambda: self.conn.volume.upload(np.full((8, 8, 8), np.nan)),
                    lambda: self.conn.volume.upload(good, unit='a "b"'),
                    lambda: self.conn.volume.upload(good, isovalue=1.0, normalized_isovalue=0.5),

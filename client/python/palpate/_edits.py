@@ -69,7 +69,7 @@ class Edits:
     operation: one of these words.
     value: in data units, for all operations except "smooth". Results stay within the range of the
         file's type (uint8: 0 to 255), or within the volume's range if it holds floats.
-    frame: "world": positions and lengths in mm, LPS as in DICOM; "index": in voxels, the first is
+    frame: "world": positions and lengths in mm of the world; "index": in voxels, the first is
         (0, 0, 0).
     falloff: in the frame's unit.
     strength: above 0 to 1, for "smooth" and "paint"; None: 1.

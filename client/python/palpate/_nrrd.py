@@ -11,7 +11,7 @@ _TYPES = {"i1": "int8", "u1": "uint8", "i2": "int16", "u2": "uint16", "i4": "int
 
 
 def nrrd_of(values: npt.ArrayLike, world_from_index: npt.NDArray[np.float64],
-            unit: str, *, is_lps: bool = True) -> tuple[bytes, memoryview]:
+            unit: str, *, is_lps: bool = False) -> tuple[bytes, memoryview]:
     """Returns header and voxels of the file. Copies the voxels only if necessary.
 
     values: (nx, ny, nz), indexed [x, y, z]; world_from_index: (4, 4), mm; is_lps: the world is

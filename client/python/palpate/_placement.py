@@ -24,7 +24,7 @@ class Placement:
     """The volume's place in the device frame: mm, x right, y up, z towards the user.
 
     center_mm: (3,) the volume's centre, mm
-    rotation_wxyz: (4,) unit quaternion w, x, y, z: the world's axes (LPS) to the device's
+    rotation_wxyz: (4,) unit quaternion w, x, y, z: the world's axes to the device's
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
     device_mm_per_voxel: the same per shortest edge of a voxel; 1 mm is 1 / this many cells
     settings_revision: of the settings with this placement

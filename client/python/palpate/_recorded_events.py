@@ -57,7 +57,7 @@ class RecordedScene:
     value_min, value_max: range of the volume, data units; None: not recorded (version 2)
     is_level_set: values are signed distances from a surface at 0, negative inside
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
-    world_from_index: (4, 4) voxel index to world: mm, LPS as in DICOM; None: not recorded (before
+    world_from_index: (4, 4) voxel index to world: mm; None: not recorded (before
         version 5)
     volume_hash: identifies the contents of the volume; equal hashes mean equal volumes
     all_voxels_stored: the recording has all voxels, not only edited ones
@@ -88,7 +88,7 @@ class RecordedScene:
     forces_off: bool
 
     def to_world_mm(self, points_mm: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Returns points of the device frame in world coordinates: mm, LPS as in DICOM.
+        """Returns points of the device frame in world coordinates: mm.
 
         points_mm: (n, 3) or (3,), mm, such as RecordedTicks.scp_h_mm of ticks of this scene.
         Errors: FailedPrecondition (recorded by an earlier version), InvalidArgument (another

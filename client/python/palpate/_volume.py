@@ -52,7 +52,7 @@ class VolumeInfo:
     value_max: greatest value at load, data units
     unit: of the values, as the file states it, such as "HU"; may be empty
     original_type: scalar type of the file, such as "uint8"
-    world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM
+    world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm; see patient_axes
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
     patient_axes: where +x, +y and +z of the world point in the patient: "LPS" if the file states
@@ -186,7 +186,8 @@ class VolumeAccess:
         return info_of(result.volume, result.applied_tick)
 
     def upload(self, values: npt.ArrayLike, spacing_mm: Triple = (1.0, 1.0, 1.0), *,
-               world_from_index: npt.ArrayLike | None = None, unit: str = "",
+               world_from_index: npt.ArrayLike | None = None, patient_axes: str = "",
+               unit: str = "",
                name: str = "array", isovalue: float | None = None,
                normalized_isovalue: float | None = None,
                device_mm_per_volume_mm: float | None = None, discard_edits: bool = False,
@@ -195,8 +196,8 @@ class VolumeAccess:
 
         values: (nx, ny, nz), indexed [x, y, z], data units; integers of at most 32 bits, or
         floats. spacing_mm: along x, y, z. world_from_index: (4, 4), voxel index to world, mm,
-        LPS, with axes at right angles. It includes the spacing, so spacing_mm is then ignored.
-        Without it, the array states no orientation.
+        with axes at right angles. It includes the spacing, so spacing_mm is then ignored.
+        patient_axes: "LPS" if that world is the patient's LPS; "": the array does not say it.
         unit: of the values, such as "HU". name: VolumeInfo.source is then "upload:NAME.nrrd".
         Other arguments and errors: as load().
         Example: conn.volume.upload(values, (0.5, 0.5, 1.0), unit="HU")
@@ -208,12 +209,18 @@ class VolumeAccess:
         if matrix.shape != (4, 4):
             raise InvalidArgument("world_from_index is a 4 by 4 matrix")
         header, voxels = nrrd_of(values, matrix, text_of("unit", unit),
-                                 is_lps=world_from_index is not None)
+                                 is_lps=self._is_lps(patient_axes, world_from_index))
         options = load_options(isovalue, normalized_isovalue, device_mm_per_volume_mm,
                                discard_edits=discard_edits, settings=settings)
         answer = send_volume(self._link, self._stub, f"{name}.nrrd", [header, voxels], options,
                              progress)
         return info_of(answer.volume, answer.applied_tick)
+
+    @staticmethod
+    def _is_lps(patient_axes: str, world_from_index: npt.ArrayLike | None) -> bool:
+        if patient_axes not in ("", "LPS") or patient_axes and world_from_index is None:
+            raise InvalidArgument("patient_axes is \"LPS\", with world_from_index, or empty")
+        return patient_axes == "LPS"
 
     def upload_file(self, path: str | os.PathLike[str], *, isovalue: float | None = None,
                     normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,
@@ -278,7 +285,7 @@ class VolumeAccess:
         reset: into the middle of the workspace, fitted, without a rotation.
         Absolute:
             center_mm: (x, y, z) of the volume's centre.
-            rotation_wxyz: unit quaternion (w, x, y, z) from the world's axes (LPS) to the device's.
+            rotation_wxyz: unit quaternion (w, x, y, z) from the world's axes to the device's.
             One of the scales device_mm_per_volume_mm, device_mm_per_voxel (for its shortest edge)
             and cells_per_mm (the number of cells in 1 mm).
         Relative:

@@ -40,7 +40,7 @@ class Volume:
     dtype: of the voxels
     values: (nx, ny, nz), indexed [x, y, z], data units
     spacing_mm: (3,) along x, y, z, mm
-    world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm, LPS as in DICOM
+    world_from_index: (4, 4) voxel index (x, y, z, 1) to world: mm
     device_from_index: (4, 4) voxel index (x, y, z, 1) to the device frame: mm
     value_min: least value at load, data units
     value_max: greatest value at load, data units
@@ -130,7 +130,7 @@ class Volume:
         """Returns an xarray.DataArray along "x", "y" and "z", with coordinates in mm.
 
         The attribute "coordinates_frame" says of which frame the coordinates are:
-        "world": LPS as in DICOM, if the volume's axes lie along those of the world. Where an axis
+        "world": mm of the world, if the volume's axes lie along those of the world. Where an axis
         is mirrored, its coordinates fall.
         "volume": from the first voxel along the volume's own axes, if the volume is oblique.
         The attribute "world_from_index" maps voxel indices to the world in both cases.
