@@ -56,7 +56,7 @@ ImageHeader ReadHeader(const fs::path& path, ImageFormat format, const ImportLim
   if (format == ImageFormat::kNifti) return ReadNiftiHeader(path, limits.form);
   const std::string head = ReadHead(path, kLongestTextHeader);
   return format == ImageFormat::kNrrd ? ParseNrrdHeader(head, head.size() < kLongestTextHeader)
-                                      : ParseMetaImageHeader(head);
+                                      : ParseMetaImageHeader(head, limits.spacing_is_given);
 }
 
 [[noreturn]] void RefuseLength(std::int64_t present, std::int64_t needed) {

@@ -1,5 +1,4 @@
-// Reads the header of a volume file and checks that all voxels are there, before ITK opens the
-// file.
+// Reads the header of a volume file and checks that all voxels are there, before they are read.
 //
 // Threads: any. Reads files; reads through compressed data without keeping them.
 // Errors: palpate::Error without the file's name, see image_header.h.

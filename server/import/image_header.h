@@ -1,6 +1,6 @@
 // The facts of a volume file that the importer needs before a library reads the file: the size, the
-// scalar type and the place of the voxels. Our own parsers read them, because ITK reports truncated
-// NIfTI and MetaImage files as read, and allocates as much as a header asks for.
+// scalar type and the place of the voxels. Our own parsers read them, because libraries report
+// truncated files as read, allocate as much as a header asks for, and crash on long fields.
 //
 // Pure values and functions. Threads: any. Not for real-time code. Errors: palpate::Error whose
 // what() says "what is wrong; what to do", without the file's name.
@@ -52,7 +52,7 @@ struct ImageHeader {
   bool big_endian = false;
   double slope = 1.0;
   double intercept = 0.0;
-  ImageGeometry geometry;  // not set for TIFF; for MetaImage only is_lps
+  ImageGeometry geometry;  // not set for TIFF
   std::string data_file;   // a name below the header's folder; empty: the header's own file
   std::int64_t begin = 0;
   std::int64_t skip_bytes = 0;

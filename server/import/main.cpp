@@ -176,18 +176,14 @@ palpate::VolumeMetadata ReadRaw(const Options& options, const palpate::ImportLim
   return palpate::ReadRawVolume(options.input, raw, limits, sink, reporter);
 }
 
-// Reads formats that hold one volume only.
+// Reads the other formats of single files.
 palpate::VolumeMetadata ReadSingleFile(const Options& options, const palpate::ImportLimits& limits,
                                        const palpate::VoxelSink& sink,
                                        palpate::Reporter* reporter) {
   const std::filesystem::path input = options.input;
-  const std::string extension = palpate::Lower(input.extension().string());
   palpate::CheckReadable(input);
   if (palpate::IsTiffName(input)) return ReadTiff(options, limits, sink, reporter);
-  if (extension == ".mha" || extension == ".mhd") {
-    return palpate::ReadMetaImageVolume(input, limits, sink, reporter);
-  }
-  if (extension == ".dcm") {
+  if (palpate::Lower(input.extension().string()) == ".dcm") {
     palpate::Refuse(
         "this is one DICOM file; give the folder of its series (a file with several frames is not "
         "supported: save one file per slice)");
@@ -197,11 +193,12 @@ palpate::VolumeMetadata ReadSingleFile(const Options& options, const palpate::Im
       ".tif, .tiff, the folder of a series, or --raw-size and --raw-type");
 }
 
-// Returns the format if it may hold frames.
-std::optional<palpate::ImageFormat> SeriesFormat(const std::filesystem::path& input) {
+// Returns the format of a file whose voxels we read ourselves.
+std::optional<palpate::ImageFormat> PlainFormat(const std::filesystem::path& input) {
   const std::string name = palpate::Lower(input.filename().string());
   const auto ends = [&name](std::string_view ending) { return name.ends_with(ending); };
   if (ends(".nrrd") || ends(".nhdr")) return palpate::ImageFormat::kNrrd;
+  if (ends(".mha") || ends(".mhd")) return palpate::ImageFormat::kMetaImage;
   if (ends(".nii") || ends(".nii.gz")) return palpate::ImageFormat::kNifti;
   return std::nullopt;
 }
@@ -219,7 +216,7 @@ palpate::VolumeMetadata Read(const Options& options, const palpate::ImportLimits
   const bool raw = !options.raw_size.empty();
   std::error_code error;
   const bool folder = std::filesystem::is_directory(input, error);
-  const auto format = SeriesFormat(input);
+  const auto format = PlainFormat(input);
   if (!raw && !folder && format) {
     return palpate::ReadPlainVolume(input, *format, options.frame, limits, sink, reporter);
   }
@@ -246,6 +243,21 @@ std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
   return folders;
 }
 
+// The format as a crash of its reader names it.
+std::string ReaderName(const Options& options) {
+  std::error_code error;
+  const std::filesystem::path input = options.input;
+  const bool is_folder = std::filesystem::is_directory(input, error);
+  if (!options.raw_size.empty()) return "raw voxels";
+  if (is_folder && !palpate::IsTiffFolder(input)) return "DICOM";
+  if (is_folder || palpate::IsTiffName(input)) return "TIFF";
+  const auto format = PlainFormat(input);
+  if (!format) return "OpenVDB";
+  return *format == palpate::ImageFormat::kNrrd        ? "NRRD"
+         : *format == palpate::ImageFormat::kMetaImage ? "MetaImage"
+                                                       : "NIfTI";
+}
+
 bool IsVdb(const Options& options) {
   std::error_code error;
   return options.raw_size.empty() &&
@@ -257,7 +269,7 @@ void HandOver(const Options& options, const palpate::ImportLimits& limits,
               const std::optional<palpate::Vec3>& spacing_mm, int fd, palpate::Reporter* reporter) {
   const std::string source = SourceName(options.input);
   if (limits.form &&
-      (!options.raw_size.empty() || SeriesFormat(options.input) != palpate::ImageFormat::kNifti)) {
+      (!options.raw_size.empty() || PlainFormat(options.input) != palpate::ImageFormat::kNifti)) {
     palpate::Refuse("only NIfTI files have a qform and a sform; leave --orientation out");
   }
   if (IsVdb(options)) {
@@ -296,7 +308,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   if (!options.output.empty()) {
     palpate::CheckNewFile(options.output, palpate::ReplacesIf(options.overwrite));
   }
-  reporter->FailOnCrash();
+  reporter->FailOnCrash(ReaderName(options));
   reporter->FailAfter(options.timeout_s);
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
   if (!limits.folders.empty()) palpate::CheckPlace(options.input, limits);

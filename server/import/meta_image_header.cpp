@@ -1,7 +1,9 @@
 #include "server/import/meta_image_header.h"
 
-#include <cmath>
+#include <initializer_list>
 #include <map>
+#include <string>
+#include <vector>
 
 #include "server/volume/volume_metadata.h"
 
@@ -9,9 +11,6 @@ namespace palpate {
 namespace {
 
 using Fields = std::map<std::string, std::string, std::less<>>;
-
-// MetaIO reads lines into buffers of fixed length.
-constexpr std::size_t kLongestFieldLine = 500;
 
 // Reads fields up to ElementDataFile, which is always the last. Sets `end` to the byte after its
 // line.
@@ -25,7 +24,7 @@ Fields ReadFields(std::string_view head, std::int64_t* end) {
         Trim(head.substr(at, last ? std::string_view::npos : newline - at));
     at = last ? head.size() : newline + 1;
     const std::size_t separator = line.find_first_of("=:");
-    if (line.size() > kLongestFieldLine || line.find('\0') != std::string_view::npos ||
+    if (line.find('\0') != std::string_view::npos ||
         (!line.empty() && separator == std::string_view::npos)) {
       Refuse("this is no MetaImage file: " + Quoted(line) + " is not 'Name = value'");
     }
@@ -78,33 +77,51 @@ ScalarType ParseElementType(const std::string& type) {
   return found->second;
 }
 
-void CheckNumbers(const Fields& fields, std::string_view name, std::size_t count, bool spacing) {
-  const auto field = fields.find(name);
-  if (field == fields.end()) return;
-  const auto words = Words(field->second);
-  if (words.size() != count) {
-    Refuse("the MetaImage header's " + std::string(name) + " needs " + std::to_string(count) +
-           " numbers; correct it");
-  }
-  for (const std::string_view word : words) {
-    const double value = ParseReal(word, name);
-    if (spacing) CheckSpacing(value);
-    if (!std::isfinite(value)) {
-      Refuse("the MetaImage header's " + std::string(name) + " is not finite; correct it");
+// The numbers of the first of these fields that is there; empty if none is.
+std::vector<double> Numbers(const Fields& fields, std::initializer_list<std::string_view> names,
+                            std::size_t count) {
+  std::vector<double> numbers;
+  for (const std::string_view name : names) {
+    const auto field = fields.find(name);
+    if (field == fields.end() || !numbers.empty()) continue;
+    for (const std::string_view word : Words(field->second)) {
+      numbers.push_back(ParseReal(word, name));
+    }
+    if (numbers.size() != count) {
+      Refuse("the MetaImage header's " + std::string(name) + " needs " + std::to_string(count) +
+             " numbers; correct it");
     }
   }
+  return numbers;
 }
 
-void CheckGeometry(const Fields& fields, std::size_t dimension) {
-  for (const char* name : {"ElementSpacing", "ElementSize"}) {
-    CheckNumbers(fields, name, dimension, true);
+// Each field has several names.
+ImageGeometry ParseGeometry(const Fields& fields, std::size_t dimension, bool spacing_is_given) {
+  const auto spacing = Numbers(fields, {"ElementSpacing", "ElementSize"}, dimension);
+  const auto origin = Numbers(fields, {"Offset", "Position", "Origin"}, dimension);
+  const auto matrix =
+      Numbers(fields, {"TransformMatrix", "Rotation", "Orientation"}, dimension * dimension);
+  ImageGeometry geometry;
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    if (!origin.empty()) geometry.origin_W_mm[k] = origin[axis];
+    if (!spacing.empty() && !spacing_is_given) {
+      CheckSpacing(spacing[axis]);
+      geometry.spacing_mm[k] = spacing[axis];
+    }
+    // A row of the matrix is the direction of an axis.
+    for (int row = 0; row < 3 && !matrix.empty(); ++row) {
+      geometry.direction(row, k) = matrix[axis * dimension + static_cast<std::size_t>(row)];
+    }
   }
-  for (const char* name : {"Offset", "Position", "Origin", "CenterOfRotation"}) {
-    CheckNumbers(fields, name, dimension, false);
+  if (!geometry.origin_W_mm.allFinite() || !geometry.direction.allFinite()) {
+    Refuse("the MetaImage header's place or TransformMatrix is not finite; correct it");
   }
-  for (const char* name : {"TransformMatrix", "Orientation", "Rotation"}) {
-    CheckNumbers(fields, name, dimension * dimension, false);
-  }
+  // MetaIO writes ??? for what it does not know. A TransformMatrix alone leads to a world that the
+  // header does not place in a patient. ITK's files have both, and ITK's world is LPS.
+  const auto anatomical = fields.find("AnatomicalOrientation");
+  geometry.is_lps = anatomical != fields.end() && IsPatientAxes(anatomical->second);
+  return geometry;
 }
 
 void ReadElementDataPlace(const Fields& fields, std::int64_t header_end, ImageHeader* header) {
@@ -112,10 +129,8 @@ void ReadElementDataPlace(const Fields& fields, std::int64_t header_end, ImageHe
   const std::string lower = Lower(name);
   const std::int64_t skip = Integer(fields, "HeaderSize", 0);
   header->compressed = Flag(fields, "CompressedData", false);
-  if (header->compressed) {
-    // Without CompressedDataSize, MetaIO delivers zeros.
-    header->compressed_bytes =
-        ParseInteger(Required(fields, "CompressedDataSize"), "CompressedDataSize");
+  if (header->compressed && fields.contains("CompressedDataSize")) {
+    header->compressed_bytes = Integer(fields, "CompressedDataSize", 0);
     if (header->compressed_bytes < 1)
       Refuse("CompressedDataSize is not positive; correct the header");
   }
@@ -137,7 +152,7 @@ void ReadElementDataPlace(const Fields& fields, std::int64_t header_end, ImageHe
 
 }  // namespace
 
-ImageHeader ParseMetaImageHeader(std::string_view head) {
+ImageHeader ParseMetaImageHeader(std::string_view head, bool spacing_is_given) {
   std::int64_t header_end = 0;
   const Fields fields = ReadFields(head, &header_end);
   const std::int64_t dimension = ParseInteger(Required(fields, "NDims"), "NDims");
@@ -160,11 +175,9 @@ ImageHeader ParseMetaImageHeader(std::string_view head) {
   ImageHeader header;
   header.type = ParseElementType(Required(fields, "ElementType"));
   header.size = VolumeSize(axes);
-  CheckGeometry(fields, axes.size());
-  // MetaIO writes ??? for what it does not know. A TransformMatrix alone leads to a world that the
-  // header does not place in a patient. ITK's files have both, and ITK's world is LPS.
-  const auto anatomical = fields.find("AnatomicalOrientation");
-  header.geometry.is_lps = anatomical != fields.end() && IsPatientAxes(anatomical->second);
+  header.big_endian =
+      Flag(fields, "ElementByteOrderMSB", false) || Flag(fields, "BinaryDataByteOrderMSB", false);
+  header.geometry = ParseGeometry(fields, axes.size(), spacing_is_given);
   ReadElementDataPlace(fields, header_end, &header);
   return header;
 }

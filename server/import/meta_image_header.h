@@ -9,7 +9,8 @@
 
 namespace palpate {
 
-// `head`: the first bytes of the file, at least up to the line ElementDataFile.
-ImageHeader ParseMetaImageHeader(std::string_view head);
+// `head`: the first bytes of the file, at least up to the line ElementDataFile. `spacing_is_given`:
+// the header's spacing does not matter.
+ImageHeader ParseMetaImageHeader(std::string_view head, bool spacing_is_given = false);
 
 }  // namespace palpate

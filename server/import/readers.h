@@ -18,9 +18,9 @@
 
 namespace palpate {
 
-// NRRD and NIfTI: reads one frame. Without `frame`, reads frame 0, and warns if there are more
-// frames. We use our own code: ITK reads neither NIfTI-2 nor NRRD series in space, and treats units
-// and a slope of 0 wrongly.
+// NRRD, MetaImage and NIfTI: reads one frame. Without `frame`, reads frame 0, and warns if there
+// are more frames. We use our own code: ITK reads neither NIfTI-2 nor NRRD series in space, treats
+// units and a slope of 0 wrongly, and crashes on long MetaImage comments.
 VolumeMetadata ReadPlainVolume(const std::filesystem::path& path, ImageFormat format,
                                const std::optional<std::int64_t>& frame, const ImportLimits& limits,
                                const VoxelSink& sink, Reporter* reporter);
@@ -32,10 +32,6 @@ VolumeMetadata ReadRawVolume(const std::filesystem::path& path, const RawVoxels&
 // A TIFF stack, see tiff_stack.h. Spacing 1 mm, because TIFF has none along z.
 VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
                               const VoxelSink& sink, Reporter* reporter);
-
-// MetaImage through ITK, which delivers LPS.
-VolumeMetadata ReadMetaImageVolume(const std::filesystem::path& path, const ImportLimits& limits,
-                                   const VoxelSink& sink, Reporter* reporter);
 
 // The largest series of a folder. Slices are sorted by position and must be parallel and lie on one
 // line across them. Unevenly spaced slices are resampled at their finest spacing, with a warning.

@@ -103,14 +103,19 @@ void Reporter::FailAfter(unsigned seconds) {
   alarm(seconds);
 }
 
-void Reporter::FailOnCrash() {
-  crash_line = OneLine("palpate-import: " + input_ +
-                       ": the reader crashed on this file; it is probably damaged, copy or export "
-                       "it again");
+void Reporter::FailOnCrash(const std::string& format) {
+  crash_line = OneLine("palpate-import: " + input_ + ": the reader of " + format +
+                       " crashed; this is a fault of the reader, whatever the file holds: save the "
+                       "volume in another format (NRRD, NIfTI), and please report this");
   signal_fd = message_fd_;
 #ifndef PALPATE_SANITIZED
+  // A stack of its own: the other one may be what overflowed.
+  static std::array<char, 1 << 16> stack;
+  const stack_t own{.ss_sp = stack.data(), .ss_flags = 0, .ss_size = stack.size()};
+  sigaltstack(&own, nullptr);
   struct sigaction action = {};
   action.sa_handler = ExitOnCrash;
+  action.sa_flags = SA_ONSTACK;
   for (const int signal : {SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV}) {
     sigaction(signal, &action, nullptr);
   }

@@ -29,9 +29,9 @@ class Reporter {
   // After `seconds` of wall clock, or at the limit of processor time, writes a failure and exits
   // with the code of kTooLarge.
   void FailAfter(unsigned seconds);
-  // From now on a crash writes a failure and exits with the code of kInternal. GDCM ends in an
-  // assertion on some damaged files.
-  void FailOnCrash();
+  // From now on a crash writes a failure that names the format, and exits with the code of
+  // kInternal. Libraries crash on valid files, too.
+  void FailOnCrash(const std::string& format);
 
  private:
   std::string input_;

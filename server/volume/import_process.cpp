@@ -319,8 +319,10 @@ void ThrowUnlessSuccess(const ImportRequest& request, const Outcome& outcome) {
       throw Error(ErrorKind::kTooLarge,
                   source + ": the import ran out of memory, time or disk; crop the volume");
     }
-    throw Error(ErrorKind::kInternal, source + ": the importer crashed (" + strsignal(signal) +
-                                          "); the file is probably damaged");
+    // The importer's own line names the format, unless it crashed too badly to write it.
+    throw Error(ErrorKind::kInternal,
+                source + ": the reader of this format crashed (" + strsignal(signal) +
+                    "); this is a fault of the reader: save the volume in another format");
   }
   const int code = WEXITSTATUS(outcome.status);
   if (code == 0) return;

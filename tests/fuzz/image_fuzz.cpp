@@ -127,7 +127,8 @@ void ReadImage(Input input) {
       return ReadPlain(bytes, file, ImageFormat::kNrrd,
                        [](std::string_view head) { return ParseNrrdHeader(head, true); });
     case 1:
-      return ReadPlain(bytes, file, ImageFormat::kMetaImage, ParseMetaImageHeader);
+      return ReadPlain(bytes, file, ImageFormat::kMetaImage,
+                       [](std::string_view head) { return ParseMetaImageHeader(head); });
     case 2:
       return ReadPlain(bytes, file, ImageFormat::kNifti,
                        [](std::string_view text) { return ParseNiftiHeader(text); });

@@ -148,8 +148,8 @@ TEST(Confinement, CrashesAndTimeoutsAreReported) {
   expect("run_out_of_time", ErrorKind::kTooLarge, "took longer than 1 s");
   // The sanitizers have handlers of their own.
   if (kSanitized) return;
-  expect("crash", ErrorKind::kInternal, "the reader crashed");
-  expect("crash_in_a_thread", ErrorKind::kInternal, "the reader crashed");
+  expect("crash", ErrorKind::kInternal, "the reader of tests crashed");
+  expect("crash_in_a_thread", ErrorKind::kInternal, "the reader of tests crashed");
 }
 
 }  // namespace
