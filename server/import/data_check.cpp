@@ -37,7 +37,7 @@ std::string ReadHead(const fs::path& path, std::size_t count) {
 
 bool IsDeflated(std::string_view head) { return head.starts_with("\x1f\x8b"); }
 
-ImageHeader ReadNiftiHeader(const fs::path& path, const std::optional<NiftiForm>& form) {
+ImageHeader ReadNiftiHeader(const fs::path& path, const ImportLimits& limits) {
   std::string head = ReadHead(path, kLongestNiftiHeader);
   const bool compressed = IsDeflated(head);
   if (compressed) {
@@ -46,17 +46,18 @@ ImageHeader ReadNiftiHeader(const fs::path& path, const std::optional<NiftiForm>
     head.assign(kLongestNiftiHeader, '\0');
     head.resize(inflater.Read(head.data(), head.size()));
   }
-  ImageHeader header = ParseNiftiHeader(head, form);
+  ImageHeader header = ParseNiftiHeader(head, limits.form, limits.spacing_is_given);
   header.compressed = compressed;
   return header;
 }
 
 ImageHeader ReadHeader(const fs::path& path, ImageFormat format, const ImportLimits& limits) {
   if (fs::file_size(path) == 0) Refuse("the file is empty");
-  if (format == ImageFormat::kNifti) return ReadNiftiHeader(path, limits.form);
+  if (format == ImageFormat::kNifti) return ReadNiftiHeader(path, limits);
   const std::string head = ReadHead(path, kLongestTextHeader);
-  return format == ImageFormat::kNrrd ? ParseNrrdHeader(head, head.size() < kLongestTextHeader)
-                                      : ParseMetaImageHeader(head, limits.spacing_is_given);
+  return format == ImageFormat::kNrrd
+             ? ParseNrrdHeader(head, head.size() < kLongestTextHeader, limits.spacing_is_given)
+             : ParseMetaImageHeader(head, limits.spacing_is_given);
 }
 
 [[noreturn]] void RefuseLength(std::int64_t present, std::int64_t needed) {

@@ -133,7 +133,7 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, ScalarTy
 void CheckSpacing(double spacing) {
   if (!std::isfinite(spacing) || spacing <= 0.0) {
     Refuse("the voxel spacing " + std::to_string(spacing) +
-           " is not a positive number; correct the header");
+           " is not a positive number; give it with --spacing-mm X,Y,Z");
   }
 }
 

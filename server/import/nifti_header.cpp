@@ -47,10 +47,12 @@ void ReadExtent(const NiftiFields& fields, ImageHeader* header) {
   header->size = VolumeSize(axes);
 }
 
+constexpr char kHowElse[] = ", or choose another one with palpate-import --orientation";
+
 template <typename Numbers>
-void CheckFinite(const Numbers& numbers, const char* what) {
+void CheckFinite(const Numbers& numbers, const char* what, const char* how_else = "") {
   if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); })) {
-    Refuse(std::string("the NIfTI header's ") + what + " is not finite; correct it");
+    Refuse(std::string("the NIfTI header's ") + what + " is not finite; correct it" + how_else);
   }
 }
 
@@ -76,6 +78,15 @@ Vec3 PixdimSpacing(const NiftiFields& fields) {
   return {fields.pixdim[1], fields.pixdim[2], fields.pixdim[3]};
 }
 
+// As nibabel does: Analyze and SPM wrote a mirrored axis so.
+void RepairPixdim(NiftiFields* fields, ImageHeader* header) {
+  if (!(PixdimSpacing(*fields).minCoeff() < 0.0)) return;
+  header->warnings.push_back(
+      "pixdim states a negative spacing, " + ListOf(PixdimSpacing(*fields)) +
+      "; its absolute value is taken, another one can be stated with --spacing-mm");
+  for (std::size_t k = 1; k <= 3; ++k) fields->pixdim[k] = std::abs(fields->pixdim[k]);
+}
+
 ImageGeometry FromQform(const NiftiFields& fields) {
   const auto& q = fields.quaternion;
   Vec3 bcd(q[0], q[1], q[2]);
@@ -97,7 +108,11 @@ ImageGeometry FromSform(const NiftiFields& fields) {
   for (int col = 0; col < 3; ++col) {
     const Vec3 step(s[col], s[4 + col], s[8 + col]);
     geometry.spacing_mm[col] = step.norm();
-    CheckSpacing(geometry.spacing_mm[col]);
+    if (!(step.norm() > 0.0)) {
+      Refuse(
+          "the sform gives an axis no direction; correct it, or choose with palpate-import "
+          "--orientation qform or none");
+    }
     geometry.direction.col(col) = kLpsFromRas * step / step.norm();
   }
   geometry.origin_W_mm = kLpsFromRas * Vec3(s[3], s[7], s[11]);
@@ -119,11 +134,11 @@ NiftiForm FormOf(const NiftiFields& fields, const std::optional<NiftiForm>& want
 // In the file's unit of length.
 ImageGeometry GeometryOf(const NiftiFields& fields, NiftiForm form) {
   if (form == NiftiForm::kSform) {
-    CheckFinite(fields.srow, "sform");
+    CheckFinite(fields.srow, "sform", kHowElse);
     return FromSform(fields);
   }
   if (form == NiftiForm::kQform) {
-    CheckFinite(fields.quaternion, "qform");
+    CheckFinite(fields.quaternion, "qform", kHowElse);
     return FromQform(fields);
   }
   ImageGeometry geometry;
@@ -131,11 +146,14 @@ ImageGeometry GeometryOf(const NiftiFields& fields, NiftiForm form) {
   return geometry;
 }
 
-void ToMillimetres(double mm, ImageGeometry* geometry) {
+void ToMillimetres(double mm, bool spacing_is_given, ImageGeometry* geometry) {
   geometry->spacing_mm *= mm;
   geometry->origin_W_mm *= mm;
   // Finite values may have overflowed, or become zero.
-  for (const double spacing : geometry->spacing_mm) CheckSpacing(spacing);
+  for (double& spacing : geometry->spacing_mm) {
+    if (spacing_is_given && !(spacing > 0.0 && std::isfinite(spacing))) spacing = 1.0;
+    CheckSpacing(spacing);
+  }
   CheckFinite(geometry->origin_W_mm, "place");
 }
 
@@ -144,7 +162,7 @@ constexpr char kHowToChoose[] =
 
 // What else the file says of the sform's voxels, which are used.
 void WarnOfDifferences(const NiftiFields& fields, double mm, const ImageGeometry& sform,
-                       ImageHeader* header) {
+                       bool spacing_is_given, ImageHeader* header) {
   if (fields.qform_code != 0) {
     ImageGeometry qform = FromQform(fields);
     qform.spacing_mm *= mm;
@@ -162,7 +180,7 @@ void WarnOfDifferences(const NiftiFields& fields, double mm, const ImageGeometry
   constexpr double kSameSpacing = 0.01;
   const Vec3 pixdim_mm = mm * PixdimSpacing(fields);
   const Vec3 off_mm = (sform.spacing_mm - pixdim_mm).cwiseAbs();
-  if ((off_mm.array() > kSameSpacing * pixdim_mm.array()).any()) {
+  if (!spacing_is_given && (off_mm.array() > kSameSpacing * pixdim_mm.array()).any()) {
     header->warnings.push_back("the voxel spacing of the sform, " + ListOf(sform.spacing_mm) +
                                " mm, is not that of pixdim, " + ListOf(pixdim_mm) +
                                " mm: it differs by up to " + Short(off_mm.maxCoeff()) +
@@ -185,17 +203,19 @@ void StraightenSform(const NiftiFields& fields, bool is_wanted, ImageHeader* hea
   }
 }
 
-void ReadGeometry(const NiftiFields& fields, const std::optional<NiftiForm>& wanted,
+void ReadGeometry(NiftiFields fields, const std::optional<NiftiForm>& wanted, bool spacing_is_given,
                   ImageHeader* header) {
-  for (int k = 1; k <= 3; ++k) CheckSpacing(fields.pixdim[k]);
   const std::optional<double> mm = MillimetresPerUnit(fields);
   const NiftiForm form = FormOf(fields, wanted);
+  if (form != NiftiForm::kSform && !spacing_is_given) RepairPixdim(&fields, header);
   header->geometry = GeometryOf(fields, form);
-  ToMillimetres(mm.value_or(1.0), &header->geometry);
+  ToMillimetres(mm.value_or(1.0), spacing_is_given, &header->geometry);
   header->geometry.is_lps = form != NiftiForm::kNone;
   if (!mm) header->geometry.unknown_unit = "xyzt_units " + std::to_string(fields.xyzt_units);
   if (form == NiftiForm::kSform) {
-    if (!wanted) WarnOfDifferences(fields, mm.value_or(1.0), header->geometry, header);
+    if (!wanted) {
+      WarnOfDifferences(fields, mm.value_or(1.0), header->geometry, spacing_is_given, header);
+    }
     StraightenSform(fields, wanted.has_value(), header);
   }
   if (form == NiftiForm::kNone && !wanted) {
@@ -205,18 +225,27 @@ void ReadGeometry(const NiftiFields& fields, const std::optional<NiftiForm>& wan
   }
 }
 
+// As nibabel and nifti_clib: what is not finite is no scale.
 void ReadScale(const NiftiFields& fields, ImageHeader* header) {
-  CheckFinite(std::array{fields.scl_slope}, "scl_slope");
-  CheckFinite(std::array{fields.scl_inter}, "scl_inter");
+  if (!std::isfinite(fields.scl_slope)) {
+    header->warnings.push_back(
+        "scl_slope is not a finite number; the values are taken as they are stored");
+    return;
+  }
   // A slope of zero means: no scale, and no intercept either.
   if (fields.scl_slope == 0.0) return;
   header->slope = fields.scl_slope;
-  header->intercept = fields.scl_inter;
+  if (std::isfinite(fields.scl_inter)) {
+    header->intercept = fields.scl_inter;
+  } else {
+    header->warnings.push_back("scl_inter is not a finite number; 0 is taken");
+  }
 }
 
 }  // namespace
 
-ImageHeader ParseNiftiHeader(std::string_view head, const std::optional<NiftiForm>& form) {
+ImageHeader ParseNiftiHeader(std::string_view head, const std::optional<NiftiForm>& form,
+                             bool spacing_is_given) {
   const NiftiFields fields = ReadNiftiFields(head);
   ImageHeader header;
   header.big_endian = fields.big_endian;
@@ -225,7 +254,7 @@ ImageHeader ParseNiftiHeader(std::string_view head, const std::optional<NiftiFor
     Refuse("the NIfTI header's datatype and bitpix disagree; correct it");
   }
   ReadExtent(fields, &header);
-  ReadGeometry(fields, form, &header);
+  ReadGeometry(fields, form, spacing_is_given, &header);
   ReadScale(fields, &header);
   const double offset = fields.vox_offset;
   if (!(offset >= static_cast<double>(fields.least_vox_offset)) || offset > 1e9 ||

@@ -22,7 +22,9 @@ constexpr std::size_t kNifti2HeaderBytes = 540;
 constexpr std::size_t kLongestNiftiHeader = kNifti2HeaderBytes;
 
 // `head`: the first bytes of the (inflated) file: kLongestNiftiHeader bytes, or all of the file.
-// `form`: the user's choice, without warnings of what else the file says.
-ImageHeader ParseNiftiHeader(std::string_view head, const std::optional<NiftiForm>& form = {});
+// `form`: the user's choice, without warnings of what else the file says. `spacing_is_given`: the
+// header's spacing does not matter. Values that nibabel repairs are repaired, with a warning.
+ImageHeader ParseNiftiHeader(std::string_view head, const std::optional<NiftiForm>& form = {},
+                             bool spacing_is_given = false);
 
 }  // namespace palpate

@@ -5,8 +5,6 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kLongestLine = 4096;
-
 std::string FieldName(std::string_view text) {
   std::string name;
   for (const char c : Lower(text)) {
@@ -38,7 +36,6 @@ NrrdFields ReadNrrdFields(std::string_view head, bool whole, std::int64_t* end) 
     if (last && !whole) Refuse("the NRRD header is too long; is this an NRRD file?");
     std::string_view line = head.substr(at, last ? std::string_view::npos : newline - at);
     at = last ? head.size() : newline + 1;
-    if (line.size() > kLongestLine) Refuse("the NRRD header has an overlong line; correct it");
     if (line.find('\0') != std::string_view::npos) Refuse("the NRRD header holds binary data");
     if (line.ends_with('\r')) line.remove_suffix(1);
     if (line.empty() && !first) break;

@@ -127,6 +127,9 @@ ImageGeometry FromDirections(const NrrdFields& fields, const std::string& direct
   for (int k = 0; k < 3; ++k) {
     const Vec3 step = signs.cwiseProduct(SpaceVector(vectors[k], "space directions"));
     geometry.spacing_mm[k] = step.norm();
+    if (step.isZero(0.0)) {
+      Refuse("the NRRD header's space directions give an axis no direction; correct the header");
+    }
     CheckSpacing(step.norm());
     geometry.direction.col(k) = step / step.norm();
   }
@@ -150,7 +153,8 @@ Vec3 PerAxis(const NrrdFields& fields, const char* name, const char* what) {
   return numbers;
 }
 
-ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64_t, 3>& size) {
+ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64_t, 3>& size,
+                           bool spacing_is_given) {
   ImageGeometry geometry;
   const Vec3 mm = LengthUnits(fields, "units", &geometry.unknown_unit);
   const Vec3 mins = mm.cwiseProduct(PerAxis(fields, "axismins", "axis mins"));
@@ -164,7 +168,7 @@ ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64
     const bool node = centers.size() > static_cast<std::size_t>(k) && centers[k] == "node";
     const double steps = static_cast<double>(size[k] - (node ? 1 : 0));
     const double from_range = (maxs[k] - mins[k]) / steps;
-    const bool stated = FindField(fields, "spacings").has_value();
+    const bool stated = FindField(fields, "spacings").has_value() && !spacing_is_given;
     if (stated) CheckSpacing(spacings[k]);
     const bool ranged = !stated && std::isfinite(from_range) && from_range > 0.0;
     if (stated || ranged) geometry.spacing_mm[k] = stated ? spacings[k] : from_range;
@@ -178,9 +182,11 @@ ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64
 
 }  // namespace
 
-ImageGeometry ParseNrrdGeometry(const NrrdFields& fields, const std::array<std::int64_t, 3>& size) {
+ImageGeometry ParseNrrdGeometry(const NrrdFields& fields, const std::array<std::int64_t, 3>& size,
+                                bool spacing_is_given) {
   const auto directions = FindField(fields, "spacedirections");
-  return directions ? FromDirections(fields, *directions) : FromSpacings(fields, size);
+  return directions ? FromDirections(fields, *directions)
+                    : FromSpacings(fields, size, spacing_is_given);
 }
 
 }  // namespace palpate

@@ -122,7 +122,7 @@ void ReadSizes(const NrrdFields& fields, ImageHeader* header) {
 
 }  // namespace
 
-ImageHeader ParseNrrdHeader(std::string_view head, bool whole) {
+ImageHeader ParseNrrdHeader(std::string_view head, bool whole, bool spacing_is_given) {
   if (head.size() < 9 || !head.starts_with("NRRD000") || head[7] < '1' || head[7] > '5' ||
       (head[8] != '\n' && head[8] != '\r')) {
     Refuse("this is no NRRD file: it does not start with NRRD0001 to NRRD0005");
@@ -133,7 +133,7 @@ ImageHeader ParseNrrdHeader(std::string_view head, bool whole) {
   ImageHeader header;
   header.type = ParseType(RequiredField(fields, "type"));
   ReadSizes(fields, &header);
-  header.geometry = ParseNrrdGeometry(fields, header.size);
+  header.geometry = ParseNrrdGeometry(fields, header.size, spacing_is_given);
   ReadEncoding(fields, &header);
   ReadDataPlace(fields, header_end, &header);
   if (const auto unit = FindField(fields, "sampleunits")) {

@@ -11,7 +11,7 @@
 namespace palpate {
 
 // `head`: the first bytes of the file, at least up to the end of the header.
-// `whole`: `head` is the whole file.
-ImageHeader ParseNrrdHeader(std::string_view head, bool whole);
+// `whole`: `head` is the whole file. `spacing_is_given`: the header's spacing does not matter.
+ImageHeader ParseNrrdHeader(std::string_view head, bool whole, bool spacing_is_given = false);
 
 }  // namespace palpate
