@@ -23,8 +23,7 @@ namespace palpate {
 // Call it:
 // - before the first thread is started: Landlock holds for this thread and the threads that it
 //   starts. Confine ends the threads of log4cplus, which start before main();
-// - after FailAfter() and LimitResources(): timers and limits cannot be set later;
-// - after FileStart::Reserve(): files in memory cannot be made later.
+// - after FailAfter() and LimitResources(): timers and limits cannot be set later.
 void Confine(const std::vector<std::filesystem::path>& readable);
 
 }  // namespace palpate

@@ -1,9 +1,13 @@
 #include "server/import/dicom_file.h"
 
+#include <algorithm>
 #include <array>
+#include <iterator>
 #include <string>
 #include <string_view>
+#include <utility>
 
+#include "server/import/dicom_syntax.h"
 #include "server/import/image_header.h"
 
 namespace palpate {
@@ -11,21 +15,36 @@ namespace {
 
 constexpr std::uint32_t kUndefined = 0xffffffff;
 constexpr int kDeepest = 16;
-constexpr std::int64_t kLongestText = 128;
+constexpr std::int64_t kLongestText = 1024;
 
 constexpr std::uint32_t Tag(std::uint32_t group, std::uint32_t element) {
   return group << 16 | element;
 }
 constexpr std::uint32_t kTransferSyntax = Tag(0x0002, 0x0010);
-constexpr std::uint32_t kSamples = Tag(0x0028, 0x0002);
-constexpr std::uint32_t kFrames = Tag(0x0028, 0x0008);
-constexpr std::uint32_t kRows = Tag(0x0028, 0x0010);
-constexpr std::uint32_t kColumns = Tag(0x0028, 0x0011);
-constexpr std::uint32_t kBits = Tag(0x0028, 0x0100);
+constexpr std::uint32_t kTable = Tag(0x0028, 0x3000);
+constexpr std::uint32_t kTableDescriptor = Tag(0x0028, 0x3002);
+constexpr std::uint32_t kTableType = Tag(0x0028, 0x3004);
+constexpr std::uint32_t kTableEntries = Tag(0x0028, 0x3006);
+constexpr std::uint32_t kFloatPixels = Tag(0x7fe0, 0x0008);
+constexpr std::uint32_t kDoublePixels = Tag(0x7fe0, 0x0009);
 constexpr std::uint32_t kPixels = Tag(0x7fe0, 0x0010);
 constexpr std::uint32_t kItem = Tag(0xfffe, 0xe000);
 constexpr std::uint32_t kItemEnd = Tag(0xfffe, 0xe00d);
 constexpr std::uint32_t kSequenceEnd = Tag(0xfffe, 0xe0dd);
+
+// Whatever type these have in the file: numbers of two bytes, and text.
+constexpr DicomTag kNumbers[] = {dicom::kSamples,    dicom::kRows,    dicom::kColumns, dicom::kBits,
+                                 dicom::kBitsStored, dicom::kHighBit, dicom::kSign};
+constexpr DicomTag kTexts[] = {
+    dicom::kInstance,     dicom::kModality,    dicom::kDescription, dicom::kStudy,
+    dicom::kSeries,       dicom::kPosition,    dicom::kOrientation, dicom::kFrameOfReference,
+    dicom::kSeriesNumber, dicom::kPhotometric, dicom::kFrames,      dicom::kPixelSpacing,
+    dicom::kIntercept,    dicom::kSlope,       dicom::kRescaleType};
+
+template <std::size_t count>
+bool Holds(const DicomTag (&tags)[count], std::uint32_t number) {
+  return std::ranges::find(tags, number, &DicomTag::number) != std::end(tags);
+}
 
 struct Encoding {
   bool explicit_vr = true;
@@ -52,15 +71,21 @@ class Walker {
   Walker(std::istream* in, std::int64_t length) : in_(in), length_(length) {}
 
   DicomFile Walk() {
-    if (length_ < 132) return {};
-    at_ = 128;
-    if (Read(4) != "DICM") return {};
+    file_.is_dicom = FindStart();
+    if (!file_.is_dicom) return file_;
     const Encoding encoding = WalkMeta();
+    file_.big_endian = encoding.big_endian;
     while (at_ < length_) {
       const Element element = ReadElement(encoding);
       if (element.tag == kPixels) {
+        file_.pixels_begin = at_;
         CheckPixels(element);
-        return {true, true, at_};
+        file_.has_pixels = true;
+        file_.pixels_end = at_;
+        return file_;
+      }
+      if (element.tag == kFloatPixels || element.tag == kDoublePixels) {
+        Refuse("its pixels are floating point numbers, which is not supported; export integers");
       }
       // Zeros after the last element are padding.
       if (element.tag == 0) break;
@@ -68,7 +93,7 @@ class Walker {
       SkipValue(element, encoding, 0);
     }
     if (shape_.rows > 0) RefuseCut();
-    return {true, false, 0};
+    return file_;
   }
 
  private:
@@ -126,9 +151,32 @@ class Walker {
     return element;
   }
 
+  // As GDCM: a file without a preamble begins with the file meta information, or with the first
+  // elements of the image.
+  bool FindStart() {
+    if (length_ < 132) return false;
+    at_ = 128;
+    if (Read(4) == "DICM") return true;
+    at_ = 0;
+    const std::uint32_t group = ReadNumber(2, false), number = ReadNumber(2, false);
+    at_ = 0;
+    return (group == 2 && number <= 0x10) || (group == 8 && number <= 0x18);
+  }
+
+  // Every element begins with its tag. An explicit type is two capitals, which as part of a length
+  // would be far more than the first elements have.
+  bool IsExplicit() {
+    const std::int64_t start = at_;
+    if (length_ - at_ < 6) return true;
+    at_ += 4;
+    const std::string type = Read(2);
+    at_ = start;
+    return std::ranges::all_of(type, [](char c) { return c >= 'A' && c <= 'Z'; });
+  }
+
   // Reads the file meta information, which says how the rest is encoded.
   Encoding WalkMeta() {
-    std::string syntax;
+    std::string& syntax = file_.syntax;
     while (at_ < length_) {
       const std::int64_t start = at_;
       if (ReadNumber(2, false) != 0x0002) {
@@ -146,9 +194,8 @@ class Walker {
         SkipValue(element, Encoding{}, 0);
       }
     }
-    if (syntax == "1.2.840.10008.1.2.1.99") {
-      Refuse("a deflated DICOM file is not supported; export it uncompressed");
-    }
+    CheckDicomSyntax(syntax);
+    if (syntax.empty()) return {IsExplicit(), false};
     return {syntax != "1.2.840.10008.1.2", syntax == "1.2.840.10008.1.2.2"};
   }
 
@@ -174,22 +221,74 @@ class Walker {
 
   // Reads the value and returns to its start.
   void Note(const Element& element, const Encoding& encoding) {
-    std::int64_t* const field = element.tag == kRows      ? &shape_.rows
-                                : element.tag == kColumns ? &shape_.columns
-                                : element.tag == kSamples ? &shape_.samples
-                                : element.tag == kBits    ? &shape_.bits
-                                                          : nullptr;
     const std::int64_t start = at_;
-    if (field) {
-      if (element.length != 2) RefuseCut();
-      *field = ReadNumber(2, encoding.big_endian);
-    } else if (element.tag == kFrames) {
-      if (element.length > kLongestText) RefuseCut();
+    if (Holds(kNumbers, element.tag)) {
+      if (element.length != 2 && element.length != 4) RefuseCut();
+      const std::uint32_t number =
+          ReadNumber(static_cast<int>(element.length), encoding.big_endian);
+      file_.values[element.tag] = std::to_string(number);
+      if (element.tag == dicom::kRows.number) shape_.rows = number;
+      if (element.tag == dicom::kColumns.number) shape_.columns = number;
+      if (element.tag == dicom::kSamples.number) shape_.samples = number;
+      if (element.tag == dicom::kBits.number) shape_.bits = number;
+    } else if (Holds(kTexts, element.tag) && element.length <= kLongestText) {
       const std::string text = Read(element.length);
-      const std::string_view digits = Trim(std::string_view(text.c_str()));
-      shape_.frames = digits.empty() ? 1 : ParseInteger(digits, "NumberOfFrames");
+      const std::string_view value = Trim(std::string_view(text.c_str()));
+      file_.values[element.tag] = value;
+      if (element.tag == dicom::kFrames.number && !value.empty()) {
+        shape_.frames = ParseInteger(value, dicom::kFrames.name);
+      }
+    } else if (element.tag == kTable) {
+      ReadTable(element, encoding);
     }
     at_ = start;
+  }
+
+  // The only item of a Modality LUT Sequence.
+  void ReadTable(const Element& sequence, const Encoding& encoding) {
+    const Encoding inner = sequence.vr == "UN" ? Encoding{false, false} : encoding;
+    if (sequence.length == 0) return;
+    const Element item = ReadElement(inner);
+    if (item.tag != kItem) return;
+    const std::int64_t end = item.length == kUndefined ? length_ : at_ + item.length;
+    DicomTable table;
+    std::array<std::uint32_t, 3> shape{};  // count, first, bits
+    std::string bytes;
+    while (at_ < end) {
+      const Element element = ReadElement(inner);
+      if (element.tag == kItemEnd) break;
+      const std::int64_t start = at_;
+      if (element.tag == kTableDescriptor && element.length == 6) {
+        for (std::uint32_t& number : shape) number = ReadNumber(2, inner.big_endian);
+      } else if (element.tag == kTableType && element.length <= kLongestText) {
+        table.type = Trim(Read(element.length).c_str());
+      } else if (element.tag == kTableEntries && element.length <= 2u << 16) {
+        bytes = Read(element.length);
+      }
+      at_ = start;
+      SkipValue(element, inner, 1);
+    }
+    const bool is_signed = file_.Text(dicom::kSign) == "1";
+    table.first = is_signed ? static_cast<std::int16_t>(shape[1]) : std::int64_t{shape[1]};
+    TakeEntries(bytes, shape[0] == 0 ? 1u << 16 : shape[0], inner.big_endian, &table);
+    file_.table = std::make_shared<const DicomTable>(std::move(table));
+  }
+
+  // Entries of 8 bits may have a byte each.
+  static void TakeEntries(const std::string& bytes, std::size_t count, bool big_endian,
+                          DicomTable* table) {
+    const std::size_t width = bytes.size() >= 2 * count ? 2 : 1;
+    if (bytes.size() < width * count) {
+      Refuse("its table of values (Modality LUT) is not complete; export it again");
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto byte = [&](std::size_t n) {
+        return static_cast<unsigned char>(bytes[width * k + n]);
+      };
+      const unsigned low = byte(width == 2 && big_endian ? 1 : 0);
+      const unsigned high = width == 1 ? 0u : byte(big_endian ? 0 : 1);
+      table->entries.push_back(static_cast<std::uint16_t>(high << 8 | low));
+    }
   }
 
   void CheckPixels(const Element& element) {
@@ -197,7 +296,8 @@ class Walker {
     if (s.rows < 1 || s.columns < 1 || s.samples < 1 || s.frames < 1 || s.bits < 1 || s.bits > 64) {
       Refuse("the DICOM file does not state the size of its image; export it again");
     }
-    if (element.length == kUndefined) return SkipFragments();
+    file_.has_fragments = element.length == kUndefined;
+    if (file_.has_fragments) return SkipFragments();
     const std::int64_t pixels = s.rows * s.columns * s.samples;  // below 2^48
     std::int64_t bits = 0;
     if (__builtin_mul_overflow(pixels, s.frames, &bits) ||
@@ -222,6 +322,7 @@ class Walker {
   std::int64_t length_;
   std::int64_t at_ = 0;
   PixelShape shape_;
+  DicomFile file_;
 };
 
 }  // namespace

@@ -1,5 +1,6 @@
-// Walks the elements of a DICOM file and checks that all of them are complete, above all the
-// pixels. GDCM reads truncated files as complete ones, and crashes on some of them.
+// Walks the elements of a DICOM file: collects what describes the image, and checks that all
+// elements are complete, above all the pixels. GDCM reads truncated files as complete ones, and
+// crashes on some valid ones, so that it gets to see the pixels only (dicom_pixels.h).
 //
 // Pure except for the stream. Threads: one per stream. Errors: palpate::Error without the file's
 // name, see image_header.h.
@@ -7,17 +8,74 @@
 
 #include <cstdint>
 #include <istream>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
 
 namespace palpate {
 
-struct DicomFile {
-  bool is_dicom = false;    // has the preamble
-  bool has_pixels = false;  // is an image
-  // The position of the pixels' end; 0 without pixels. Padding may follow.
-  std::int64_t pixels_end = 0;
+struct DicomTag {
+  std::uint32_t number = 0;  // group and element
+  const char* name = "";     // as the standard has it
+
+  bool operator==(std::uint32_t other) const { return number == other; }
 };
 
-// `length`: the bytes of the stream. Refuses files that are truncated or contradict themselves.
+namespace dicom {
+inline constexpr DicomTag kInstance{0x00080018, "SOPInstanceUID"};
+inline constexpr DicomTag kModality{0x00080060, "Modality"};
+inline constexpr DicomTag kDescription{0x0008103e, "SeriesDescription"};
+inline constexpr DicomTag kStudy{0x0020000d, "StudyInstanceUID"};
+inline constexpr DicomTag kSeries{0x0020000e, "SeriesInstanceUID"};
+inline constexpr DicomTag kSeriesNumber{0x00200011, "SeriesNumber"};
+inline constexpr DicomTag kPosition{0x00200032, "ImagePositionPatient"};
+inline constexpr DicomTag kOrientation{0x00200037, "ImageOrientationPatient"};
+inline constexpr DicomTag kFrameOfReference{0x00200052, "FrameOfReferenceUID"};
+inline constexpr DicomTag kSamples{0x00280002, "SamplesPerPixel"};
+inline constexpr DicomTag kPhotometric{0x00280004, "PhotometricInterpretation"};
+inline constexpr DicomTag kFrames{0x00280008, "NumberOfFrames"};
+inline constexpr DicomTag kRows{0x00280010, "Rows"};
+inline constexpr DicomTag kColumns{0x00280011, "Columns"};
+inline constexpr DicomTag kPixelSpacing{0x00280030, "PixelSpacing"};
+inline constexpr DicomTag kBits{0x00280100, "BitsAllocated"};
+inline constexpr DicomTag kBitsStored{0x00280101, "BitsStored"};
+inline constexpr DicomTag kHighBit{0x00280102, "HighBit"};
+inline constexpr DicomTag kSign{0x00280103, "PixelRepresentation"};
+inline constexpr DicomTag kIntercept{0x00281052, "RescaleIntercept"};
+inline constexpr DicomTag kSlope{0x00281053, "RescaleSlope"};
+inline constexpr DicomTag kRescaleType{0x00281054, "RescaleType"};
+}  // namespace dicom
+
+// A Modality LUT: what stored values stand for. Values before the first and behind the last entry
+// count as these.
+struct DicomTable {
+  std::int64_t first = 0;              // the stored value of the first entry
+  std::vector<std::uint16_t> entries;  // at least one
+  std::string type;                    // ModalityLUTType: HU, US (unspecified), OD, ...
+};
+
+struct DicomFile {
+  bool is_dicom = false;    // has the preamble, or begins as files without one do
+  bool has_pixels = false;  // is an image
+  std::string syntax;       // TransferSyntaxUID; empty: not stated
+  bool big_endian = false;
+  bool has_fragments = false;  // the pixels are compressed: items, up to a delimiter
+  // The pixels in the file; 0 without pixels. Padding may follow.
+  std::int64_t pixels_begin = 0;
+  std::int64_t pixels_end = 0;
+  // By tag number, as text: numbers in decimal, several separated by '\'.
+  std::map<std::uint32_t, std::string> values;
+  std::shared_ptr<const DicomTable> table;  // may be null
+
+  std::string Text(const DicomTag& tag) const {
+    const auto value = values.find(tag.number);
+    return value == values.end() ? std::string() : value->second;
+  }
+};
+
+// `length`: the bytes of the stream. Refuses files that are truncated or contradict themselves, and
+// those whose pixels are of a kind that is not supported: it names the kind.
 DicomFile CheckDicomFile(std::istream* in, std::int64_t length);
 
 }  // namespace palpate

@@ -21,16 +21,6 @@ constexpr double kStraight = 0.01;
 
 DicomStack SortedStack(std::vector<DicomSlice> slices) {
   const DicomSlice first = slices.front();
-  for (const DicomSlice& slice : slices) {
-    if (slice.size != first.size || (slice.row_W - first.row_W).norm() > kParallelSlices ||
-        (slice.column_W - first.column_W).norm() > kParallelSlices ||
-        std::abs(slice.spacing_mm[0] / first.spacing_mm[0] - 1.0) > kParallelSlices ||
-        std::abs(slice.spacing_mm[1] / first.spacing_mm[1] - 1.0) > kParallelSlices) {
-      Refuse("the slices " + FileName(first.file) + " and " + FileName(slice.file) +
-             " differ in size, spacing or orientation; keep those of one stack");
-    }
-  }
-  if (slices.size() < 2) Refuse("there is a single slice; a volume needs at least two");
   DicomStack stack;
   stack.direction << first.row_W, first.column_W, first.row_W.cross(first.column_W);
   const Vec3 normal_W = stack.direction.col(2);

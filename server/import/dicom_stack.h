@@ -5,32 +5,15 @@
 // Threads: one. Errors: palpate::Error, see image_header.h.
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <filesystem>
-#include <string>
 #include <vector>
 
 #include "common/geometry/geometry.h"
+#include "server/import/dicom_slice.h"
 #include "server/import/image_header.h"
 #include "server/import/reporter.h"
 
 namespace palpate {
-
-// Tolerance for the unit vectors along rows and columns.
-inline constexpr double kParallelSlices = 1e-3;
-
-struct DicomSlice {
-  std::filesystem::path file;
-  Vec3 position_W_mm;
-  Vec3 row_W;     // unit vector along x
-  Vec3 column_W;  // unit vector along y
-  std::array<double, 2> spacing_mm{};
-  std::array<std::int64_t, 2> size{};
-  ScalarType type = ScalarType::kInt16;
-  std::string unit;
-  bool is_ct = false;
-};
 
 // Slices of one size, spacing and orientation, sorted along their normal. Their places, first voxel
 // first: mm along the rows, the columns and the normal.
@@ -44,7 +27,8 @@ struct DicomStack {
   bool is_resampled = false;
 };
 
-// Refuses slices that do not make one stack, lie beside its line or leave a gap. Unevenly spaced
+// `slices`: at least two, of one size, spacing and orientation. Refuses slices that lie beside the
+// line of the others or at one place, or leave a gap. Unevenly spaced
 // slices are to be resampled, if `limits` lets it; warnings say so.
 DicomStack MakeStack(std::vector<DicomSlice> slices, const ImportLimits& limits,
                      Reporter* reporter);

@@ -113,9 +113,9 @@ std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, ScalarTy
                                           std::to_string(limits.max_voxels) +
                                           " voxels; crop or resample the volume");
   }
-  // The peak is the greater of two: the file's voxels together with what ITK makes of them; or the
-  // leaves (0.4 bytes more per voxel) together with the tree of floats that is written to a file
-  // (4.4 bytes).
+  // The peak is the greater of two: the file's voxels together with what a reader makes of them; or
+  // the leaves (0.4 bytes more per voxel) together with the tree of floats that is written to a
+  // file (4.4 bytes).
   const int bytes_per_voxel = ByteCount(type);
   const int peak = static_cast<int>(VoxelBytes(read_type)) + std::max(bytes_per_voxel, 5);
   std::int64_t memory = 0;

@@ -84,6 +84,7 @@ struct ImportLimits {
   OwnFiles own_files{};
   bool spacing_is_given = false;    // the file's own does not matter
   std::optional<NiftiForm> form{};  // the user's choice; none: as the file says
+  std::string series{};             // the SeriesInstanceUID to read; empty: the largest
   bool may_resample = true;         // unevenly spaced slices; otherwise they are refused
 };
 

@@ -9,13 +9,9 @@
 #include <string>
 #include <vector>
 
-#include <itkMacro.h>
-#include <itkObject.h>
-
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
 #include "server/import/confinement.h"
-#include "server/import/file_start.h"
 #include "server/import/readers.h"
 #include "server/import/reporter.h"
 #include "server/import/resource_limits.h"
@@ -37,6 +33,7 @@ struct Options {
   std::optional<std::int64_t> descriptor;
   std::vector<double> spacing_mm;
   std::string orientation;
+  std::string series;
   bool no_resample = false;
   std::optional<std::int64_t> frame;
   std::string grid;
@@ -134,6 +131,10 @@ void DefineOptions(arguments::Command* app, Options* options) {
          "(default: the sform if its code is not 0, else the qform)")
       ->check(arguments::IsMember({"qform", "sform", "none"}))
       ->type_name("FORM");
+  app->add_option("--series", options->series,
+                  "SeriesInstanceUID of the DICOM series to read (default: the one with the most\n"
+                  "slices that fit together)")
+      ->type_name("UID");
   app->add_flag("--no-resample", options->no_resample,
                 "Refuse unevenly spaced DICOM slices (default: interpolate at their finest\n"
                 "spacing, with a warning)");
@@ -243,13 +244,15 @@ std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
   return folders;
 }
 
+constexpr char kDicom[] = "DICOM";
+
 // The format as a crash of its reader names it.
 std::string ReaderName(const Options& options) {
   std::error_code error;
   const std::filesystem::path input = options.input;
   const bool is_folder = std::filesystem::is_directory(input, error);
   if (!options.raw_size.empty()) return "raw voxels";
-  if (is_folder && !palpate::IsTiffFolder(input)) return "DICOM";
+  if (is_folder && !palpate::IsTiffFolder(input)) return kDicom;
   if (is_folder || palpate::IsTiffName(input)) return "TIFF";
   const auto format = PlainFormat(input);
   if (!format) return "OpenVDB";
@@ -271,6 +274,9 @@ void HandOver(const Options& options, const palpate::ImportLimits& limits,
   if (limits.form &&
       (!options.raw_size.empty() || PlainFormat(options.input) != palpate::ImageFormat::kNifti)) {
     palpate::Refuse("only NIfTI files have a qform and a sform; leave --orientation out");
+  }
+  if (!options.series.empty() && ReaderName(options) != kDicom) {
+    palpate::Refuse("only folders of DICOM files have series; leave --series out");
   }
   if (IsVdb(options)) {
     palpate::CheckFrame(options.frame.value_or(0), 1);
@@ -300,6 +306,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   limits.max_voxels = options.max_voxels;
   limits.spacing_is_given = spacing_mm.has_value();
   limits.form = FormNamed(options.orientation);
+  limits.series = options.series;
   limits.may_resample = !options.no_resample;
   limits.max_memory_bytes = options.max_memory_mib << 20;
   limits.folders = FoldersToRead(options);
@@ -312,11 +319,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   reporter->FailAfter(options.timeout_s);
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
   if (!limits.folders.empty()) palpate::CheckPlace(options.input, limits);
-  if (options.descriptor) {
-    palpate::FileStart::Reserve();
-    palpate::Confine(limits.folders);
-  }
-  itk::Object::SetGlobalWarningDisplay(false);
+  if (options.descriptor) palpate::Confine(limits.folders);
   if (options.descriptor) {
     HandOver(options, limits, spacing_mm, static_cast<int>(*options.descriptor), reporter);
   } else {
@@ -330,16 +333,6 @@ void Import(const Options& options, palpate::Reporter* reporter) {
         {.if_there = palpate::ReplacesIf(options.overwrite), .durable = palpate::Durable::kNo});
   }
   reporter->Progress(1.0, "done");
-}
-
-// Keeps only the end of the message: ITK puts file, line and object before it.
-std::string Condensed(const itk::ExceptionObject& error) {
-  std::string text = error.GetDescription();
-  const std::size_t end = text.rfind("): ");
-  if (end != std::string::npos && text.find("ITK ERROR") != std::string::npos) {
-    text = text.substr(end + 3);
-  }
-  return "cannot be read (" + text + "); save it again with another program";
 }
 
 int Run(const Options& options) {
@@ -356,11 +349,6 @@ int Run(const Options& options) {
   } catch (const std::bad_alloc&) {
     return fail(ErrorKind::kTooLarge,
                 "there is not enough memory; crop the volume or raise --max-memory-mib");
-  } catch (const itk::MemoryAllocationError&) {
-    return fail(ErrorKind::kTooLarge,
-                "there is not enough memory; crop the volume or raise --max-memory-mib");
-  } catch (const itk::ExceptionObject& error) {
-    return fail(ErrorKind::kInvalidArgument, Condensed(error));
   } catch (const std::exception& error) {
     return fail(ErrorKind::kInternal, std::string(error.what()) + "; please report this");
   }

@@ -33,9 +33,10 @@ VolumeMetadata ReadRawVolume(const std::filesystem::path& path, const RawVoxels&
 VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
                               const VoxelSink& sink, Reporter* reporter);
 
-// The largest series of a folder. Slices are sorted by position and must be parallel and lie on one
-// line across them. Unevenly spaced slices are resampled at their finest spacing, with a warning.
-// The unit is HU where the rescale leads to it.
+// The largest stack of parallel slices of a folder, or of the folders below it; what is left out is
+// said. Slices are sorted by position and must lie on one line across them. Unevenly spaced slices
+// are resampled at their finest spacing, with a warning. The unit is HU where the rescale leads to
+// it.
 VolumeMetadata ReadDicomVolume(const std::filesystem::path& folder, const ImportLimits& limits,
                                const VoxelSink& sink, Reporter* reporter);
 

@@ -1,5 +1,5 @@
 // Writes palpate-import's output: warnings and the one error line to stderr, progress to stdout.
-// Keeps the libraries' own output (nifti_clib, MetaIO and GDCM print) off both.
+// Keeps the libraries' own output (GDCM prints) off both.
 //
 // Threads: one. Not for real-time code.
 #pragma once

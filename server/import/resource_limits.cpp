@@ -58,7 +58,7 @@ void LimitResources(std::int64_t max_memory_bytes, std::int64_t max_seconds) {
   const auto threads = static_cast<std::int64_t>(std::max(std::thread::hardware_concurrency(), 1u));
   Limit(RLIMIT_CORE, 0, "core dumps");
   Limit(RLIMIT_NOFILE, kOpenFiles, "open files");
-  // TBB and ITK have a thread for each processor.
+  // TBB has a thread for each processor.
   Limit(RLIMIT_NPROC, ThreadsNow() + kMostThreads + 2 * static_cast<rlim_t>(threads), "threads");
   Limit(RLIMIT_CPU, static_cast<rlim_t>(max_seconds * threads), "processor time");
   // A written tree or volume is no larger than the memory that held it.

@@ -28,14 +28,21 @@ namespace {
 // Names that an architecture lacks are skipped there. 32-bit architectures have extra names for
 // calls with 64-bit numbers; newer architectures have only openat() and no open().
 
-constexpr const char* kFiles[] = {
-    "_llseek", "access", "arm_fadvise64_64", "close", "dup", "dup2", "dup3", "faccessat",
-    "faccessat2", "fadvise64", "fadvise64_64", "fallocate", "fdatasync", "fstat", "fstat64",
-    "fstatat64", "fstatfs", "fstatfs64", "fsync", "ftruncate", "ftruncate64", "getcwd", "getdents",
-    "getdents64", "lseek", "lstat", "lstat64", "newfstatat", "pread64", "preadv", "pwrite64",
-    "pwritev", "read", "readahead", "readlink", "readlinkat", "readv",
-    // FileStart copies the start of a DICOM file with sendfile.
-    "sendfile", "sendfile64", "stat", "stat64", "statfs", "statfs64", "statx", "write", "writev"};
+constexpr const char* kFiles[] = {"_llseek",    "access",       "arm_fadvise64_64",
+                                  "close",      "dup",          "dup2",
+                                  "dup3",       "faccessat",    "faccessat2",
+                                  "fadvise64",  "fadvise64_64", "fallocate",
+                                  "fdatasync",  "fstat",        "fstat64",
+                                  "fstatat64",  "fstatfs",      "fstatfs64",
+                                  "fsync",      "ftruncate",    "ftruncate64",
+                                  "getcwd",     "getdents",     "getdents64",
+                                  "lseek",      "lstat",        "lstat64",
+                                  "newfstatat", "pread64",      "preadv",
+                                  "pwrite64",   "pwritev",      "read",
+                                  "readahead",  "readlink",     "readlinkat",
+                                  "readv",      "stat",         "stat64",
+                                  "statfs",     "statfs64",     "statx",
+                                  "write",      "writev"};
 
 constexpr const char* kMemoryAndThreads[] = {
     "brk", "exit", "exit_group", "futex", "futex_time64", "mremap", "msync", "munmap",

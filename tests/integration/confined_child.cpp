@@ -25,7 +25,6 @@
 
 #include "common/error/error.h"
 #include "server/import/confinement.h"
-#include "server/import/file_start.h"
 #include "server/import/reporter.h"
 #include "server/import/resource_limits.h"
 
@@ -63,7 +62,6 @@ void ConfineAsTold(std::string_view how, std::string_view what, const fs::path& 
   // The limit of threads is not for root.
   if (what == kManyThreads && geteuid() == 0) Check(setuid(65534) == 0, "setuid");
   LimitResources(std::int64_t{1} << 28, 100);
-  FileStart::Reserve();
   if (how == "threaded")
     std::thread([] { std::this_thread::sleep_for(std::chrono::seconds(20)); }).detach();
   if (how == "readable" || how == "threaded") Confine({folder / "readable"});

@@ -13,7 +13,6 @@
 #include <stdexcept>
 #include <thread>
 
-#include "server/import/file_start.h"
 #include "tests/integration/confined_child.h"
 
 namespace palpate {
@@ -62,15 +61,6 @@ void ReadFiles() {
   close(file);
 }
 
-void ReadFileStart() {
-  for (const std::string expected : {"read", "readable"}) {
-    const FileStart start(readable_file, static_cast<std::int64_t>(expected.size()));
-    std::ifstream in(start.path());
-    std::string text;
-    Check(std::getline(in, text).eof() && text == expected, "read the start");
-  }
-}
-
 void WriteMemoryFile() {
   constexpr int kSize = 1 << 20;
   Check(ftruncate(memory_file, kSize) == 0, "ftruncate");
@@ -95,7 +85,6 @@ void RunOutOfTime() { std::this_thread::sleep_for(std::chrono::hours(24)); }
 
 const Work kWorks[] = {
     {"read_files", ReadFiles},
-    {"read_file_start", ReadFileStart},
     {"write_memory_file", WriteMemoryFile},
     {"crash", Crash},
     {"crash_in_a_thread", CrashInAThread},

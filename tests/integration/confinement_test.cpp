@@ -126,7 +126,7 @@ TEST(Confinement, FailsWhileAThreadRuns) {
 // What else readers do is shown by import_test, with the readers.
 TEST(Confinement, ReadersCanWork) {
   for (const std::string how : {"free", "readable", "everywhere"}) {
-    for (const std::string work : {"read_files", "read_file_start", "write_memory_file"}) {
+    for (const std::string work : {"read_files", "write_memory_file"}) {
       const ProcessResult result = RunChild(how, work);
       EXPECT_EQ(result.exit_code, kSucceeded) << work << ", " << how << ": " << result.error;
     }

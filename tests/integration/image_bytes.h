@@ -42,15 +42,23 @@ struct SliceFile {
   double height_mm = 0.0;
   int z = 0;  // its number
   std::string series = "1.2.3";
+  std::string instance{};  // empty: of its series and number
+  std::string syntax = "1.2.840.10008.1.2.1";
   std::string modality = "CT";
   std::string orientation = "1\\0\\0\\0\\1\\0";
   std::string shift = "10\\20\\";     // of the position, before the height
   std::string spacing = "0.75\\0.5";  // of rows, of columns
+  std::string spacing_type = "DS";
+  std::string photometric = "MONOCHROME2";
+  std::string frames{};
   std::uint16_t columns = kPatternSize[0];
   std::uint16_t rows = kPatternSize[1];
   bool has_rescale = true;
   std::string rescale_type{};
-  std::string pixels{};  // int16
+  std::string elements{};               // before the pixels
+  std::uint16_t pixels_element = 0x10;  // 8, 9: float and double pixels
+  std::string pixels{};                 // int16, or fragments
+  bool has_fragments = false;
 };
 
 // Explicit VR, little endian.
@@ -59,7 +67,7 @@ inline void Append(std::string* out, std::uint16_t group, std::uint16_t element,
   const std::string kind(vr);
   if (value.size() % 2 != 0) value += kind == "UI" || kind == "OB" ? '\0' : ' ';
   *out += BytesOf(group) + BytesOf(element) + kind;
-  if (kind == "OW" || kind == "OB") {
+  if (kind == "OW" || kind == "OB" || kind == "UT" || kind == "SQ") {
     *out += std::string(2, '\0') + BytesOf(static_cast<std::uint32_t>(value.size()));
   } else {
     *out += BytesOf(static_cast<std::uint16_t>(value.size()));
@@ -69,12 +77,13 @@ inline void Append(std::string* out, std::uint16_t group, std::uint16_t element,
 
 inline std::string DicomBytes(const SliceFile& slice) {
   const std::string ct = "1.2.840.10008.5.1.4.1.1.2";
-  const std::string instance = slice.series + "." + std::to_string(slice.z + 1);
+  const std::string instance =
+      slice.instance.empty() ? slice.series + "." + std::to_string(slice.z + 1) : slice.instance;
   std::string meta;
   Append(&meta, 2, 1, "OB", std::string("\0\1", 2));
   Append(&meta, 2, 2, "UI", ct);
   Append(&meta, 2, 3, "UI", instance);
-  Append(&meta, 2, 0x10, "UI", "1.2.840.10008.1.2.1");
+  Append(&meta, 2, 0x10, "UI", slice.syntax);
   std::string out = std::string(128, '\0') + "DICM";
   Append(&out, 2, 0, "UL", BytesOf(static_cast<std::uint32_t>(meta.size())));
   out += meta;
@@ -84,14 +93,16 @@ inline std::string DicomBytes(const SliceFile& slice) {
   Append(&out, 8, 0x60, "CS", slice.modality);
   Append(&out, 0x20, 0xd, "UI", "1.2.9");
   Append(&out, 0x20, 0xe, "UI", slice.series);
+  Append(&out, 0x20, 0x11, "IS", "7");
   Append(&out, 0x20, 0x13, "IS", std::to_string(slice.z + 1));
   Append(&out, 0x20, 0x32, "DS", slice.shift + std::to_string(slice.height_mm));
   Append(&out, 0x20, 0x37, "DS", slice.orientation);
   Append(&out, 0x28, 2, "US", u16(1));
-  Append(&out, 0x28, 4, "CS", "MONOCHROME2");
+  Append(&out, 0x28, 4, "CS", slice.photometric);
+  if (!slice.frames.empty()) Append(&out, 0x28, 8, "IS", slice.frames);
   Append(&out, 0x28, 0x10, "US", u16(slice.rows));
   Append(&out, 0x28, 0x11, "US", u16(slice.columns));
-  Append(&out, 0x28, 0x30, "DS", slice.spacing);
+  Append(&out, 0x28, 0x30, slice.spacing_type.c_str(), slice.spacing);
   Append(&out, 0x28, 0x100, "US", u16(16));
   Append(&out, 0x28, 0x101, "US", u16(16));
   Append(&out, 0x28, 0x102, "US", u16(15));
@@ -101,7 +112,11 @@ inline std::string DicomBytes(const SliceFile& slice) {
     Append(&out, 0x28, 0x1053, "DS", "2");
   }
   if (!slice.rescale_type.empty()) Append(&out, 0x28, 0x1054, "LO", slice.rescale_type);
-  Append(&out, 0x7fe0, 0x10, "OW", slice.pixels);
+  out += slice.elements;
+  if (slice.has_fragments) {
+    return out + std::string("\xe0\x7f\x10\0OB\0\0\xff\xff\xff\xff", 12) + slice.pixels;
+  }
+  Append(&out, 0x7fe0, slice.pixels_element, "OW", slice.pixels);
   return out;
 }
 

@@ -7,56 +7,13 @@
 #include <sstream>
 
 #include "server/import/dicom_file.h"
-#include "tests/integration/image_bytes.h"
-#include "tests/integration/import_support.h"
+#include "tests/integration/dicom_support.h"
 #include "tests/support/process.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Of the pattern, before a test changes it.
-SliceFile PatternSlice(int z) {
-  SliceFile slice;
-  slice.z = z;
-  slice.height_mm = 30.0 + 2.0 * z;
-  return slice;
-}
-
-// The pattern's slice with these columns.
-std::string PatternDicom(SliceFile slice) {
-  for (int y = 0; y < slice.rows; ++y) {
-    for (int x = 0; x < slice.columns; ++x) {
-      slice.pixels += BytesOf(static_cast<std::int16_t>(PatternValue(x, y, slice.z)));
-    }
-  }
-  return DicomBytes(slice);
-}
-
-class DicomTest : public ImportTest {
- protected:
-  // Four slices with pitch 2 mm, named against their order, each changed first. `padding`: the
-  // bytes behind each.
-  fs::path WriteSeries(const std::function<void(SliceFile*)>& change = nullptr,
-                       const std::string& padding = "") {
-    fs::remove_all(Path("series"));
-    fs::create_directory(Path("series"));
-    for (int z = 0; z < kPatternSize[2]; ++z) {
-      SliceFile slice = PatternSlice(z);
-      if (change) change(&slice);
-      Write("series/" + std::to_string(9 - z) + ".dcm", PatternDicom(slice) + padding);
-    }
-    return Path("series");
-  }
-
-  static void ExpectSlices(const LoadedVolume& volume) {
-    ASSERT_EQ(volume.metadata.size, Vec3i(7, 5, 4));
-    for (int z = 0; z < 4; ++z) {
-      EXPECT_EQ(At(volume, 3, 2, z), 2 * PatternValue(3, 2, z) - 1024);
-    }
-  }
-};
 
 TEST_F(DicomTest, SeriesIsSortedAndRescaled) {
   const fs::path folder = WriteSeries();

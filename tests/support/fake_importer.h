@@ -1,4 +1,4 @@
-// A program that replaces palpate-import, for tests without ITK. Its input file has the bytes that
+// A program that replaces palpate-import, for tests without its libraries. Its input file has the bytes that
 // palpate-import would hand over. INPUT.N, if it exists, is frame N.
 #pragma once
 

@@ -112,7 +112,7 @@ LIBRARIES = {
                           ["common/wire", "server/rpc", "server/app", "client/sdk"]),
     "CLI11": (r"CLI/", ["common/arguments"]),
     "OpenVDB": (r"openvdb/", ["server/volume", "server/import", "server/lab", "client/vdb"]),
-    "ITK": (r"itk|gdcm", ["server/import"]),
+    "GDCM": (r"gdcm", ["server/import"]),
     "libtiff": (r"tiff", ["server/import"]),
     "libsystemd": (r"systemd/", ["server/app", "client/web/app"]),
     "libusb": (r"libusb", ["server/device/usb"]),
@@ -290,7 +290,7 @@ class IncludeLayers(unittest.TestCase):
         self.assertTrue(violations("server/haptics", ["server/volume/snapshot_builder.h"]))
         self.assertTrue(violations("server/servo", ["spdlog/spdlog.h"]))
         self.assertTrue(violations("server/session", ["grpcpp/grpcpp.h"]))
-        self.assertTrue(violations("server/volume", ["itkImage.h"]))
+        self.assertTrue(violations("server/volume", ["gdcmImage.h"]))
         self.assertTrue(violations("server/servo", ["server/recording/recorder.h"]))
         self.assertTrue(violations("server/session", ["zstd.h"]))
         self.assertTrue(violations("server/recording", ["server/volume/snapshot_builder.h"]))

@@ -1,0 +1,274 @@
+#include "server/import/dicom_folder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <set>
+#include <system_error>
+#include <tuple>
+#include <utility>
+
+#include "server/import/data_check.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostFiles = 100'000;
+constexpr int kDeepestFolder = 8;
+
+struct Found {
+  std::vector<DicomSlice> slices;
+  FileNotes left_out;
+  FileNotes repairs;
+};
+
+// Adds the file if it is a slice. Files that are no DICOM images are passed over, unless their name
+// says otherwise.
+void AddFile(const fs::path& path, const ImportLimits& limits, Found* found) {
+  std::error_code error;
+  const auto length = static_cast<std::int64_t>(fs::file_size(path, error));
+  std::ifstream in(path, std::ios::binary);
+  if (error || !in) return found->left_out.Add("it cannot be opened", path);
+  try {
+    DicomFile file = CheckDicomFile(&in, length);
+    const bool is_named_so = Lower(path.extension().string()) == ".dcm";
+    if (!file.is_dicom && is_named_so) found->left_out.Add("it is no DICOM file", path);
+    if (!file.has_pixels) return;
+    found->slices.push_back(ParseSlice(path, std::move(file), limits, &found->repairs));
+  } catch (const Error& failure) {
+    found->left_out.Add(failure.what(), path);
+  }
+}
+
+void CheckListable(const fs::path& folder) {
+  std::error_code error;
+  const fs::directory_iterator entries(folder, error);
+  if (error == std::errc::permission_denied) {
+    throw Error(ErrorKind::kPermissionDenied,
+                "the folder may not be read; give this user the permission");
+  }
+  if (error) Refuse("the folder cannot be read: " + error.message());
+}
+
+// `below`: with those of the folders below, as far as they may be read.
+std::vector<fs::path> FilesOf(const fs::path& folder, bool below, const ImportLimits& limits) {
+  CheckListable(folder);
+  std::vector<fs::path> files;
+  std::error_code error;
+  fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied,
+                                         error);
+  for (; !error && entry != fs::end(entry); entry.increment(error)) {
+    std::error_code unknown;
+    if (!below || entry.depth() >= kDeepestFolder) entry.disable_recursion_pending();
+    if (!entry->is_regular_file(unknown) || limits.own_files.Hold(entry->path())) continue;
+    CheckPlace(entry->path(), limits);
+    files.push_back(entry->path());
+    if (files.size() > kMostFiles) {
+      Refuse("the folder holds more than " + std::to_string(kMostFiles) +
+             " files; give the one with the series");
+    }
+  }
+  if (error) Refuse("the folder cannot be read: " + error.message());
+  std::ranges::sort(files);
+  return files;
+}
+
+Found Find(const fs::path& folder, bool below, const ImportLimits& limits) {
+  Found found;
+  for (const fs::path& path : FilesOf(folder, below, limits)) AddFile(path, limits, &found);
+  return found;
+}
+
+bool Fit(const DicomSlice& one, const DicomSlice& other) {
+  return one.size == other.size && (one.row_W - other.row_W).norm() <= kParallelSlices &&
+         (one.column_W - other.column_W).norm() <= kParallelSlices &&
+         std::abs(one.spacing_mm[0] / other.spacing_mm[0] - 1.0) <= kParallelSlices &&
+         std::abs(one.spacing_mm[1] / other.spacing_mm[1] - 1.0) <= kParallelSlices;
+}
+
+std::string PixelBytes(const DicomSlice& slice) {
+  std::string bytes(static_cast<std::size_t>(slice.content.pixels_end - slice.content.pixels_begin),
+                    '\0');
+  std::ifstream in(slice.file, std::ios::binary);
+  in.seekg(slice.content.pixels_begin);
+  in.read(bytes.data(), std::ssize(bytes));
+  return bytes;
+}
+
+bool IsCopy(const DicomSlice& one, const DicomSlice& other) {
+  const std::string instance = one.content.Text(dicom::kInstance);
+  return (!instance.empty() && instance == other.content.Text(dicom::kInstance)) ||
+         PixelBytes(one) == PixelBytes(other);
+}
+
+// Slices of one series that fit, without copies.
+class Stack {
+ public:
+  explicit Stack(DicomSlice first) { Put(std::move(first)); }
+
+  bool Takes(const DicomSlice& slice) const { return Fit(slices_.front(), slice); }
+  void Add(DicomSlice slice, FileNotes* left_out) {
+    const auto same_place = places_.equal_range(Place(slice));
+    for (auto at = same_place.first; at != same_place.second; ++at) {
+      if (!IsCopy(slices_[at->second], slice)) continue;
+      left_out->Add("it is a copy of another slice", slice.file);
+      return;
+    }
+    Put(std::move(slice));
+  }
+  std::vector<DicomSlice>& slices() { return slices_; }
+  std::size_t size() const { return slices_.size(); }
+
+ private:
+  static std::tuple<double, double, double> Place(const DicomSlice& slice) {
+    const Vec3& at = slice.position_W_mm;
+    return {at.x(), at.y(), at.z()};
+  }
+  void Put(DicomSlice slice) {
+    places_.emplace(Place(slice), slices_.size());
+    slices_.push_back(std::move(slice));
+  }
+
+  std::vector<DicomSlice> slices_;
+  std::multimap<std::tuple<double, double, double>, std::size_t> places_;
+};
+
+using Series = std::map<std::string, std::vector<Stack>>;  // by a key of the series
+
+std::string SeriesOf(const DicomSlice& slice) { return slice.content.Text(dicom::kSeries); }
+
+// What is left of a series where each file got a SeriesInstanceUID of its own.
+std::string LooseSeriesOf(const DicomSlice& slice) {
+  std::string key;
+  for (const DicomTag& tag :
+       {dicom::kStudy, dicom::kFrameOfReference, dicom::kSeriesNumber, dicom::kModality}) {
+    key += slice.content.Text(tag) + "\n";
+  }
+  return key;
+}
+
+Series Grouped(std::vector<DicomSlice> slices, std::string (*key)(const DicomSlice&),
+               FileNotes* left_out) {
+  Series series;
+  for (DicomSlice& slice : slices) {
+    std::vector<Stack>& stacks = series[key(slice)];
+    const auto stack =
+        std::ranges::find_if(stacks, [&](const Stack& one) { return one.Takes(slice); });
+    if (stack == stacks.end()) {
+      stacks.emplace_back(std::move(slice));
+    } else {
+      stack->Add(std::move(slice), left_out);
+    }
+  }
+  return series;
+}
+
+Stack* LargestOf(Series* series) {
+  Stack* largest = nullptr;
+  for (auto& [key, stacks] : *series) {
+    for (Stack& stack : stacks) {
+      if (!largest || stack.size() > largest->size()) largest = &stack;
+    }
+  }
+  return largest;
+}
+
+bool HasStack(Series* series) {
+  const Stack* const largest = LargestOf(series);
+  return largest && largest->size() > 1;
+}
+
+void KeepSeries(const std::string& wanted, bool is_last_try, std::vector<DicomSlice>* slices) {
+  std::set<std::string> present;
+  for (const DicomSlice& slice : *slices) present.insert(SeriesOf(slice));
+  if (is_last_try && !present.contains(wanted)) {
+    std::string list;
+    for (const std::string& uid : present) list += (list.empty() ? "" : ", ") + uid;
+    Refuse("no slices of the series " + Quoted(wanted) + "; there are: " + list);
+  }
+  std::erase_if(*slices, [&](const DicomSlice& slice) { return SeriesOf(slice) != wanted; });
+}
+
+std::string Named(const std::string& series, const std::string& description) {
+  return "the series " + series + (description.empty() ? "" : " " + Quoted(description));
+}
+
+// Returns the slices of the largest stack, and notes the others.
+std::vector<DicomSlice> Choose(Series series, FileNotes* left_out) {
+  Stack* const largest = LargestOf(&series);
+  const std::string chosen = SeriesOf(largest->slices().front());
+  for (auto& [key, stacks] : series) {
+    for (Stack& stack : stacks) {
+      if (&stack == largest) continue;
+      for (const DicomSlice& slice : stack.slices()) {
+        const bool is_other = SeriesOf(slice) != chosen;
+        left_out->Add(
+            is_other ? "it is of " + Named(SeriesOf(slice), slice.content.Text(dicom::kDescription))
+                     : "it differs from the stack in size, spacing or orientation",
+            slice.file);
+      }
+    }
+  }
+  return std::move(largest->slices());
+}
+
+constexpr char kLooseSeries[] =
+    "each slice has a SeriesInstanceUID of its own; those of one study, frame of reference and "
+    "SeriesNumber are taken for one series";
+
+// Says what is taken.
+void Describe(const fs::path& folder, bool below, bool several, DicomFolder* result) {
+  const DicomSlice& first = result->slices.front();
+  if (!result->left_out.empty()) {
+    result->warnings.push_back(
+        std::to_string(result->slices.size()) + " slices of " +
+        Named(SeriesOf(first), first.content.Text(dicom::kDescription)) +
+        " are taken, others are left out: " + result->left_out +
+        (several ? "; palpate-import --series UID chooses another series" : ""));
+  }
+  if (below) {
+    result->warnings.push_back("the slices lie below the folder, in " +
+                               Quoted(fs::relative(first.file.parent_path(), folder).string()));
+  }
+}
+
+}  // namespace
+
+DicomFolder ScanDicomFolder(const fs::path& folder, const ImportLimits& limits) {
+  DicomFolder result;
+  Found found;
+  Series series;
+  FileNotes left_out;
+  const auto group = [&](std::string (*key)(const DicomSlice&)) {
+    left_out = found.left_out;
+    series = Grouped(found.slices, key, &left_out);
+  };
+  for (const bool below : {false, true}) {
+    found = Find(folder, below, limits);
+    if (!limits.series.empty()) KeepSeries(limits.series, below, &found.slices);
+    group(SeriesOf);
+    const std::size_t count = series.size();
+    if (count > 1 && !HasStack(&series)) {
+      group(LooseSeriesOf);
+      if (HasStack(&series)) result.warnings.push_back(kLooseSeries);
+    }
+    if (!HasStack(&series)) continue;
+    result.slices = Choose(std::move(series), &left_out);
+    result.left_out = left_out.Text();
+    Describe(folder, below, count > 1, &result);
+    if (!found.repairs.empty()) result.warnings.push_back(found.repairs.Text());
+    return result;
+  }
+  if (found.slices.empty() && found.left_out.empty()) {
+    Refuse("neither the folder nor those below hold DICOM slices; give the one with the series");
+  }
+  if (!found.slices.empty()) Choose(std::move(series), &left_out);
+  Refuse((found.slices.empty() ? "no DICOM slice can be used"
+                               : "there is a single slice; a volume needs at least two") +
+         (left_out.empty() ? std::string() : ": " + left_out.Text()));
+}
+
+}  // namespace palpate
