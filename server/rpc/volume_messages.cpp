@@ -63,6 +63,11 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   out.set_patient_axes_answered(state.patient_axes_answered());
   out.set_frames(static_cast<std::uint32_t>(metadata.frames));
   for (const std::string& warning : metadata.warnings) out.add_warnings(warning);
+  if (state.values->has_padding) {
+    out.add_warnings(
+        "values below -1024 at the border are padding: for the histogram and the suggested "
+        "isovalues they count as -1024");
+  }
   if (!state.place_problem.empty()) {
     out.add_warnings("the volume's place or its sides are not kept for its next load: " +
                      state.place_problem);

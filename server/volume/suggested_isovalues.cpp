@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -20,6 +21,9 @@ constexpr double kLeastShareOfRange = 0.02;  // of nearly all values, before out
 constexpr double kLeastMaterial = 0.0005;    // share of voxels, for a preset
 constexpr double kBone_hu = 300.0;
 constexpr double kSkin_hu = -300.0;
+constexpr double kLeastCt_hu = -1024.0;  // of a scanner; less is noise of air, or padding
+constexpr double kLeastNoise_hu = -1200.0;
+constexpr double kLeastPadding = 0.01;  // share of the border
 constexpr std::size_t kMostPeaks = 4;
 constexpr double kPeakOverValley = 1.5;
 constexpr double kLeastPeak = 0.001;  // share of voxels in the peak's bin
@@ -49,17 +53,40 @@ void ForSomeVoxels(const VolumeSnapshot& volume, std::uint64_t most, const Visit
   }
 }
 
+// True if values at the volume's border, as outside of a round field of view, are less than a
+// scanner's least.
+bool HasPadding(const VolumeSnapshot& volume) {
+  constexpr int kMostSteps = 64;
+  std::uint64_t all = 0, padding = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    const Vec3i size = volume.size(), step = (size / kMostSteps).cwiseMax(1);
+    Vec3i at;
+    for (const int end : {0, size[axis] - 1}) {
+      at[axis] = end;
+      for (at[u] = 0; at[u] < size[u]; at[u] += step[u]) {
+        for (at[v] = 0; at[v] < size[v]; at[v] += step[v]) {
+          const Leaf& leaf = volume.bricks().Find(at.x(), at.y(), at.z());
+          ++all;
+          padding += leaf[VoxelInBrick(at.x(), at.y(), at.z())] < kLeastCt_hu;
+        }
+      }
+    }
+  }
+  return static_cast<double>(padding) > kLeastPadding * static_cast<double>(all);
+}
+
 struct Spread {
   std::optional<float> background;
   double low = 0.0, high = 0.0;  // of nearly all other values
   bool are_whole = true;         // all are whole numbers
 };
 
-Spread SpreadOf(const VolumeSnapshot& volume) {
+Spread SpreadOf(const VolumeSnapshot& volume, float least) {
   std::vector<std::pair<float, std::uint64_t>> sample;
   std::uint64_t total = 0;
   ForSomeVoxels(volume, kMostSamples, [&](float value, std::uint64_t times) {
-    sample.emplace_back(value, times);
+    sample.emplace_back(std::max(value, least), times);
     total += times;
   });
   std::sort(sample.begin(), sample.end());
@@ -98,8 +125,8 @@ Spread SpreadOf(const VolumeSnapshot& volume) {
 
 class Bins {
  public:
-  Bins(const VolumeMetadata& metadata, const Spread& spread)
-      : low_(metadata.value_min), high_(metadata.value_max) {
+  Bins(const VolumeMetadata& metadata, const Spread& spread, double least)
+      : low_(std::max(metadata.value_min, least)), high_(metadata.value_max) {
     if (spread.high - spread.low < kLeastShareOfRange * (high_ - low_) &&
         spread.high > spread.low) {
       low_ = spread.low;
@@ -212,25 +239,28 @@ bool HasMaterial(const std::vector<std::uint64_t>& counts, std::size_t from_bin)
          material < all;
 }
 
-// Many files of CT do not state the unit, but have air.
-bool LooksLikeCt(const VolumeMetadata& metadata, const std::vector<double>& peaks) {
-  return metadata.unit.empty() && metadata.value_min > -1200.0 && metadata.value_max > kBone_hu &&
+// Many files of CT do not state the unit, but have air, or padding like it.
+bool LooksLikeCt(const VolumeMetadata& metadata, const Spread& spread, double low,
+                 std::vector<double> peaks) {
+  if (spread.background) peaks.push_back(*spread.background);
+  return metadata.unit.empty() && low > kLeastNoise_hu && metadata.value_max > kBone_hu &&
          std::any_of(peaks.begin(), peaks.end(),
                      [](double peak) { return peak > -1100.0 && peak < -900.0; });
 }
 
-}  // namespace
-
-VolumeValues ValuesOf(const VolumeSnapshot& volume) {
+// Values less than `least` count as this.
+VolumeValues ValuesFrom(const VolumeSnapshot& volume, float least, bool* is_like_ct) {
   const VolumeMetadata& metadata = volume.metadata();
-  const Spread spread = SpreadOf(volume);
-  Bins all(metadata, spread), rest = all;
+  const Spread spread = SpreadOf(volume, least);
+  Bins all(metadata, spread, least), rest = all;
   ForSomeVoxels(volume, kMostVoxels, [&](float value, std::uint64_t times) {
+    value = std::max(value, least);
     const std::size_t bin = all.BinOf(value);
     all.Add(bin, times);
     if (value != spread.background) rest.Add(bin, times);
   });
-  VolumeValues values{all.low(), all.high(), all.counts(), PeaksOf(rest), {}};
+  VolumeValues values{all.low(), all.high(), all.counts(), PeaksOf(rest), {}, false};
+  *is_like_ct = LooksLikeCt(metadata, spread, all.low(), values.peaks);
   const auto suggest = [&](const char* name, double isovalue, const char* reason) {
     isovalue = std::clamp(isovalue, metadata.value_min, metadata.value_max);
     values.suggested.push_back({name, isovalue, reason});
@@ -253,11 +283,28 @@ VolumeValues ValuesOf(const VolumeSnapshot& volume) {
   const double otsu = bin ? all.Center(*bin) : middle;
   suggest("otsu", Rounded(otsu, all.high() - all.low()),
           bin ? "Otsu's threshold between two classes of values" : "the middle of the range");
-  if (LooksLikeCt(metadata, values.peaks)) {
+  if (*is_like_ct) {
     suggest_tissue("bone", kBone_hu, "bone, if these are Hounsfield units");
     suggest_tissue("skin", kSkin_hu, "skin, if these are Hounsfield units");
   }
   return values;
+}
+
+}  // namespace
+
+VolumeValues ValuesOf(const VolumeSnapshot& volume) {
+  const VolumeMetadata& metadata = volume.metadata();
+  bool is_like_ct = false;
+  if ((metadata.unit == "HU" || metadata.unit.empty()) && metadata.value_min < kLeastCt_hu &&
+      kLeastCt_hu < metadata.value_max) {
+    const bool has_padding = HasPadding(volume);
+    if (has_padding || metadata.value_min > kLeastNoise_hu) {
+      VolumeValues values = ValuesFrom(volume, kLeastCt_hu, &is_like_ct);
+      values.has_padding = has_padding;
+      if (is_like_ct || metadata.unit == "HU") return values;
+    }
+  }
+  return ValuesFrom(volume, std::numeric_limits<float>::lowest(), &is_like_ct);
 }
 
 }  // namespace palpate

@@ -5,9 +5,14 @@
 //   built-in shapes       "surface", the middle of the range
 //   CT in Hounsfield units  "bone", 300 HU; then "skin", -300 HU, and "otsu"
 //   all others            "otsu", Otsu's threshold over the values that are not background. With a
-//                         peak where air is in CT, and no unit, "bone" and "skin" follow
+//                         peak or a background where air is in CT, and no unit, "bone" and "skin"
+//                         follow
 // A preset that the volume has hardly any voxels for is left out. The background is the value that
 // at least a quarter of all voxels have; many volumes have none.
+//
+// Programs fill what a CT scanner does not see with values that no scanner measures, such as -3024.
+// In a CT that has such values at its border, all values below -1024 count as -1024. So does noise
+// of air, so that padding changes nothing.
 //
 // Values in data units. Threads: pure, any. Not for real-time code: at most 2^25 voxels are read,
 // about 0.1 s. Of a larger volume, each n-th brick is read. Errors: none.
@@ -38,6 +43,7 @@ struct VolumeValues {
   // Where counts have peaks, ascending; without the background.
   std::vector<double> peaks;
   std::vector<SuggestedIsovalue> suggested;  // never empty; the first is the start
+  bool has_padding = false;                  // of a CT, at the border
 };
 
 VolumeValues ValuesOf(const VolumeSnapshot& volume);

@@ -119,6 +119,42 @@ TEST(SuggestedIsovalues, WithoutAUnitNoValueIsCalledBone) {
   EXPECT_NE(likely.suggested[1].reason.find("if "), std::string::npos);
 }
 
+// Outside of a round field of view.
+TEST(SuggestedIsovalues, PaddingOfCtCountsAsItsLeastValue) {
+  const auto scan = [](double padding, const std::string& unit = "") {
+    return ValuesOf(Made(
+        [padding](int i, int j, int k) {
+          const double r = (Vec3(i, j, k) - Vec3::Constant(21.5)).norm();
+          if (std::hypot(i - 21.5, j - 21.5) > 21.0) return padding;
+          if (i == 22 && j == 22 && k == 1) return -1032.0;  // noise
+          return r > 15.0 ? -1000.0 + (i + j) % 5 : r > 8.0 ? 40.0 + (i + k) % 7 : 900.0;
+        },
+        unit));
+  };
+  for (const std::string unit : {"", "HU"}) {
+    const VolumeValues plain = scan(-1024.0, unit);
+    EXPECT_FALSE(plain.has_padding);
+    EXPECT_EQ(NamesOf(plain), unit.empty() ? "otsu bone skin " : "bone skin otsu ");
+    for (const double padding : {-1025.0, -2000.0, -3024.0, -32768.0}) {
+      const VolumeValues padded = scan(padding, unit);
+      EXPECT_TRUE(padded.has_padding);
+      EXPECT_EQ(NamesOf(padded), NamesOf(plain));
+      EXPECT_EQ(padded.suggested[0].isovalue, plain.suggested[0].isovalue);
+      EXPECT_EQ(padded.low, plain.low);
+      EXPECT_EQ(padded.counts, plain.counts);
+      EXPECT_EQ(padded.peaks, plain.peaks);
+    }
+  }
+  // Inside of the volume, or in what is no CT, such values are values.
+  EXPECT_FALSE(scan(-3024.0, "K").has_padding);
+  const auto inside = [](double outside) {
+    return ValuesOf(Made(
+        [outside](int i, int j, int k) { return IsInBall(i, j, k) ? -3024.0 + i : outside + j; }));
+  };
+  EXPECT_FALSE(inside(-1000.0).has_padding);
+  EXPECT_FALSE(inside(-9000.0).has_padding);
+}
+
 TEST(SuggestedIsovalues, SurfacesThatAreKnown) {
   const auto distance = [](int i, int j, int k) {
     return std::clamp((Vec3(i, j, k) - Vec3::Constant(21.5)).norm() - 15.0, -3.0, 3.0);
