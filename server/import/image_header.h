@@ -52,8 +52,8 @@ struct ImageHeader {
   bool big_endian = false;
   double slope = 1.0;
   double intercept = 0.0;
-  ImageGeometry geometry;  // not set for TIFF
-  std::string data_file;   // a name below the header's folder; empty: the header's own file
+  ImageGeometry geometry;
+  std::string data_file;  // a name below the header's folder; empty: the header's own file
   std::int64_t begin = 0;
   std::int64_t skip_bytes = 0;
   bool compressed = false;
@@ -103,6 +103,9 @@ std::array<std::int64_t, 3> VolumeSize(const std::vector<std::int64_t>& axes);
 // memory is allocated for it.
 std::int64_t CheckedVoxelBytes(const std::array<std::int64_t, 3>& size, ScalarType type,
                                LeafType read_type, const ImportLimits& limits);
+
+// Of "mm", "micron", "inches", ... Without a name, or "none": 1. None: it is no known unit.
+std::optional<double> MillimetresPer(std::string_view unit);
 
 // Refuses a spacing that is not a positive finite number.
 void CheckSpacing(double spacing);

@@ -103,7 +103,7 @@ void DefineOptions(arguments::Command* app, Options* options) {
       "Reads a volume and writes it as OpenVDB.\n\n"
       "INPUT is one of: NRRD (.nrrd, .nhdr; raw or gzip), MetaImage (.mha, .mhd), NIfTI-1 and -2\n"
       "(.nii, .nii.gz), OpenVDB (.vdb), a TIFF stack (.tif, .tiff: a file of\n"
-      "several pages, the first file of a numbered series, or its folder; with --spacing-mm), a\n"
+      "several pages, the first file of a numbered series, or its folder), a\n"
       "folder with a DICOM series, or raw voxels (--raw-size, --raw-type). Voxels are 8, 16 or 32\n"
       "bit integers, float or double. OUTPUT keeps 8 and 16 bits; others become 32 bit floats.\n"
       "A volume has three axes of at least 2 voxels; NRRD and NIfTI may also have time. Lengths\n"
@@ -159,14 +159,6 @@ std::string SourceName(const std::filesystem::path& input) {
   return (full.has_filename() ? full : full.parent_path()).filename().string();
 }
 
-palpate::VolumeMetadata ReadTiff(const Options& options, const palpate::ImportLimits& limits,
-                                 const palpate::VoxelSink& sink, palpate::Reporter* reporter) {
-  if (options.spacing_mm.empty()) {
-    palpate::Refuse("TIFF states no distance of slices; give the spacing: --spacing-mm X,Y,Z");
-  }
-  return palpate::ReadTiffVolume(options.input, limits, sink, reporter);
-}
-
 palpate::VolumeMetadata ReadRaw(const Options& options, const palpate::ImportLimits& limits,
                                 const palpate::VoxelSink& sink, palpate::Reporter* reporter) {
   palpate::RawVoxels raw = options.raw;
@@ -183,7 +175,7 @@ palpate::VolumeMetadata ReadSingleFile(const Options& options, const palpate::Im
                                        palpate::Reporter* reporter) {
   const std::filesystem::path input = options.input;
   palpate::CheckReadable(input);
-  if (palpate::IsTiffName(input)) return ReadTiff(options, limits, sink, reporter);
+  if (palpate::IsTiffName(input)) return palpate::ReadTiffVolume(input, limits, sink, reporter);
   if (palpate::Lower(input.extension().string()) == ".dcm") {
     palpate::Refuse(
         "this is one DICOM file; give the folder of its series (a file with several frames is not "
@@ -224,7 +216,7 @@ palpate::VolumeMetadata Read(const Options& options, const palpate::ImportLimits
   palpate::CheckFrame(options.frame.value_or(0), 1);
   if (raw) return ReadRaw(options, limits, sink, reporter);
   if (!folder) return ReadSingleFile(options, limits, sink, reporter);
-  return palpate::IsTiffFolder(input) ? ReadTiff(options, limits, sink, reporter)
+  return palpate::IsTiffFolder(input) ? palpate::ReadTiffVolume(input, limits, sink, reporter)
                                       : palpate::ReadDicomVolume(input, limits, sink, reporter);
 }
 

@@ -71,30 +71,6 @@ std::optional<Vec3> SignsOfLps(const NrrdFields& fields) {
   return std::nullopt;
 }
 
-struct LengthUnit {
-  std::string_view name;
-  double mm;
-};
-constexpr LengthUnit kLengthUnits[] = {
-    {"mm", 1.0},          {"millimeter", 1.0},  {"millimetre", 1.0},  {"cm", 10.0},
-    {"centimeter", 10.0}, {"centimetre", 10.0}, {"m", 1e3},           {"meter", 1e3},
-    {"metre", 1e3},       {"um", 1e-3},         {"\u00b5m", 1e-3},    {"\u03bcm", 1e-3},
-    {"micron", 1e-3},     {"micrometer", 1e-3}, {"micrometre", 1e-3}, {"nm", 1e-6},
-    {"nanometer", 1e-6},  {"nanometre", 1e-6},  {"in", 25.4},         {"inch", 25.4},
-    {"inche", 25.4},
-};
-
-// None: it is no known unit.
-std::optional<double> MillimetresPer(std::string_view unit) {
-  std::string name = Lower(unit);
-  if (name.empty() || name == "none" || unit.starts_with("???")) return 1.0;
-  if (name.size() > 5 && name.ends_with('s')) name.pop_back();
-  for (const LengthUnit& known : kLengthUnits) {
-    if (known.name == name) return known.mm;
-  }
-  return std::nullopt;
-}
-
 // Returns millimetres per unit of the first three axes: "mm" "mm" "mm", with or without quotes.
 // Stores what is no known unit in `unknown_unit`.
 Vec3 LengthUnits(const NrrdFields& fields, const char* name, std::string* unknown_unit) {

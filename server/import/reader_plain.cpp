@@ -70,6 +70,11 @@ VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLi
                               const VoxelSink& sink, Reporter* reporter) {
   reporter->Progress(0.0, "checking");
   const TiffStack stack = OpenTiffStack(input, limits);
+  if (!stack.states_spacing && !limits.spacing_is_given) {
+    Refuse(
+        "the file states no spacing along x, y and z, as only ImageJ and OME do in TIFF; give it: "
+        "--spacing-mm X,Y,Z");
+  }
   const auto progress = [reporter](double fraction) {
     reporter->Progress(kCheckedShare + (kReadShare - kCheckedShare) * fraction, "reading");
   };

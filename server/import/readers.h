@@ -29,7 +29,7 @@ VolumeMetadata ReadPlainVolume(const std::filesystem::path& path, ImageFormat fo
 VolumeMetadata ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
                              const ImportLimits& limits, const VoxelSink& sink, Reporter* reporter);
 
-// A TIFF stack, see tiff_stack.h. Spacing 1 mm, because TIFF has none along z.
+// A TIFF stack, see tiff_stack.h. Refuses one without a spacing, unless the user gives it.
 VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
                               const VoxelSink& sink, Reporter* reporter);
 

@@ -56,25 +56,6 @@ void CheckGrey(TIFF* tiff) {
   }
 }
 
-// ImageJ and OME store channels and times as successive pages.
-void CheckDescription(TIFF* tiff) {
-  const char* text = nullptr;
-  if (TIFFGetField(tiff, TIFFTAG_IMAGEDESCRIPTION, &text) != 1 || !text) return;
-  const std::string_view description(text);
-  const auto states_several = [&](std::string_view key) {
-    const std::size_t at = description.find(key);
-    if (at == std::string_view::npos) return false;
-    const std::string_view value = description.substr(at + key.size(), 2);
-    return !value.empty() &&
-           (value[0] != '1' || (value.size() > 1 && value[1] >= '0' && value[1] <= '9'));
-  };
-  const bool image_j = description.starts_with("ImageJ=");
-  if ((image_j && (states_several("\nchannels=") || states_several("\nframes="))) ||
-      states_several(" SizeC=\"") || states_several(" SizeT=\"")) {
-    Refuse("the pages are of several channels or times; extract one volume first");
-  }
-}
-
 void CheckDataPlaces(TIFF* tiff, const TiffPage& page) {
   const bool tiled = TIFFIsTiled(tiff) != 0;
   const std::uint64_t part_bytes = tiled ? TIFFTileSize64(tiff) : TIFFStripSize64(tiff);
@@ -157,9 +138,18 @@ bool IsAuxiliaryPage(TIFF* tiff) {
           (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) != 0;
 }
 
+TiffDescription DescribeTiff(TIFF* tiff) {
+  const char* text = nullptr;
+  if (TIFFGetField(tiff, TIFFTAG_IMAGEDESCRIPTION, &text) != 1 || !text) return {};
+  return ParseTiffDescription(text, Tag<float>(tiff, TIFFTAG_XRESOLUTION),
+                              Tag<float>(tiff, TIFFTAG_YRESOLUTION));
+}
+
 TiffPage CheckTiffPage(TIFF* tiff) {
   CheckGrey(tiff);
-  CheckDescription(tiff);
+  if (DescribeTiff(tiff).has_several_channels_or_times) {
+    Refuse("the pages are of several channels or times; extract one volume first");
+  }
   TiffPage page;
   page.type = ParseType(tiff);
   page.width = Tag<std::uint32_t>(tiff, TIFFTAG_IMAGEWIDTH);

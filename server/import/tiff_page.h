@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "server/import/image_header.h"
+#include "server/import/tiff_description.h"
 
 namespace palpate {
 
@@ -30,6 +31,9 @@ struct TiffPage {
   bool operator==(const TiffPage&) const = default;
 };
 TiffPage CheckTiffPage(TIFF* tiff);
+
+// Of the file's current page.
+TiffDescription DescribeTiff(TIFF* tiff);
 
 // True if the page is a smaller copy or a mask of another page.
 bool IsAuxiliaryPage(TIFF* tiff);

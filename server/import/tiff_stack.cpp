@@ -1,5 +1,6 @@
 #include "server/import/tiff_stack.h"
 
+#include <bit>
 #include <string>
 
 #include "server/import/data_check.h"
@@ -82,6 +83,28 @@ void AddFiles(StackChecker* checker, const TiffStack& stack) {
   }
 }
 
+// ImageJ writes more than 4 GB so.
+void AddFollowing(TIFF* tiff, std::int64_t images, const ImportLimits& limits, TiffStack* stack) {
+  const TiffPage page = CheckTiffPage(tiff);
+  ImageHeader& header = stack->header;
+  header.type = page.type;
+  header.size = VolumeSize({page.width, page.height, images});
+  header.begin = static_cast<std::int64_t>(TIFFGetStrileOffset(tiff, 0));
+  header.big_endian = (TIFFIsByteSwapped(tiff) != 0) != (std::endian::native == std::endian::big);
+  const std::int64_t bytes = CheckedVoxelBytes(header.size, page.type, ReadType(header), limits);
+  if (bytes > static_cast<std::int64_t>(fs::file_size(stack->files.front())) - header.begin) {
+    Refuse("the file of ImageJ states " + std::to_string(images) +
+           " images, but has fewer; the file is truncated");
+  }
+  stack->has_one_page = true;
+}
+
+bool IsPlain(TIFF* tiff) {
+  std::uint16_t compression = COMPRESSION_NONE;
+  TIFFGetFieldDefaulted(tiff, TIFFTAG_COMPRESSION, &compression);
+  return compression == COMPRESSION_NONE && TIFFIsTiled(tiff) == 0;
+}
+
 void CheckPlaces(const std::vector<fs::path>& files, const ImportLimits& limits) {
   for (const fs::path& file : files) CheckPlace(file, limits);
 }
@@ -95,6 +118,14 @@ TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
   stack.files = folder ? TiffFolderSlices(input) : std::vector<fs::path>{input};
   CheckPlaces(stack.files, limits);
   const TiffFile first = OpenTiff(stack.files.front());
+  const TiffDescription description = DescribeTiff(first.get());
+  if (description.spacing_mm) stack.header.geometry.spacing_mm = *description.spacing_mm;
+  stack.states_spacing = description.spacing_mm.has_value();
+  if (stack.files.size() == 1 && description.images > 1 && !HasSeveralPages(first.get()) &&
+      IsPlain(first.get())) {
+    AddFollowing(first.get(), description.images, limits, &stack);
+    return stack;
+  }
   if (stack.files.size() == 1 && HasSeveralPages(first.get())) {
     AddPages(first.get(), &checker, &stack);
   } else {
@@ -108,6 +139,10 @@ TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
 
 void ReadTiffVoxels(const TiffStack& stack, const std::function<void(double)>& progress,
                     const VoxelSink& sink) {
+  if (stack.has_one_page) {
+    ReadVoxels(stack.files.front(), stack.header, 0, sink);
+    return progress(1.0);
+  }
   const auto& size = stack.header.size;
   const TiffPage page{size[0], size[1], stack.header.type};
   const LeafType type = ReadType(DecodeHeader(page));

@@ -18,6 +18,8 @@ struct TiffStack {
   std::vector<std::filesystem::path> files;  // files of one page each, or one file with all pages
   std::vector<std::uint32_t> pages;          // pages of the one file, without reduced images
   ImageHeader header;                        // size and type of the whole stack
+  bool states_spacing = false;               // in header.geometry
+  bool has_one_page = false;  // of ImageJ: the other slices follow the first one's data
 };
 
 // Reads the headers of all slices of a file or folder. Checks that the slices make a volume, that

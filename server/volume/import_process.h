@@ -25,7 +25,7 @@ using SizeKnown = std::function<void(const Vec3i& size, const LoadMemory& memory
 
 struct ImportRequest {
   std::filesystem::path source;       // a file, or the folder of a series
-  std::optional<Vec3> spacing_mm;     // replaces the file's; required for TIFF
+  std::optional<Vec3> spacing_mm;     // replaces the file's; required if that states none
   std::optional<std::int64_t> frame;  // frame of a 4-D file; default: the first
   std::optional<RawVoxels> raw;       // set if the file holds only raw voxels
   std::string grid{};                 // name of the grid, for a .vdb file with several

@@ -25,6 +25,7 @@ struct TiffLayout {
   const char* mode = "wl";  // b: big endian, 8: BigTIFF
   std::string description{};
   std::uint32_t subfile_type = 0;  // of the last page
+  float per_unit = 0.0f;           // resolution along x and y
 };
 
 // `value(x, y, page)`: converted to the byte count and format of the layout.
@@ -46,6 +47,10 @@ void WriteTiff(const std::filesystem::path& path, const TiffLayout& layout, cons
     TIFFSetField(tiff, TIFFTAG_COMPRESSION, layout.compression);
     if (!layout.description.empty()) {
       TIFFSetField(tiff, TIFFTAG_IMAGEDESCRIPTION, layout.description.c_str());
+    }
+    if (layout.per_unit > 0.0f) {
+      TIFFSetField(tiff, TIFFTAG_XRESOLUTION, layout.per_unit);
+      TIFFSetField(tiff, TIFFTAG_YRESOLUTION, layout.per_unit);
     }
     if (page + 1 == layout.pages) TIFFSetField(tiff, TIFFTAG_SUBFILETYPE, layout.subfile_type);
     const auto at = [&](std::uint32_t x, std::uint32_t y) {

@@ -144,6 +144,65 @@ TEST_F(TiffStackTest, FoldersWithAndWithoutAStack) {
   EXPECT_FALSE(IsTiffFolder(folder_.path() / "s"));
 }
 
+TEST_F(TiffStackTest, TheSpacingOfImageJAndOme) {
+  const auto spacing = [this](const std::string& description, float per_unit = 4.0f) {
+    const TiffStack stack =
+        OpenTiffStack(Stack("a.tif", {.description = description, .per_unit = per_unit}), {});
+    return stack.states_spacing ? stack.header.geometry.spacing_mm : Vec3::Zero();
+  };
+  const std::string image_j = "ImageJ=1.53t\nimages=4\nslices=4\nspacing=2.0\n";
+  for (const char* unit : {"micron", "um", "\\u00B5m", "\xb5m", "\u00b5m"}) {
+    EXPECT_TRUE(spacing(image_j + "unit=" + unit + "\n").isApprox(Vec3(0.25e-3, 0.25e-3, 2e-3)));
+  }
+  EXPECT_TRUE(spacing(image_j + "unit=cm\n").isApprox(Vec3(2.5, 2.5, 20)));
+  const std::string ome =
+      "<OME><Pixels SizeX=\"7\" SizeC=\"1\" PhysicalSizeX=\"3\" PhysicalSizeY=\"4\" ";
+  EXPECT_TRUE(spacing(ome + "PhysicalSizeZ=\"5\"/></OME>").isApprox(Vec3(3e-3, 4e-3, 5e-3)));
+  EXPECT_TRUE(spacing(ome + "PhysicalSizeZ=\"5\" PhysicalSizeZUnit=\"mm\"/></OME>")
+                  .isApprox(Vec3(3e-3, 4e-3, 5)));
+  // A part of it is none.
+  for (const std::string& none :
+       {image_j, image_j + "unit=pixel\n", ome + "/></OME>", std::string("ImageJ=1\nunit=um\n"),
+        ome + "PhysicalSizeZ=\"x\"/>", ome + "PhysicalSizeZ=\"-5\"/>"}) {
+    EXPECT_TRUE(spacing(none).isZero()) << none;
+  }
+  EXPECT_TRUE(spacing(image_j + "unit=um\n", 0.0f).isZero());
+}
+
+// The pages of files above 4 GB have no directories of their own.
+TEST_F(TiffStackTest, OfImageJTheFirstPageStandsForAll) {
+  const fs::path path = folder_.path() / "a.tif";
+  const std::string description = "ImageJ=1.53t\nimages=4\nslices=4\n";
+  for (const bool big : {false, true}) {
+    std::string bytes = big ? "MM" : "II";
+    const auto put = [&](std::uint32_t value, int count) {
+      for (int k = 0; k < count; ++k) {
+        bytes += static_cast<char>(value >> (8 * (big ? count - 1 - k : k)) & 0xff);
+      }
+    };
+    const auto entry = [&](std::uint32_t tag, std::uint32_t type, std::uint32_t count,
+                           std::uint32_t value) {
+      for (const std::uint32_t number : {tag, type}) put(number, 2);
+      for (const std::uint32_t number : {count, value}) put(number, 4);
+    };
+    put(42, 2), put(8, 4), put(9, 2);
+    const std::uint32_t end = 8 + 2 + 9 * 12 + 4;
+    const auto length = static_cast<std::uint32_t>(description.size() + 1);
+    entry(256, 4, 1, 7), entry(257, 4, 1, 5), entry(258, 4, 1, 16), entry(259, 4, 1, 1);
+    entry(262, 4, 1, 1), entry(270, 2, length, end), entry(273, 4, 1, end + length);
+    entry(278, 4, 1, 5), entry(279, 4, 1, 70);
+    put(0, 4);
+    bytes += description + std::string(1, '\0');
+    for (int n = 0; n < 4 * 35; ++n) {
+      put(static_cast<std::uint32_t>(Value(n % 7, n / 7 % 5, n / 35)), 2);
+    }
+    std::ofstream(path, std::ios::binary) << bytes;
+    ExpectPattern(path);
+    std::ofstream(path, std::ios::binary) << bytes.substr(0, bytes.size() - 1);
+    ExpectRefused("a.tif", "ImageJ");
+  }
+}
+
 // ---------------------------------------------------------------- what is refused
 
 TEST_F(TiffStackTest, GapsAndDoubleNumbers) {
