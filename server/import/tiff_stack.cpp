@@ -99,10 +99,11 @@ void AddFollowing(TIFF* tiff, std::int64_t images, const ImportLimits& limits, T
   stack->has_one_page = true;
 }
 
-bool IsPlain(TIFF* tiff) {
+// As ImageJ writes images.
+bool IsOnePlainStrip(TIFF* tiff) {
   std::uint16_t compression = COMPRESSION_NONE;
   TIFFGetFieldDefaulted(tiff, TIFFTAG_COMPRESSION, &compression);
-  return compression == COMPRESSION_NONE && TIFFIsTiled(tiff) == 0;
+  return compression == COMPRESSION_NONE && TIFFIsTiled(tiff) == 0 && TIFFNumberOfStrips(tiff) == 1;
 }
 
 void CheckPlaces(const std::vector<fs::path>& files, const ImportLimits& limits) {
@@ -122,7 +123,7 @@ TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
   if (description.spacing_mm) stack.header.geometry.spacing_mm = *description.spacing_mm;
   stack.states_spacing = description.spacing_mm.has_value();
   if (stack.files.size() == 1 && description.images > 1 && !HasSeveralPages(first.get()) &&
-      IsPlain(first.get())) {
+      IsOnePlainStrip(first.get())) {
     AddFollowing(first.get(), description.images, limits, &stack);
     return stack;
   }

@@ -201,6 +201,8 @@ def tiffs():
     tile = {"t322": (3, [16]), "t323": (3, [16]), "t324": (4, ["AT"]), "t325": (4, ["SIZE"]), "t273": None,
             "t278": None, "t279": None}
     text = b"ImageJ=1.53\nchannels=2\n\0"
+    one_page = b"ImageJ=1.53\nimages=2\nspacing=3\nunit=um\n\0"
+    ome = b'<OME PhysicalSizeX="1" PhysicalSizeY="2" PhysicalSizeZ="3"/>\0'
     return {
         "two_pages": tiff([page(), page()]),
         "big_endian": tiff([page(), page()], order=">"),
@@ -222,6 +224,8 @@ def tiffs():
         "white_is_zero": tiff([page(photometric=0)] * 2),
         "thumbnail": tiff([page(), page(), page(width=2, height=1, rows=1, t254=(4, [1]))]),
         "channels": tiff([page(t270=(2, list(text)))] * 2),
+        "one_page": tiff([page(t270=(2, list(one_page)), data=SHORTS[:48])]),
+        "ome": tiff([page(t270=(2, list(ome)))] * 2),
         "data_behind_the_end": tiff([page(t273=(4, [100000]))] * 2),
         "size_beyond_the_end": tiff([page(t279=(4, [0xffffffff]))] * 2),
         "huge": tiff([page(t256=(4, [0x40000000]), t257=(4, [0x40000000]), t278=(4, [1]))] * 2),
@@ -237,7 +241,7 @@ def dicom(elements, syntax=b"1.2.840.10008.1.2.1\0", preamble=128):
 
 def element(group, number, vr, value, order="<", length=None):
     length = len(value) if length is None else length
-    long = vr in (b"OB", b"OW", b"SQ", b"UN", b"UT")
+    long = vr in (b"OB", b"OF", b"OW", b"SQ", b"UN", b"UT")
     return struct.pack(order + "HH", group, number) + vr + (
         struct.pack(order + "HI", 0, length) if long else struct.pack(order + "H", length)) + value
 
@@ -251,6 +255,10 @@ def dicoms():
     shape = [(0x28, 2, b"US", 1), (0x28, 0x10, b"US", 3), (0x28, 0x11, b"US", 4), (0x28, 0x100, b"US", 16)]
     explicit = b"".join(element(g, e, vr, u16(n)) for g, e, vr, n in shape)
     pixels = element(0x7fe0, 0x10, b"OW", SHORTS[:24])
+    place = (element(0x20, 0x32, b"DS", b"1\\2\\3 ") + element(0x20, 0x37, b"DS", b"1\\0\\0\\0\\1\\0 "))
+    spaced = explicit + element(0x28, 0x30, b"DS", b"0,5\\0.5 ")
+    table = (element(0x28, 0x3002, b"US", struct.pack("<3H", 2, 5, 16)) + element(0x28, 0x3004, b"LO", b"HU") +
+             element(0x28, 0x3006, b"OW", SHORTS[:4]))
     item = lambda content, length=None: implicit(0xfffe, 0xe000, content, length)
     end_of_item, end = implicit(0xfffe, 0xe00d, b""), implicit(0xfffe, 0xe0dd, b"")
     sequence = lambda content: element(8, 0x1140, b"SQ", content, length=0xffffffff)
@@ -264,6 +272,12 @@ def dicoms():
         "big_endian": dicom(b"".join(element(g, e, vr, u16(n, ">"), ">") for g, e, vr, n in shape) +
                             element(0x7fe0, 0x10, b"OW", SHORTS[:24], ">"), b"1.2.840.10008.1.2.2\0"),
         "deflated": dicom(zlib.compress(explicit), b"1.2.840.10008.1.2.1.99"),
+        "slice": dicom(place + spaced + element(0x28, 0x1053, b"DS", b"2 ") + pixels),
+        "table": dicom(place + spaced + element(0x28, 0x3000, b"SQ", implicit(0xfffe, 0xe000, table)) + pixels),
+        "no_head": place + explicit + pixels + bytes(99),
+        "no_head_but_meta": dicom(place + explicit + pixels + bytes(99))[132:],
+        "syntax_unknown": dicom(explicit + pixels, b"1.2.840.10008.1.2.4.201\0"),
+        "float_pixels": dicom(explicit + element(0x7fe0, 8, b"OF", bytes(48))),
         "sequence": dicom(element(8, 0x1140, b"SQ", item(b"")) + explicit + pixels),
         "sequence_without_length": dicom(sequence(item(explicit, 0xffffffff) + end_of_item + end) + explicit + pixels),
         "sequence_deep": dicom(nested + explicit + pixels),

@@ -1,5 +1,5 @@
 // Any bytes as a file of a format that palpate-import reads: format u8, file. Readers of ours and
-// libtiff read it to its end; GDCM gets to see only what is whole.
+// libtiff read it to its end; GDCM gets to see only the pixels.
 #include <cmath>
 #include <filesystem>
 #include <numeric>
@@ -9,6 +9,7 @@
 
 #include "server/import/data_check.h"
 #include "server/import/dicom_file.h"
+#include "server/import/dicom_slice.h"
 #include "server/import/meta_image_header.h"
 #include "server/import/nifti_header.h"
 #include "server/import/nrrd_header.h"
@@ -103,7 +104,8 @@ void ReadTiff(std::span<const std::uint8_t> bytes) {
   static const ScratchFile file("stack.tif");
   file.Write(bytes);
   const TiffStack stack = OpenTiffStack(file.path(), SmallLimits());
-  FUZZ_CHECK(stack.files.size() == 1 &&
+  FUZZ_CHECK(stack.files.size() == 1);
+  FUZZ_CHECK(stack.has_one_page ||
              stack.pages.size() == static_cast<std::size_t>(stack.header.size[2]));
   VoxelCount count;
   ReadTiffVoxels(
@@ -116,6 +118,15 @@ void ReadDicom(std::span<const std::uint8_t> bytes) {
   const DicomFile file = CheckDicomFile(&in, static_cast<std::int64_t>(bytes.size()));
   FUZZ_CHECK(file.is_dicom || !file.has_pixels);
   FUZZ_CHECK(!file.is_dicom || bytes.size() > 131);
+  FUZZ_CHECK(!file.table || !file.table->entries.empty());
+  if (!file.has_pixels) return;
+  FUZZ_CHECK(0 < file.pixels_begin && file.pixels_begin <= file.pixels_end &&
+             file.pixels_end <= static_cast<std::int64_t>(bytes.size()));
+  FileNotes repairs;
+  const DicomSlice slice = ParseSlice("slice.dcm", file, {}, &repairs);
+  FUZZ_CHECK(slice.position_W_mm.allFinite() && std::abs(slice.row_W.norm() - 1.0) < 1e-9);
+  FUZZ_CHECK(slice.spacing_mm[0] > 0.0 && slice.spacing_mm[1] > 0.0);
+  FUZZ_CHECK(std::isfinite(slice.slope) && std::isfinite(slice.intercept));
 }
 
 void ReadImage(Input input) {
