@@ -22,6 +22,7 @@
 namespace palpate::client {
 
 inline constexpr std::chrono::seconds kCallTimeout{5};
+inline constexpr std::size_t kSmallBytes = 32 << 10;
 
 class Link {
  public:
@@ -59,6 +60,8 @@ class Link {
   Response Call(grpc::Status (Service::Stub::*method)(grpc::ClientContext*, const Request&,
                                                       Response*),
                 const Request& request, std::chrono::milliseconds timeout = kCallTimeout) {
+    // palpated takes only a small first call of a connection.
+    if (request.ByteSizeLong() > kSmallBytes) WaitUntilReached(timeout);
     return WhenLoaded([&] {
       const std::unique_ptr<typename Service::Stub> stub = Service::NewStub(channel());
       grpc::ClientContext context;

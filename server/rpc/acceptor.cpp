@@ -64,7 +64,7 @@ void Acceptor::TakeSocket(const std::string& path) {
 
 void CheckAddress(const HostPort& address) { Parse(address); }
 
-void Acceptor::TakePort(const HostPort& address, bool is_tls) {
+void Acceptor::TakePort(const HostPort& address, std::optional<Role> loopback_role) {
   const sockaddr_storage parsed = Parse(address);
   const int fd = socket(parsed.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const int on = 1;
@@ -74,7 +74,7 @@ void Acceptor::TakePort(const HostPort& address, bool is_tls) {
   if (fd < 0 || bound != 0) FailToListen(fd, address.ToString(), "--listen");
   listeners_.push_back(fd);
   names_.push_back(address.ToString());
-  if (is_tls) tls_listener_ = fd;
+  loopback_role_ = loopback_role;
 }
 
 void Acceptor::Start(std::vector<Sink> sinks) {
@@ -136,11 +136,7 @@ void Acceptor::Accept(std::size_t listener) {
     // gRPC probes silent peers, but not while a message to the peer waits for room.
     setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
   }
-  // Without TLS, every client is one of loopback.
-  const bool is_tls = listeners_[listener] == tls_listener_;
-  const std::optional<Credentials> known =
-      is_tls ? std::nullopt : std::optional(Credentials{.transport = Transport::kPlain});
-  if (peer.ss_family != AF_UNIX && !watch_.Enter(fd, peer, known)) {
+  if (peer.ss_family != AF_UNIX && !watch_.Enter(fd, peer, loopback_role_)) {
     close(fd);
     return;
   }

@@ -41,8 +41,8 @@ class Acceptor {
   // TakeSocket and TakePort bind the address, so that no other process can take it. Clients cannot
   // connect before Start. The socket's file gets the mode 0660.
   void TakeSocket(const std::string& path);
-  // is_tls: a client is a stranger until its first admitted call. Otherwise it has loopback's role.
-  void TakePort(const HostPort& address, bool is_tls);
+  // Without a role, the port has TLS, and a client is a stranger until its first admitted call.
+  void TakePort(const HostPort& address, std::optional<Role> loopback_role);
   // Listens. `sinks`: the receivers of the connections, in the order in which the addresses were
   // taken. gRPC's server must be running.
   void Start(std::vector<Sink> sinks);
@@ -55,7 +55,7 @@ class Acceptor {
 
   const int first_refused_file_;
   ConnectionWatch& watch_;
-  int tls_listener_ = -1;
+  std::optional<Role> loopback_role_{};
   std::vector<int> listeners_;
   std::vector<std::string> names_;  // the listeners' names, for messages
   std::vector<Sink> sinks_;

@@ -71,7 +71,10 @@ void Admission::Leave() {
   } else {
     access->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   }
-  if (call.samples_per_s > 0) access->limits_.LeaveSamples(call.caller.name, call.samples_per_s);
+  if (call.samples_per_s > 0) {
+    access->limits_.LeaveSamples(call.caller.name, call.samples_per_s);
+    if (access->connections_) access->connections_->TakesSamples(call.peer, -call.samples_per_s);
+  }
   if (call.is_noted) {
     access->activity_.Left(call.caller, call.peer, call.rule->kind == CallKind::kPoseStream,
                            MonotonicNowNs());
@@ -91,6 +94,7 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
         .status();
   }
   call.samples_per_s = samples_per_s;
+  if (access_->connections_) access_->connections_->TakesSamples(call.peer, samples_per_s);
   return grpc::Status::OK;
 }
 
@@ -112,6 +116,12 @@ grpc::Status Admission::Answered(const grpc::Status& status, std::size_t answer_
           std::string(NameOf(call.rule->method)) +
               " is done, but its answer is left out: read the answers that wait for this "
               "connection before you go on"};
+}
+
+void Admission::SendsVoxels(std::size_t bytes) const {
+  if (!access_ || !access_->connections_) return;
+  access_->connections_->Credit(
+      running_->peer, kBytesPerCall + static_cast<std::int64_t>(bytes) / kVoxelBytesPerByte);
 }
 
 void Admission::MustSendBy(std::int64_t time_ns) const {
@@ -202,7 +212,8 @@ std::optional<Admission> Access::Enter(Admission::Running call,
   admission.running_->is_noted =
       activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, now_ns);
   if (connections_ && call.credentials.transport != Transport::kSocket) {
-    connections_->Admitted(call.peer, call.credentials, call.caller.role);
+    connections_->Admitted(call.peer, call.credentials, call.caller.role,
+                           /*is_credited=*/kind != CallKind::kStop);
   }
   return admission;
 }

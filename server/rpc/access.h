@@ -59,6 +59,9 @@ class Admission {
   // Returns the status to finish with: if the connection leaves too much unread, the answer is left
   // out.
   grpc::Status Answered(const grpc::Status& status, std::size_t answer_bytes);
+  // The call sends the client so many bytes of voxels, for which the client has to answer now and
+  // then.
+  void SendsVoxels(std::size_t bytes) const;
   // Ends the call if its client has not sent more by then, ns of the monotonic clock; 0: never.
   void MustSendBy(std::int64_t time_ns) const;
   const Identity& caller() const { return running_->caller; }  // of an admitted call

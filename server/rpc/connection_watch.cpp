@@ -21,6 +21,7 @@ namespace {
 // From <netinet/tcp.h>, which cannot be included together with <linux/tcp.h>.
 constexpr int kEstablished = 1;
 constexpr int kPriority = 1;
+constexpr double kLongestReviewS = 0.2;
 
 // False if the connection has ended.
 bool AskKernel(int fd, std::int64_t& received_bytes) {
@@ -29,6 +30,12 @@ bool AskKernel(int fd, std::int64_t& received_bytes) {
   if (getsockopt(fd, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return false;
   received_bytes = static_cast<std::int64_t>(info.tcpi_bytes_received);
   return info.tcpi_state == kEstablished;
+}
+
+// gRPC would still read what has come before a shutdown. This drops it.
+void Disconnect(int fd) {
+  const sockaddr none{.sa_family = AF_UNSPEC, .sa_data = {}};
+  connect(fd, &none, sizeof none);
 }
 
 std::string NameOf(const in_addr& address, std::uint16_t port) {
@@ -77,7 +84,7 @@ void ConnectionWatch::Start() {
 }
 
 bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer,
-                            const std::optional<Credentials>& known) {
+                            std::optional<Role> loopback_role) {
   const std::lock_guard lock(mutex_);
   int second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
   if (second_fd < 0) {
@@ -88,18 +95,36 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer,
   Connection& connection = connections_[PeerName(peer)];
   // An ended connection of the same port may still be in the list.
   if (connection.fd >= 0) close(connection.fd);
-  connection = {.prefix = PrefixOf(peer), .number = entered_++, .fd = second_fd, .known = known};
-  is_busy_ = is_busy_ || !known;
+  connection = {.prefix = PrefixOf(peer), .number = entered_++, .fd = second_fd};
+  if (loopback_role) {
+    connection.known = Credentials{.transport = Transport::kPlain};
+    connection.role = *loopback_role;
+  }
+  is_busy_ = is_busy_ || !loopback_role;
   changed_.notify_all();
   return true;
 }
 
-void ConnectionWatch::Admitted(const std::string& peer, const Credentials& credentials, Role role) {
+void ConnectionWatch::Admitted(const std::string& peer, const Credentials& credentials, Role role,
+                               bool is_credited) {
   const std::lock_guard lock(mutex_);
   if (const auto found = connections_.find(peer); found != connections_.end()) {
     found->second.known = credentials;
     found->second.role = role;
+    if (is_credited) found->second.credit_bytes += kBytesPerCall;
   }
+}
+
+void ConnectionWatch::Credit(const std::string& peer, std::int64_t bytes) {
+  const std::lock_guard lock(mutex_);
+  const auto found = connections_.find(peer);
+  if (found != connections_.end()) found->second.credit_bytes += bytes;
+}
+
+void ConnectionWatch::TakesSamples(const std::string& peer, int samples_per_s) {
+  const std::lock_guard lock(mutex_);
+  const auto found = connections_.find(peer);
+  if (found != connections_.end()) found->second.samples_per_s += samples_per_s;
 }
 
 void ConnectionWatch::Judge(const std::function<std::optional<Role>(const Credentials&)>& role_of) {
@@ -122,6 +147,7 @@ void ConnectionWatch::Judge(const std::function<std::optional<Role>(const Creden
     found->second.role = role.value_or(Role::kViewer);
     if (role) continue;
     found->second.known.reset();
+    found->second.idle_bytes = found->second.received_bytes;  // gRPC may still hold all of them
     is_busy_ = true;
   }
   changed_.notify_all();
@@ -132,7 +158,7 @@ void ConnectionWatch::Cut(const std::string& peer) {
     const std::lock_guard lock(mutex_);
     const auto found = connections_.find(peer);
     if (found == connections_.end()) return;
-    shutdown(found->second.fd, SHUT_RDWR);
+    Disconnect(found->second.fd);
   }
   LogOfClient(LogLevel::kWarning, "cut off", "cut off {}: it goes on calling and reads no answer",
               peer);
@@ -171,44 +197,62 @@ void ConnectionWatch::Run() {
   }
 }
 
-// Only shuts connections down. The next review notices their end and removes them.
+// Only disconnects. The next review notices their end and removes them.
 std::vector<ConnectionWatch::Excess> ConnectionWatch::Review() {
   DropEnded();
   const std::int64_t now_ns = MonotonicNowNs();
-  const auto forgotten = static_cast<std::int64_t>(
-      1e-9 * static_cast<double>(now_ns - std::exchange(reviewed_ns_, now_ns)) * kViewerBytesPerS);
-  Bounded strangers, viewers;
+  // Without connections, there were no reviews: what has come since then came just now.
+  const double elapsed_s = std::min(
+      kLongestReviewS, 1e-9 * static_cast<double>(now_ns - std::exchange(reviewed_ns_, now_ns)));
   is_busy_ = false;
-  for (auto& one : connections_) {
-    Connection& connection = one.second;
-    const std::int64_t sent = connection.received_bytes -
-                              std::exchange(connection.counted_bytes, connection.received_bytes);
-    connection.recent_bytes = std::max<std::int64_t>(0, connection.recent_bytes + sent - forgotten);
-    if (!connection.known) {
-      strangers.emplace_back(&one, connection.received_bytes);
-      is_busy_ = true;
-    } else if (connection.role < Role::kEditor) {
-      viewers.emplace_back(&one, connection.recent_bytes);
-      is_busy_ = is_busy_ || connection.recent_bytes > kViewerBounds.bytes_of_one / 8;
-    }
-  }
   std::vector<Excess> cuts;
-  CutAmong(strangers, kStrangerBounds, cuts);
-  CutAmong(viewers, kViewerBounds, cuts);
+  CutStrangers(cuts);
+  CutIdle(elapsed_s, cuts);
   return cuts;
 }
 
-void ConnectionWatch::CutAmong(Bounded& bounded, const ConnectionBounds& bounds,
-                               std::vector<Excess>& cuts) {
-  std::sort(bounded.begin(), bounded.end(), [](const auto& a, const auto& b) {
-    return a.first->second.number < b.first->second.number;
-  });
-  std::vector<BoundedConnection> by_age;
-  for (const auto& [one, bytes] : bounded) by_age.push_back({one->second.prefix, bytes});
-  for (const ConnectionCut& cut : CutsAmong(by_age, bounds)) {
-    const auto& [peer, connection] = *bounded[cut.connection].first;
-    shutdown(connection.fd, SHUT_RDWR);
-    cuts.push_back({peer, cut.sent_too_much});
+void ConnectionWatch::CutStrangers(std::vector<Excess>& cuts) {
+  std::vector<const Connections::value_type*> strangers;
+  for (const auto& one : connections_) {
+    if (!one.second.known) strangers.push_back(&one);
+  }
+  is_busy_ = !strangers.empty();
+  std::ranges::sort(strangers, {}, [](const auto* one) { return one->second.number; });
+  std::vector<std::string> prefixes;
+  for (const auto* const one : strangers) prefixes.push_back(one->second.prefix);
+  for (const std::size_t cut : CutsAmong(prefixes)) {
+    Disconnect(strangers[cut]->second.fd);
+    cuts.push_back({strangers[cut]->first, false});
+  }
+}
+
+void ConnectionWatch::CutIdle(double elapsed_s, std::vector<Excess>& cuts) {
+  const auto in_time = [elapsed_s](std::int64_t bytes_per_s) {
+    return static_cast<std::int64_t>(elapsed_s * static_cast<double>(bytes_per_s));
+  };
+  const auto add = [&](std::int64_t bytes, std::int64_t forgotten_per_s, std::int64_t& sum) {
+    sum = std::max<std::int64_t>(0, sum + bytes - in_time(forgotten_per_s));
+  };
+  std::int64_t of_all = 0;
+  for (auto& [peer, one] : connections_) {
+    const std::int64_t sent =
+        one.received_bytes - std::exchange(one.counted_bytes, one.received_bytes);
+    const std::int64_t used =
+        std::exchange(one.credit_bytes, 0) + in_time(kBytesPerSample * one.samples_per_s);
+    if (MayEdit(one)) continue;
+    const std::int64_t idle = std::max<std::int64_t>(0, sent - used);
+    add(idle, kIdleBytesOfOnePerS, one.idle_bytes);
+    of_all += idle;
+  }
+  add(of_all, kIdleBytesOfAllPerS, idle_bytes_);
+  // Afterwards newcomers are free again within seconds.
+  idle_bytes_ = std::min(idle_bytes_, 2 * kIdleBytesOfAll);
+  is_busy_ = is_busy_ || idle_bytes_ > 0;
+  const std::int64_t most = idle_bytes_ > kIdleBytesOfAll ? kLittleIdleBytes : kIdleBytesOfOne;
+  for (auto& [peer, one] : connections_) {
+    if (MayEdit(one) || one.idle_bytes <= most) continue;
+    Disconnect(one.fd);
+    cuts.push_back({peer, true});
   }
 }
 

@@ -1,12 +1,13 @@
-// Watches the TCP connections of strangers and viewers and cuts off the connections that CutsAmong
-// chooses. gRPC's own quotas miss some of the received bytes; the watch uses the kernel's count.
+// Watches the TCP connections of strangers and viewers. Cuts off the connections that CutsAmong
+// chooses, and those that send too much for nothing (kIdleBytesOfOne). gRPC's own quotas miss some
+// of the received bytes; the watch uses the kernel's count.
 //
 // A TLS connection is a stranger's until a call on it is allowed, and again when its client is no
 // longer allowed: a client that sends endless headers makes no call that could be refused.
 //
-// Known clients who may only watch have little to send. gRPC 1.51 reads from a connection as long
-// as bytes come, on one of its few threads. Without a bound, a few connections that never pause
-// would keep these threads from all other clients, and from the emergency stop.
+// Clients who may only watch have little to send. gRPC 1.51 reads from a connection as long as
+// bytes come, on one of its few threads, and puts what follows into one queue. Without a bound, a
+// few connections would keep these threads from all other clients, and from the emergency stop.
 //
 // The watch does not ban addresses: a cut-off peer may connect again at once. Other clients behind
 // the same NAT share the address, and CutsAmong bounds what all strangers send together.
@@ -50,13 +51,18 @@ class ConnectionWatch {
 
   // Call it once, before the first connection.
   void Start();
-  // Adds a connection: a stranger's, or a viewer's with these credentials. The caller keeps
+  // Adds a connection: a stranger's, or of a client that loopback gives this role. The caller keeps
   // ownership of `fd`; the watch duplicates it. Returns false if no file number is free: the caller
   // must then close the connection.
-  bool Enter(int fd, const sockaddr_storage& peer, const std::optional<Credentials>& known = {});
+  bool Enter(int fd, const sockaddr_storage& peer, std::optional<Role> loopback_role = {});
   // A call on this connection was allowed by `credentials`. The newest count. `peer`: the name in
-  // gRPC's form.
-  void Admitted(const std::string& peer, const Credentials& credentials, Role role);
+  // gRPC's form. `is_credited`: the bytes of the call are not sent for nothing.
+  void Admitted(const std::string& peer, const Credentials& credentials, Role role,
+                bool is_credited = true);
+  // So many bytes of the client's next ones are not sent for nothing.
+  void Credit(const std::string& peer, std::int64_t bytes);
+  // The client takes so many samples of poses more, or less.
+  void TakesSamples(const std::string& peer, int samples_per_s);
   // Connections whose client has no role any more are strangers' from now on. Call it now and then:
   // it also forgets connections that have ended. `role_of` is called without the lock and may be
   // slow.
@@ -73,8 +79,9 @@ class ConnectionWatch {
     std::optional<Credentials> known{};  // none: a stranger's
     Role role = Role::kViewer;
     std::int64_t counted_bytes = 0;  // of received_bytes, up to the last check
-    // What a viewer has sent lately: falls by kViewerBytesPerS.
-    std::int64_t recent_bytes = 0;
+    std::int64_t credit_bytes = 0;   // of calls since then
+    int samples_per_s = 0;
+    std::int64_t idle_bytes = 0;  // see kIdleBytesOfOne
   };
   using Connections = std::map<std::string, Connection>;  // by their peers
 
@@ -82,20 +89,21 @@ class ConnectionWatch {
     std::string peer;
     bool sent_too_much;
   };
-  // Connections under one bound, with what counts of them.
-  using Bounded = std::vector<std::pair<const Connections::value_type*, std::int64_t>>;
 
   void Run();
   void DropEnded();
   std::vector<Excess> Review();
-  static void CutAmong(Bounded& bounded, const ConnectionBounds& bounds, std::vector<Excess>& cuts);
+  void CutStrangers(std::vector<Excess>& cuts);
+  static bool MayEdit(const Connection& one) { return one.known && one.role >= Role::kEditor; }
+  void CutIdle(double elapsed_s, std::vector<Excess>& cuts);
 
   const int first_file_;
   std::mutex mutex_;
   Connections connections_;
   std::uint64_t entered_ = 0;
   std::int64_t reviewed_ns_ = 0;
-  bool is_busy_ = false;  // strangers are there, or viewers who send much
+  std::int64_t idle_bytes_ = 0;  // of all; see kIdleBytesOfAll
+  bool is_busy_ = false;         // strangers are there, or viewers who send much
   bool stop_ = false;
   std::condition_variable changed_;
   std::thread thread_;

@@ -174,7 +174,10 @@ void RpcServer::Reserve() {
 }
 
 void RpcServer::ReservePort() {
-  if (options_.listen) acceptor_.TakePort(*options_.listen, tls_ != nullptr);
+  if (!options_.listen) return;
+  const std::optional<Role> loopback_role =
+      tls_ ? std::nullopt : std::optional(options_.security.policy.loopback_role);
+  acceptor_.TakePort(*options_.listen, loopback_role);
 }
 
 // A client on an address other than loopback must prove its identity, and must be able to verify

@@ -28,6 +28,7 @@ class VolumeReactor final : public VolumeStreamReactor,
     const std::lock_guard lock(mutex_);
     if (finished_) return false;
     response_ = ToProto(std::move(message));
+    admission_.SendsVoxels(response_.ByteSizeLong());
     StartWrite(&response_);
     return true;
   }

@@ -8,93 +8,22 @@
 #include <string_view>
 
 namespace palpate {
-namespace {
 
-struct Group {
-  std::vector<std::size_t> connections{};  // the oldest first
-  std::int64_t bytes = 0;
-};
-using Groups = std::map<std::string_view, Group>;
-
-bool IsOlder(const Group& a, const Group& b) {
-  return a.connections.front() < b.connections.front();
-}
-
-// The group with the most of `amount`. Among equal groups, the one with the oldest connection.
-template <class Amount>
-Group& Greatest(Groups& groups, const Amount& amount) {
-  return std::max_element(groups.begin(), groups.end(),
-                          [&](const auto& a, const auto& b) {
-                            const auto of_a = amount(a.second), of_b = amount(b.second);
-                            return of_a != of_b ? of_a < of_b : IsOlder(b.second, a.second);
-                          })
-      ->second;
-}
-
-// The remaining connections, by prefix.
-class Rest {
- public:
-  Rest(std::span<const BoundedConnection> connections, const ConnectionBounds& bounds)
-      : connections_(connections) {
-    for (std::size_t n = 0; n < connections.size(); ++n) {
-      if (connections[n].bytes > bounds.bytes_of_one) {
-        cuts_.push_back({n, true});
-        continue;
-      }
-      Group& group = groups_[connections[n].prefix];
-      group.connections.push_back(n);
-      group.bytes += connections[n].bytes;
-      bytes_ += connections[n].bytes;
-      ++count_;
-    }
+std::vector<std::size_t> CutsAmong(std::span<const std::string> prefixes, std::size_t most) {
+  std::map<std::string_view, std::vector<std::size_t>> groups;  // by prefix; the oldest last
+  for (std::size_t n = prefixes.size(); n-- > 0;) groups[prefixes[n]].push_back(n);
+  std::vector<std::size_t> cuts;
+  while (prefixes.size() - cuts.size() > most) {
+    // Of the prefix with the most connections. Among equal ones, of that with the oldest.
+    auto& [prefix, group] = *std::ranges::max_element(groups, [](const auto& a, const auto& b) {
+      return a.second.size() != b.second.size() ? a.second.size() < b.second.size()
+                                                : a.second.back() > b.second.back();
+    });
+    cuts.push_back(group.back());
+    group.pop_back();
+    if (group.empty()) groups.erase(prefix);
   }
-
-  std::int64_t bytes() const { return bytes_; }
-  std::size_t count() const { return count_; }
-  std::vector<ConnectionCut> TakeCuts() { return std::move(cuts_); }
-
-  // Cuts the connection that sent the most, of the prefix that sent the most.
-  void CutGreatest() {
-    Group& group = Greatest(groups_, [](const Group& one) { return one.bytes; });
-    const auto most = std::max_element(group.connections.begin(), group.connections.end(),
-                                       [&](std::size_t a, std::size_t b) {
-                                         return connections_[a].bytes < connections_[b].bytes;
-                                       });
-    Cut(group, most, true);
-  }
-
-  // Cuts the oldest connection of the prefix that has the most connections.
-  void CutOldest() {
-    Group& group = Greatest(groups_, [](const Group& one) { return one.connections.size(); });
-    Cut(group, group.connections.begin(), false);
-  }
-
- private:
-  void Cut(Group& group, std::vector<std::size_t>::iterator at, bool sent_too_much) {
-    const BoundedConnection& connection = connections_[*at];
-    cuts_.push_back({*at, sent_too_much});
-    --count_;
-    bytes_ -= connection.bytes;
-    group.bytes -= connection.bytes;
-    group.connections.erase(at);
-    if (group.connections.empty()) groups_.erase(connection.prefix);
-  }
-
-  const std::span<const BoundedConnection> connections_;
-  Groups groups_;
-  std::int64_t bytes_ = 0;
-  std::size_t count_ = 0;
-  std::vector<ConnectionCut> cuts_;
-};
-
-}  // namespace
-
-std::vector<ConnectionCut> CutsAmong(std::span<const BoundedConnection> connections,
-                                     const ConnectionBounds& bounds) {
-  Rest rest(connections, bounds);
-  while (rest.bytes() > bounds.bytes_of_all) rest.CutGreatest();
-  while (rest.count() > bounds.connections) rest.CutOldest();
-  return rest.TakeCuts();
+  return cuts;
 }
 
 std::string PrefixOf(const sockaddr_storage& address) {

@@ -1,9 +1,9 @@
-// Decides which connections of strangers to cut off.
+// What the connections of strangers and viewers may cost, and which of too many strangers goes.
 //
 // A stranger's connection is a TLS connection that has not yet made an allowed call, or whose
 // client is no longer allowed. gRPC 1.51 keeps all unfinished headers and messages of a connection,
 // before anybody checks the caller, and even beyond gRPC's own quotas. An honest stranger needs
-// only a handshake and one first call of little more than 3 MiB.
+// only a handshake and a small first call.
 //
 // Connections are counted by prefix: an IPv6 host has a /64 to itself, and so more addresses than
 // the limit allows connections. The prefix with the most loses first.
@@ -27,35 +27,28 @@
 
 namespace palpate {
 
-struct ConnectionBounds {
-  std::size_t connections = 0;
-  std::int64_t bytes_of_one = 0;
-  std::int64_t bytes_of_all = 0;
-};
+inline constexpr std::size_t kMostStrangers = 64;
 
-inline constexpr ConnectionBounds kStrangerBounds{
-    .connections = 64, .bytes_of_one = 8 << 20, .bytes_of_all = 64 << 20};
-
-// What known clients who may only watch have sent lately. Their requests are small; the greatest
-// message is 3 MiB.
-inline constexpr ConnectionBounds kViewerBounds{
-    .connections = SIZE_MAX, .bytes_of_one = 4 << 20, .bytes_of_all = 32 << 20};
+// What strangers, and known clients who may only watch, send for nothing: beyond kBytesPerCall for
+// each call that is admitted, kBytesPerSample for each sample of poses that they take, and a share
+// of the voxels. gRPC works hardest for small frames that lead to no call. It needs 90 µs for a
+// call that is begun and reset at once, which takes 29 bytes: four connections that sent 50 KiB/s
+// of them kept everybody else out for 15 s.
+inline constexpr std::int64_t kBytesPerCall = 256;
+inline constexpr std::int64_t kBytesPerSample = 128;
+inline constexpr std::int64_t kVoxelBytesPerByte = 512;
+inline constexpr std::int64_t kIdleBytesOfOne = 128 << 10;
+inline constexpr std::int64_t kIdleBytesOfAll = 192 << 10;
 // So much of it is forgotten each second.
-inline constexpr std::int64_t kViewerBytesPerS = 1 << 20;
+inline constexpr std::int64_t kIdleBytesOfOnePerS = 16 << 10;
+inline constexpr std::int64_t kIdleBytesOfAllPerS = 64 << 10;
+// A connection with less is not cut off for what all have sent together.
+inline constexpr std::int64_t kLittleIdleBytes = 6 << 10;
 
-struct BoundedConnection {
-  std::string prefix;
-  std::int64_t bytes = 0;
-};
-
-struct ConnectionCut {
-  std::size_t connection = 0;  // index
-  bool sent_too_much = false;  // false: too many connections
-};
-
-// `connections`: the oldest first. The remaining connections are within all three bounds.
-std::vector<ConnectionCut> CutsAmong(std::span<const BoundedConnection> connections,
-                                     const ConnectionBounds& bounds);
+// Returns which of the connections to cut off, by their prefixes, the oldest connection first. At
+// most `most` remain.
+std::vector<std::size_t> CutsAmong(std::span<const std::string> prefixes,
+                                   std::size_t most = kMostStrangers);
 
 // The prefix that an address counts for: "10.0.0.7" (also for IPv4 in IPv6), or
 // "2001:db8:0:1::/64".

@@ -101,7 +101,7 @@ TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
   std::vector<Descriptor> kept, clients, fillers;
   Acceptor acceptor(kFirstRefused, watch);
   acceptor.TakeSocket(path);
-  acceptor.TakePort({"127.0.0.1", static_cast<std::uint16_t>(port)}, false);
+  acceptor.TakePort({"127.0.0.1", static_cast<std::uint16_t>(port)}, Role::kViewer);
   std::vector<Acceptor::Sink> sinks;
   sinks.push_back(std::make_unique<KeepingSink>(on_socket, kept));
   sinks.push_back(std::make_unique<KeepingSink>(on_port, kept));
@@ -153,6 +153,10 @@ class ConnectionWatchTest : public ::testing::Test {
     return pair;
   }
 
+  void Admit(const Pair& pair, Role role) {
+    watch_.Admitted(PeerName(pair.peer), {.token_sha256_hex = "a"}, role);
+  }
+
   // Who has this token is an editor; all others are not known any more.
   void KnowOnly(const std::string& token) {
     watch_.Judge([&](const Credentials& one) {
@@ -186,19 +190,23 @@ class ConnectionWatchTest : public ::testing::Test {
   Descriptor listener_;
 };
 
-// deploy/README: 8 MiB on each connection. The review that cuts one off has seen both.
-TEST_F(ConnectionWatchTest, AStrangerIsCutOffBeyondEightMiB) {
+// The review that cuts one off has seen both.
+TEST_F(ConnectionWatchTest, AStrangerWhoSendsTooMuchIsCutOff) {
   const Pair modest = Enter(), greedy = Enter();
-  EXPECT_TRUE(Send(modest, 8 * kMiB));
-  EXPECT_TRUE(Send(greedy, 8 * kMiB));
-  EXPECT_FALSE(IsClosed(greedy.client));
-  Send(greedy, 1);
+  EXPECT_TRUE(Send(modest, kLittleIdleBytes / 2));
+  Send(greedy, kIdleBytesOfOne + kMiB);
   EXPECT_TRUE(Eventually([&] { return IsClosed(greedy.client); }));
   EXPECT_FALSE(IsClosed(modest.client));
-  // Its address may connect again: others behind its NAT have the same.
-  const Pair other = Enter();
-  EXPECT_TRUE(Send(other, 8 * kMiB));
-  EXPECT_FALSE(IsClosed(other.client));
+}
+
+TEST_F(ConnectionWatchTest, WhatHasComeOfACutOffConnectionIsDropped) {
+  const Pair greedy = Enter();
+  Send(greedy, kIdleBytesOfOne);
+  const std::vector<char> more(kIdleBytesOfOne / 4);
+  ASSERT_GT(send(greedy.client.get(), more.data(), more.size(), MSG_DONTWAIT | MSG_NOSIGNAL), 0);
+  EXPECT_TRUE(Eventually([&] { return IsClosed(greedy.client); }));
+  char byte = 0;
+  EXPECT_LE(recv(greedy.server.get(), &byte, 1, MSG_DONTWAIT), 0);
 }
 
 TEST_F(ConnectionWatchTest, ANewcomerGetsInAmongManyAddressesAndTheOldestGoes) {
@@ -235,14 +243,11 @@ TEST_F(ConnectionWatchTest, AKnownClientIsNotWatchedUntilItIsKnownNoMore) {
   }));
 }
 
-// It would keep gRPC's threads from everybody else. Its greatest request is 3 MiB.
-TEST_F(ConnectionWatchTest, AViewerWhoNeverPausesIsCutOffAndAnEditorIsNot) {
+TEST_F(ConnectionWatchTest, AViewerWhoSendsForNothingIsCutOffAndAnEditorIsNot) {
   const Pair modest = Enter(), viewer = Enter(), editor = Enter();
-  for (const Pair* pair : {&modest, &viewer}) {
-    watch_.Admitted(PeerName(pair->peer), {.token_sha256_hex = "a"}, Role::kViewer);
-  }
-  watch_.Admitted(PeerName(editor.peer), {.token_sha256_hex = "b"}, Role::kEditor);
-  EXPECT_TRUE(Send(modest, 3 * kMiB));
+  for (const Pair* pair : {&modest, &viewer}) Admit(*pair, Role::kViewer);
+  Admit(editor, Role::kEditor);
+  EXPECT_TRUE(Send(modest, kLittleIdleBytes / 2));
   EXPECT_TRUE(Send(editor, 64 * kMiB));
   Send(viewer, 64 * kMiB);
   EXPECT_TRUE(Eventually([&] { return IsClosed(viewer.client); }));
@@ -252,6 +257,39 @@ TEST_F(ConnectionWatchTest, AViewerWhoNeverPausesIsCutOffAndAnEditorIsNot) {
   watch_.Judge([](const Credentials&) { return std::optional(Role::kViewer); });
   Send(editor, 64 * kMiB);
   EXPECT_TRUE(Eventually([&] { return IsClosed(editor.client); }));
+}
+
+TEST_F(ConnectionWatchTest, AdmittedCallsAndSamplesPayForTheirBytes) {
+  const Pair caller = Enter(), taker = Enter();
+  for (int n = 0; n < 4 * kIdleBytesOfOne / kBytesPerCall; ++n) {
+    Admit(caller, Role::kViewer);
+    ASSERT_TRUE(Send(caller, kBytesPerCall));
+  }
+  Admit(taker, Role::kViewer);
+  watch_.TakesSamples(PeerName(taker.peer), 1 << 30);
+  EXPECT_TRUE(Send(taker, 4 * kIdleBytesOfOne));
+  watch_.TakesSamples(PeerName(taker.peer), -(1 << 30));
+  Send(taker, 64 * kMiB);
+  EXPECT_TRUE(Eventually([&] { return IsClosed(taker.client); }));
+  EXPECT_FALSE(IsClosed(caller.client));
+}
+
+TEST_F(ConnectionWatchTest, ManyViewersAreBoundedTogetherAlsoIfTheyComeAgain) {
+  const Pair quiet = Enter();
+  Admit(quiet, Role::kViewer);
+  EXPECT_TRUE(Send(quiet, kLittleIdleBytes / 2));
+  const auto crowd = [&] {
+    std::vector<Pair> pairs;
+    for (int n = 0; n < 16; ++n) {
+      pairs.push_back(Enter());
+      Admit(pairs.back(), Role::kViewer);
+      Send(pairs.back(), kIdleBytesOfOne * 3 / 4);
+    }
+    return Eventually([&] { return IsClosed(pairs.back().client); });
+  };
+  EXPECT_TRUE(crowd());
+  EXPECT_TRUE(crowd());
+  EXPECT_FALSE(IsClosed(quiet.client));
 }
 
 // A token may be renewed while its connection stays, and a client may be allowed again.

@@ -18,6 +18,7 @@ from palpate.v1 import device_pb2, device_pb2_grpc
 
 _CONNECT_TIMEOUT_S = 3.0
 _CALL_TIMEOUT_S = 30.0
+_SMALL_BYTES = 32 << 10
 # A palpated that is just being started is there by then.
 _START_S = 2.0
 _THIS_MACHINE = ("localhost", "127.0.0.1", "[::1]", "::1")
@@ -121,6 +122,9 @@ class Link:
         while True:
             self.check_open()
             try:
+                # palpated takes only a small first call of a connection.
+                if not self._is_local and request.ByteSize() > _SMALL_BYTES:
+                    self._greet()
                 return method(request, timeout=_CALL_TIMEOUT_S)
             except grpc.RpcError as failed:
                 if not self.waits_for(failed):
