@@ -91,7 +91,9 @@ void FindLine(DicomStack* stack, Reporter* reporter) {
       "the stack is tilted against its slices (gantry tilt): from the first to the last they move "
       "aside by " +
       Short(aside_mm.head<2>().norm()) + " mm; ";
-  if (line.slope.head<2>().norm() > kStraight) Refuse(tilted + "resample it first");
+  if (line.slope.head<2>().norm() > kStraight || voxels(0.5 * aside_mm) > kFarOff) {
+    Refuse(tilted + "resample it first");
+  }
   if (voxels(off_mm(*worst)) > kSlightlyOff) reporter->Warn(beside + "it is put on that line");
   if (voxels(0.5 * aside_mm) > kSlightlyOff) reporter->Warn(tilted + "they are put straight");
 }

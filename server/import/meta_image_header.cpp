@@ -95,6 +95,17 @@ std::vector<double> Numbers(const Fields& fields, std::initializer_list<std::str
   return numbers;
 }
 
+// Where the axes of a volume in LPS come from, such as "RAI": along each, the nearest side.
+std::string AnatomicalOf(const Mat3& direction) {
+  std::string sides;
+  for (int k = 0; k < 3; ++k) {
+    Eigen::Index axis = 0;
+    direction.col(k).cwiseAbs().maxCoeff(&axis);
+    sides += (direction(axis, k) > 0.0 ? "RAI" : "LPS")[axis];
+  }
+  return sides;
+}
+
 // Each field has several names.
 ImageGeometry ParseGeometry(const Fields& fields, std::size_t dimension, bool spacing_is_given) {
   const auto spacing = Numbers(fields, {"ElementSpacing", "ElementSize"}, dimension);
@@ -120,7 +131,8 @@ ImageGeometry ParseGeometry(const Fields& fields, std::size_t dimension, bool sp
   // MetaIO writes ??? for what it does not know. A TransformMatrix alone leads to a world that the
   // header does not place in a patient. ITK's files have both, and ITK's world is LPS.
   const auto anatomical = fields.find("AnatomicalOrientation");
-  geometry.is_lps = anatomical != fields.end() && IsPatientAxes(anatomical->second);
+  geometry.is_lps =
+      anatomical != fields.end() && anatomical->second == AnatomicalOf(geometry.direction);
   return geometry;
 }
 
@@ -178,6 +190,11 @@ ImageHeader ParseMetaImageHeader(std::string_view head, bool spacing_is_given) {
   header.big_endian =
       Flag(fields, "ElementByteOrderMSB", false) || Flag(fields, "BinaryDataByteOrderMSB", false);
   header.geometry = ParseGeometry(fields, axes.size(), spacing_is_given);
+  const auto anatomical = fields.find("AnatomicalOrientation");
+  if (anatomical != fields.end() && IsPatientAxes(anatomical->second) && !header.geometry.is_lps) {
+    header.warnings.push_back("AnatomicalOrientation " + anatomical->second +
+                              " is not what its TransformMatrix says: left and right are unknown");
+  }
   ReadElementDataPlace(fields, header_end, &header);
   return header;
 }

@@ -16,8 +16,8 @@ TickSample ShownSamples::Shown(const TickSample& live) {
     waiting_.pop_front();
     ++passed_;
   }
-  // Until the first sample of the recording, the present one is shown: of a hand without forces.
-  TickSample shown = current_.value_or(live);
+  if (!current_) return live;
+  TickSample shown = *current_;
   shown.tick = live.tick;
   shown.time_ns = live.time_ns;
   shown.scene_revision = live.scene_revision;

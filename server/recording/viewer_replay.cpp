@@ -76,7 +76,6 @@ class ViewerReplay {
 
   void Run() {
     CheckStart();
-    Report({});
     try {
       session_.SetForcesOff(true);
       pump_.Replace(shown_);
@@ -255,6 +254,7 @@ class ViewerReplay {
 
   // Switches forces on again even if the voxels cannot be restored.
   void Restore() {
+    pump_.Replace(nullptr);
     try {
       Show(*before_.volume);
       const AffineMap live = session_.volume().registration.X_DW;
@@ -263,15 +263,10 @@ class ViewerReplay {
         session_.Move([&](const VolumeState&) { return before_.registration; });
       }
     } catch (...) {
-      End();
+      session_.SetForcesOff(false);
       throw;
     }
-    End();
-  }
-  // In this order: a sample that is not of the replay is of forces that may be on.
-  void End() {
     session_.SetForcesOff(false);
-    pump_.Replace(nullptr);
   }
 
   void Report(const std::string& marker) {

@@ -200,7 +200,7 @@ std::optional<Admission> Access::Enter(Admission::Running call,
     // A refusal, too, waits in gRPC until its client reads.
     call.answer_bytes = 0;
     unread_.Waits(call.peer, 0, now_ns, /*is_refusal=*/true);
-    if (connections_ && unread_.IsDeaf(call.peer)) connections_->Cut(call.peer);
+    if (connections_ && unread_.IsDeaf(call.peer, now_ns)) connections_->Cut(call.peer);
   }
   {
     const std::lock_guard lock(running_mutex_);

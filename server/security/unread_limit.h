@@ -32,12 +32,13 @@ class UnreadLimit {
            (bytes_of_all_ > kMostBytesOfAll || now_ns - found->second.above_since_ns > kPatienceNs);
   }
   // Its client goes on calling and does not even read refusals: the connection must end.
-  bool IsDeaf(const std::string& peer) const {
+  bool IsDeaf(const std::string& peer, std::int64_t now_ns) const {
     const std::lock_guard lock(mutex_);
     const auto found = unread_.find(peer);
-    return found != unread_.end() &&
-           found->second.refusals >=
-               (bytes_of_all_ > kMostBytesOfAll ? kMostRefusals / 4 : kMostRefusals);
+    if (found == unread_.end()) return false;
+    const Unread& unread = found->second;
+    if (bytes_of_all_ > kMostBytesOfAll) return unread.refusals >= kMostRefusals / 4;
+    return unread.refusals >= kMostRefusals && now_ns - unread.deaf_since_ns > kPatienceNs;
   }
   // An answer, or a refusal, waits for its client. Afterwards give the same to Sent.
   void Waits(const std::string& peer, std::size_t answer_bytes, std::int64_t now_ns,
@@ -47,6 +48,7 @@ class UnreadLimit {
     Unread& unread = unread_[peer];
     if (unread.bytes < kMostBytes) unread.above_since_ns = now_ns;
     unread.bytes += kCallBytes + answer_bytes;
+    if (unread.refusals < kMostRefusals) unread.deaf_since_ns = now_ns;
     unread.refusals += is_refusal;
     bytes_of_all_ += kCallBytes + answer_bytes;
   }
@@ -65,6 +67,7 @@ class UnreadLimit {
     std::size_t bytes = 0;
     std::size_t refusals = 0;
     std::int64_t above_since_ns = 0;  // while it is above the bound
+    std::int64_t deaf_since_ns = 0;   // while it has too many refusals
   };
 
   mutable std::mutex mutex_;

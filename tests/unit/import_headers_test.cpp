@@ -347,6 +347,7 @@ TEST(MetaImageHeader, AnAnatomicalOrientationPlacesItInAPatient) {
   };
   EXPECT_TRUE(is_lps("AnatomicalOrientation = RAI\n"));
   EXPECT_FALSE(is_lps("AnatomicalOrientation = ???\n"));
+  EXPECT_FALSE(is_lps("AnatomicalOrientation = RAS\n")) << "its TransformMatrix says RAI";
   EXPECT_FALSE(is_lps("")) << "a TransformMatrix alone";
 }
 

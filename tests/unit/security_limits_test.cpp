@@ -154,10 +154,11 @@ TEST(UnreadLimit, WhoReadsNotEvenRefusalsIsDeafAndReadOnesDoNotCount) {
     limit.Waits(peer, 0, 0, true);
     limit.Sent(peer, 0, true);
   }
-  EXPECT_FALSE(limit.IsDeaf(peer));
+  EXPECT_FALSE(limit.IsDeaf(peer, 0));
   for (std::size_t n = 0; n < UnreadLimit::kMostRefusals; ++n) limit.Waits(peer, 0, 0, true);
-  EXPECT_TRUE(limit.IsDeaf(peer));
-  EXPECT_FALSE(limit.IsDeaf("ipv4:10.0.0.7:2"));
+  EXPECT_FALSE(limit.IsDeaf(peer, 0)) << "a burst";
+  EXPECT_TRUE(limit.IsDeaf(peer, 2 * kSecond));
+  EXPECT_FALSE(limit.IsDeaf("ipv4:10.0.0.7:2", 2 * kSecond));
 }
 
 TEST(IdentityLimits, OneClientMayHaveEightStreamsAtFullRateAndSixtyFourViewers) {
