@@ -95,12 +95,17 @@ TEST_F(DicomTest, SlicesBesideTheLineAreSaidOrRefused) {
 
 // A tilt below the limit moves the ends of a long stack aside.
 TEST_F(DicomTest, ASlightTiltIsSaidWithTheAmount) {
-  Imported(WriteSeries([](SliceFile* s) {
-    s->height_mm = 30.0 + 20.0 * s->z;
-    s->shift = std::to_string(10.0 + 0.1 * s->z) + "\\20\\";
-  }));
+  const auto tilted = [this](double mm_per_slice) {
+    return WriteSeries([=](SliceFile* s) {
+      s->height_mm = 30.0 + 20.0 * s->z;
+      s->shift = std::to_string(10.0 + mm_per_slice * s->z) + "\\20\\";
+    });
+  };
+  Imported(tilted(0.1));
   ASSERT_EQ(warnings_.size(), 1u);
   EXPECT_NE(warnings_[0].find(" 0.3 mm"), std::string::npos) << warnings_[0];
+  // Less than 1 %, but more than half a voxel at both ends.
+  ExpectRefused(tilted(0.19), ErrorKind::kInvalidArgument, "tilted");
 }
 
 // At two pitches, as heads are scanned, whichever of them most slices have.
