@@ -38,6 +38,22 @@ PlaceError FarthestCorner(const AffineMap& X_WI, const AffineMap& other_WI,
   return greatest;
 }
 
+void RepairSpacing(bool spacing_is_given, ImageHeader* header) {
+  ImageGeometry& geometry = header->geometry;
+  if (!geometry.has_spacing && !spacing_is_given) {
+    header->warnings.push_back(
+        "the header does not state the spacing of each axis; 1 mm is taken where it is missing, "
+        "give it with --spacing-mm");
+  }
+  for (int k = 0; k < 3; ++k) {
+    if (geometry.spacing_mm[k] >= 0.0) continue;
+    geometry.spacing_mm[k] *= -1.0;
+    geometry.direction.col(k) *= -1.0;
+    header->warnings.push_back("the spacing along " + std::string(1, "xyz"[k]) +
+                               " is negative; the axis is turned around, as ITK does");
+  }
+}
+
 PlaceError Straighten(const std::array<std::int64_t, 3>& size, ImageGeometry* geometry) {
   const AffineMap sheared = MapOf(*geometry);
   const Vec3 middle_I = 0.5 * LastVoxel(size);

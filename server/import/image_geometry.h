@@ -28,6 +28,10 @@ AffineMap MapOf(const ImageGeometry& geometry);
 PlaceError FarthestCorner(const AffineMap& X_WI, const AffineMap& other_WI,
                           const std::array<std::int64_t, 3>& size);
 
+// Turns an axis with a negative spacing around, as ITK does, and warns. Warns of a spacing that is
+// assumed, unless the user states it.
+void RepairSpacing(bool spacing_is_given, ImageHeader* header);
+
 // Replaces axes that are not at right angles by the nearest ones that are; spacing and the volume's
 // middle stay. Returns how far that moves a corner voxel at most.
 PlaceError Straighten(const std::array<std::int64_t, 3>& size, ImageGeometry* geometry);

@@ -32,6 +32,7 @@ ScalarType ParseScalarType(std::string_view name);  // takes the result of Name(
 // The place of a file's voxels: maps index to W (mm, LPS).
 struct ImageGeometry {
   Vec3 spacing_mm = Vec3::Ones();
+  bool has_spacing = true;  // else 1 mm is assumed along an axis
   Vec3 origin_W_mm = Vec3::Zero();
   Mat3 direction = Mat3::Identity();  // columns: unit vectors, except in a sheared file
   bool is_lps = false;                // the file says where W lies in the patient

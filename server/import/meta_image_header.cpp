@@ -1,10 +1,12 @@
 #include "server/import/meta_image_header.h"
 
+#include <cmath>
 #include <initializer_list>
 #include <map>
 #include <string>
 #include <vector>
 
+#include "server/import/image_geometry.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
@@ -113,11 +115,12 @@ ImageGeometry ParseGeometry(const Fields& fields, std::size_t dimension, bool sp
   const auto matrix =
       Numbers(fields, {"TransformMatrix", "Rotation", "Orientation"}, dimension * dimension);
   ImageGeometry geometry;
+  geometry.has_spacing = !spacing.empty();
   for (int k = 0; k < 3; ++k) {
     const auto axis = static_cast<std::size_t>(k);
     if (!origin.empty()) geometry.origin_W_mm[k] = origin[axis];
     if (!spacing.empty() && !spacing_is_given) {
-      CheckSpacing(spacing[axis]);
+      CheckSpacing(std::abs(spacing[axis]));
       geometry.spacing_mm[k] = spacing[axis];
     }
     // A row of the matrix is the direction of an axis.
@@ -195,6 +198,7 @@ ImageHeader ParseMetaImageHeader(std::string_view head, bool spacing_is_given) {
     header.warnings.push_back("AnatomicalOrientation " + anatomical->second +
                               " is not what its TransformMatrix says: left and right are unknown");
   }
+  RepairSpacing(spacing_is_given, &header);
   ReadElementDataPlace(fields, header_end, &header);
   return header;
 }

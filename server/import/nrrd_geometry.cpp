@@ -144,10 +144,12 @@ ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64
     const bool node = centers.size() > static_cast<std::size_t>(k) && centers[k] == "node";
     const double steps = static_cast<double>(size[k] - (node ? 1 : 0));
     const double from_range = (maxs[k] - mins[k]) / steps;
-    const bool stated = FindField(fields, "spacings").has_value() && !spacing_is_given;
-    if (stated) CheckSpacing(spacings[k]);
+    // NaN is what is not known.
+    const bool stated = !std::isnan(spacings[k]) && !spacing_is_given;
+    if (stated) CheckSpacing(std::abs(spacings[k]));
     const bool ranged = !stated && std::isfinite(from_range) && from_range > 0.0;
     if (stated || ranged) geometry.spacing_mm[k] = stated ? spacings[k] : from_range;
+    geometry.has_spacing = geometry.has_spacing && (stated || ranged);
     placed = placed && (stated || ranged);
     // In a cell-centred axis, the sample lies in the middle of the cell.
     if (!node) origin[k] += geometry.spacing_mm[k] / 2;

@@ -4,6 +4,7 @@
 #include <initializer_list>
 #include <map>
 
+#include "server/import/image_geometry.h"
 #include "server/import/nrrd_fields.h"
 #include "server/import/nrrd_geometry.h"
 
@@ -134,6 +135,7 @@ ImageHeader ParseNrrdHeader(std::string_view head, bool whole, bool spacing_is_g
   header.type = ParseType(RequiredField(fields, "type"));
   ReadSizes(fields, &header);
   header.geometry = ParseNrrdGeometry(fields, header.size, spacing_is_given);
+  RepairSpacing(spacing_is_given, &header);
   ReadEncoding(fields, &header);
   ReadDataPlace(fields, header_end, &header);
   if (const auto unit = FindField(fields, "sampleunits")) {
