@@ -83,6 +83,9 @@ Error CannotWrite(const fs::path& path, int error_number) {
     case EDQUOT:
     case EFBIG:
       return error(ErrorKind::kDiskFull, "; make space, or name another folder");
+    case EMFILE:
+    case ENFILE:
+      return error(ErrorKind::kTooLarge, "; close some, or raise the limit (LimitNOFILE, ulimit -n)");
     default:
       return error(ErrorKind::kUnavailable, "; name another folder");
   }
@@ -99,13 +102,14 @@ NewFile::NewFile(fs::path path, IfThere if_there, mode_t mode, Links links)
                 path_.string() + ": a link has come into its folder's name; try again");
   }
   if (directory_ < 0) throw CannotWrite(path_, errno);
-  do {
-    partial_name_ = path_.filename().string() + "." + RandomLetters() + ".partial";
-    descriptor_ =
-        openat(directory_, partial_name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-  } while (descriptor_ < 0 && errno == EEXIST);
-  partial_ = path_.parent_path() / partial_name_;
+  descriptor_ = openat(directory_, ".", O_TMPFILE | O_RDWR | O_CLOEXEC, mode);
   if (descriptor_ >= 0) return;
+  // The file system may make no files without a name.
+  const bool is_made = GivePartialName([&](const char* name) {
+    descriptor_ = openat(directory_, name, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+    return descriptor_ >= 0;
+  });
+  if (is_made) return;
   const int error_number = errno;
   close(directory_);
   throw CannotWrite(path_, error_number);
@@ -113,8 +117,21 @@ NewFile::NewFile(fs::path path, IfThere if_there, mode_t mode, Links links)
 
 NewFile::~NewFile() {
   close(descriptor_);
-  if (!has_name_) unlinkat(directory_, partial_name_.c_str(), 0);
+  if (!has_name_ && !partial_name_.empty()) unlinkat(directory_, partial_name_.c_str(), 0);
   close(directory_);
+}
+
+// `make`: tries the name. Returns false with errno if that fails.
+bool NewFile::GivePartialName(const std::function<bool(const char* name)>& make) {
+  std::string name;
+  do {
+    name = path_.filename().string() + "." + RandomLetters() + ".partial";
+    if (make(name.c_str())) {
+      partial_name_ = name;
+      return true;
+    }
+  } while (errno == EEXIST);
+  return false;
 }
 
 void NewFile::Write(std::string_view bytes) {
@@ -154,6 +171,11 @@ bool NewFile::RenameTo(unsigned flags) const {
 }
 
 void NewFile::Rename() {
+  const bool has_partial_name = !partial_name_.empty() || GivePartialName([&](const char* name) {
+    return linkat(AT_FDCWD, ByDescriptor(descriptor_).c_str(), directory_, name,
+                  AT_SYMLINK_FOLLOW) == 0;
+  });
+  if (!has_partial_name) throw CannotWrite(path_, errno);
   if (if_there_ == IfThere::kReplace) {
     if (!RenameTo(0)) throw CannotWrite(path_, errno);
   } else if (!RenameTo(RENAME_NOREPLACE)) {
@@ -181,7 +203,7 @@ void WriteWhole(const fs::path& path, const std::function<void(const fs::path& p
   NewFile file(path, if_there, 0666, links);
   errno = 0;
   try {
-    write(links == Links::kRefused ? ByDescriptor(file.descriptor()) : file.partial());
+    write(ByDescriptor(file.descriptor()));
   } catch (const std::ios_base::failure&) {
     // Streams do not report a reason, but errno of the failed call is still set.
     throw CannotWrite(path, errno != 0 ? errno : EIO);

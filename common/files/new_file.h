@@ -1,9 +1,10 @@
 // Writes files that are always complete or unchanged, also after a power failure.
 //
-// The bytes go into a file next to the path first. When they are on the disk, that file is renamed
-// to the path. When the rename returns, the new name is on the disk, too. A killed program leaves a
-// file "NAME.XXXXXX.partial" behind. Existing files are never opened, so a link or a pipe with such
-// a name has no effect.
+// The bytes go into a file without a name in the path's folder. When they are on the disk, the file
+// gets a name next to the path, "NAME.XXXXXX.partial", and is renamed to the path. When the rename
+// returns, the new name is on the disk, too. So a killed program leaves nothing behind, except on
+// file systems (NFS) where the file has the partial name from the beginning. Existing files are
+// never opened, so a link or a pipe with such a name has no effect.
 //
 // Any thread. Not for real-time code: waits for the disk.
 #pragma once
@@ -31,12 +32,13 @@ enum class Durable { kYes, kNo };
 enum class Links { kFollowed, kRefused };
 
 // The Error for a file that cannot be written, by errno: kNotFound (no such folder),
-// kInvalidArgument (the path is a folder), kPermissionDenied, kDiskFull, otherwise kUnavailable.
+// kInvalidArgument (the path is a folder), kPermissionDenied, kDiskFull, kTooLarge (too many files
+// are open), otherwise kUnavailable.
 Error CannotWrite(const std::filesystem::path& path, int error_number);
 
 class NewFile {
  public:
-  // Makes the file next to `path`. `mode`: reduced by the process's umask. Throws Error: those of
+  // Makes the file. `mode`: reduced by the process's umask. Throws Error: those of
   // CannotWrite; kConflict if `path` exists and must not be replaced; kInvalidArgument if it exists
   // and cannot be; kPermissionDenied for a link in the folder's name.
   explicit NewFile(std::filesystem::path path, IfThere if_there = IfThere::kReplace,
@@ -46,8 +48,6 @@ class NewFile {
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
 
-  // For functions that write to a path, and for setting owner and mode.
-  const std::filesystem::path& partial() const { return partial_; }
   int descriptor() const { return descriptor_; }
   bool has_name() const { return has_name_; }
 
@@ -62,6 +62,7 @@ class NewFile {
   void TakeName(Durable durable = Durable::kYes);
 
  private:
+  bool GivePartialName(const std::function<bool(const char* name)>& make);
   bool RenameTo(unsigned flags) const;
   void Rename();
   void ClaimAndRename();
@@ -70,8 +71,7 @@ class NewFile {
   const IfThere if_there_;
   // All operations use this folder, even if its name leads elsewhere by now.
   int directory_ = -1;
-  std::string partial_name_;
-  std::filesystem::path partial_;
+  std::string partial_name_;  // empty: the file has no name yet
   int descriptor_ = -1;
   bool has_name_ = false;
 };

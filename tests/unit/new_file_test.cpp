@@ -1,11 +1,13 @@
 // Files that are whole or as they were.
 #include "common/files/new_file.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -69,6 +71,22 @@ TEST_F(NewFileTest, LeavesWhatWasThereWithoutIt) {
             ErrorKind::kUnavailable);
   EXPECT_EQ(TextOf(path_), "old");
   EXPECT_EQ(Files(), 1);
+}
+
+TEST_F(NewFileTest, AKilledWriterLeavesNothing) {
+  const int nameless = open(folder_.path().c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  if (nameless < 0) GTEST_SKIP() << "the file system makes no files without a name";
+  close(nameless);
+  const pid_t writer = fork();
+  if (writer == 0) {
+    NewFile file(path_);
+    file.Write("half");
+    kill(getpid(), SIGKILL);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(writer, &status, 0), writer);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_EQ(Files(), 0);
 }
 
 TEST_F(NewFileTest, RefusesToReplaceWhereItMayNot) {
