@@ -1,9 +1,16 @@
 // palpate-import: reads a volume file that may be damaged or hostile, and hands the volume over to
-// the daemon (server/volume/handover.h) or writes a .vdb file (server/volume/volume_file.h).
+// the daemon (server/volume/handover.h) or writes a .vdb file (server/volume/volume_file.h). Also
+// writes the .vdb files of the daemon (server/volume/volume_pipe.h).
+
+#include <signal.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstdio>
+#include <exception>
 #include <filesystem>
+#include <ios>
 #include <new>
 #include <optional>
 #include <string>
@@ -19,6 +26,7 @@
 #include "server/import/voxel_writer.h"
 #include "server/volume/handover.h"
 #include "server/volume/volume_file.h"
+#include "server/volume/volume_pipe.h"
 
 namespace {
 
@@ -31,6 +39,7 @@ struct Options {
   std::string output;
   bool overwrite = false;
   std::optional<std::int64_t> descriptor;
+  std::optional<std::int64_t> save_descriptor;
   std::vector<double> spacing_mm;
   std::string orientation;
   std::string series;
@@ -117,6 +126,11 @@ void DefineOptions(arguments::Command* app, Options* options) {
   arguments::Option* const output = app->add_option("OUTPUT", options->output, "File to write");
   app->add_option("--to-descriptor", options->descriptor,
                   "Instead of OUTPUT: hand the volume to palpated in this open file in memory")
+      ->excludes(output)
+      ->type_name("FD");
+  app->add_option("--save-to-descriptor", options->save_descriptor,
+                  "Instead of OUTPUT: write the volume that palpated sends to standard input into\n"
+                  "this open file. INPUT is its name in messages")
       ->excludes(output)
       ->type_name("FD");
   app->add_flag("--overwrite", options->overwrite, "Replace OUTPUT if it is there")->needs(output);
@@ -237,6 +251,7 @@ std::vector<std::filesystem::path> FoldersToRead(const Options& options) {
 }
 
 constexpr char kDicom[] = "DICOM";
+constexpr std::int64_t kBricksAtOnce = 1 << 14;  // between two lines of progress
 
 // The format as a crash of its reader names it.
 std::string ReaderName(const Options& options) {
@@ -307,7 +322,11 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   if (!options.output.empty()) {
     palpate::CheckNewFile(options.output, palpate::ReplacesIf(options.overwrite));
   }
-  reporter->FailOnCrash(ReaderName(options));
+  reporter->FailOnCrash(
+      "the reader of " + ReaderName(options) +
+          " crashed; this is a fault of the reader, whatever the file holds: save the volume in "
+          "another format (NRRD, NIfTI), and please report this",
+      ErrorKind::kInternal);
   reporter->FailAfter(options.timeout_s);
   palpate::LimitResources(limits.max_memory_bytes, options.timeout_s);
   if (!limits.folders.empty()) palpate::CheckPlace(options.input, limits);
@@ -320,11 +339,43 @@ void Import(const Options& options, palpate::Reporter* reporter) {
     const palpate::LoadedVolume volume =
         palpate::TakeHandover(file.get(), {.max_voxels = options.max_voxels});
     file.Close();  // frees its memory before the leaves are copied for writing
-    palpate::WriteVolumeFile(
-        options.output, volume.bricks, volume.metadata,
-        {.if_there = palpate::ReplacesIf(options.overwrite), .durable = palpate::Durable::kNo});
+    palpate::WriteVolumeFile(options.output, volume.bricks, volume.metadata,
+                             palpate::ReplacesIf(options.overwrite));
   }
   reporter->Progress(1.0, "done");
+}
+
+constexpr char kNoMemoryToSave[] =
+    "there is not enough memory to write it; save it as .nrrd, which needs none";
+
+// Receives and writes about as long.
+void Save(const Options& options, palpate::Reporter* reporter) {
+  // OpenVDB needs memory to give memory back, and crashes without it.
+  reporter->FailOnCrash(kNoMemoryToSave, ErrorKind::kTooLarge);
+  signal(SIGXFSZ, SIG_IGN);  // a file at its limit is a full disk
+  palpate::GiveWay();
+  const palpate::ReceivedVolume volume = palpate::ReceiveVolume(stdin);
+  const auto bricks = (volume.metadata.size.cast<double>() / palpate::kBrickEdge).array().ceil();
+  const double count = bricks.prod();
+  std::int64_t received = 0;
+  palpate::LeafPtr leaf;
+  const auto next = [&]() -> const palpate::Leaf& {
+    if (received++ % kBricksAtOnce == 0) {
+      reporter->Progress(0.5 * static_cast<double>(received) / count, "writing");
+    }
+    leaf = palpate::ReceiveLeaf(stdin);
+    return *leaf;
+  };
+  const auto written = [reporter](double fraction) {
+    reporter->Progress(0.5 + 0.5 * fraction, "writing");
+  };
+  errno = 0;
+  try {
+    palpate::WriteGridFile("/proc/self/fd/" + std::to_string(*options.save_descriptor),
+                           volume.grid_type, next, volume.metadata, written);
+  } catch (const std::ios_base::failure&) {
+    throw palpate::CannotWrite(options.input, errno != 0 ? errno : EIO);
+  }
 }
 
 int Run(const Options& options) {
@@ -334,14 +385,17 @@ int Run(const Options& options) {
     return ExitCode(kind);
   };
   try {
-    Import(options, &reporter);
+    options.save_descriptor ? Save(options, &reporter) : Import(options, &reporter);
     return 0;
   } catch (const palpate::Error& error) {
     return fail(error.kind(), error.what());
-  } catch (const std::bad_alloc&) {
-    return fail(ErrorKind::kTooLarge,
-                "there is not enough memory; crop the volume or raise --max-memory-mib");
   } catch (const std::exception& error) {
+    // Memory is all that a save can lack. TBB throws its own if there is none for a thread.
+    if (options.save_descriptor) return fail(ErrorKind::kTooLarge, kNoMemoryToSave);
+    if (dynamic_cast<const std::bad_alloc*>(&error)) {
+      return fail(ErrorKind::kTooLarge,
+                  "there is not enough memory; crop the volume or raise --max-memory-mib");
+    }
     return fail(ErrorKind::kInternal, std::string(error.what()) + "; please report this");
   }
 }
@@ -354,7 +408,7 @@ int main(int argc, char** argv) {
   DefineOptions(&app, &options);
   try {
     if (!app.parse(argc, argv)) return 0;
-    if (options.output.empty() && !options.descriptor) {
+    if (options.output.empty() && !options.descriptor && !options.save_descriptor) {
       throw arguments::UsageError("OUTPUT is missing: name the .vdb file to write");
     }
   } catch (const arguments::UsageError& error) {

@@ -16,6 +16,7 @@ namespace {
 // For the signal handlers, which may neither allocate nor format.
 std::string timeout_line;
 std::string crash_line;
+int crash_code = 0;
 int signal_fd = -1;
 
 extern "C" void ExitOnTimeout(int) {
@@ -26,7 +27,7 @@ extern "C" void ExitOnTimeout(int) {
 
 extern "C" void ExitOnCrash(int) {
   [[maybe_unused]] const ssize_t written = write(signal_fd, crash_line.data(), crash_line.size());
-  _exit(ExitCode(ErrorKind::kInternal));
+  _exit(crash_code);
 }
 
 // Makes one line of any text from a library or a file name.
@@ -103,10 +104,9 @@ void Reporter::FailAfter(unsigned seconds) {
   alarm(seconds);
 }
 
-void Reporter::FailOnCrash(const std::string& format) {
-  crash_line = OneLine("palpate-import: " + input_ + ": the reader of " + format +
-                       " crashed; this is a fault of the reader, whatever the file holds: save the "
-                       "volume in another format (NRRD, NIfTI), and please report this");
+void Reporter::FailOnCrash(const std::string& message, ErrorKind kind) {
+  crash_line = OneLine("palpate-import: " + input_ + ": " + message);
+  crash_code = ExitCode(kind);
   signal_fd = message_fd_;
 #ifndef PALPATE_SANITIZED
   // A stack of its own: the other one may be what overflowed.

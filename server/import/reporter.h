@@ -9,6 +9,8 @@
 #include <string>
 #include <string_view>
 
+#include "common/error/error.h"
+
 namespace palpate {
 
 class Reporter {
@@ -29,9 +31,9 @@ class Reporter {
   // After `seconds` of wall clock, or at the limit of processor time, writes a failure and exits
   // with the code of kTooLarge.
   void FailAfter(unsigned seconds);
-  // From now on a crash writes a failure that names the format, and exits with the code of
-  // kInternal. Libraries crash on valid files, too.
-  void FailOnCrash(const std::string& format);
+  // From now on a crash writes this failure, and exits with the code of `kind`. Libraries crash on
+  // valid files, too.
+  void FailOnCrash(const std::string& message, ErrorKind kind);
 
  private:
   std::string input_;

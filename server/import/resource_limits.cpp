@@ -71,7 +71,12 @@ void LimitResources(std::int64_t max_memory_bytes, std::int64_t max_seconds) {
         static_cast<rlim_t>(PrivateMemoryNow() + threads * kPerThread + max_memory_bytes),
         "memory");
 #endif
+  GiveWay();
+}
+
+void GiveWay() {
   setpriority(PRIO_PROCESS, 0, kNiceness);
+  std::ofstream("/proc/self/oom_score_adj") << 1000;
 }
 
 }  // namespace palpate

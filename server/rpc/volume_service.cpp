@@ -125,7 +125,8 @@ void VolumeService::SaveTo(const v1::SaveVolumeRequest& request, const ExportPro
   const auto volume = session_.volume().volume;
   const std::filesystem::path path = paths_.CheckSave(request.path());
   const MemoryClaim claim = session_.loader().budget->Claim("saving", ExportBytes(*volume, path));
-  result.set_size_bytes(ExportVolume(*volume, {path, request.overwrite()}, progress, cancelled));
+  result.set_size_bytes(ExportVolume(
+      *volume, {path, request.overwrite(), session_.loader().import_program}, progress, cancelled));
   session_.store().Saved(*volume);
   result.set_volume_revision(volume->revision());
 }

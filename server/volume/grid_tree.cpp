@@ -15,9 +15,9 @@ namespace {
 
 openvdb::Coord ToCoord(const Vec3i& at) { return {at.x(), at.y(), at.z()}; }
 
+// z fastest.
 template <class Visit>
-void ForEachBrickOf(const BrickDirectory& bricks, const Visit& visit) {
-  const Vec3i& count = bricks.brick_count();
+void ForEachBrickOf(const Vec3i& count, const Visit& visit) {
   for (int a = 0; a < count.x(); ++a) {
     for (int b = 0; b < count.y(); ++b) {
       for (int c = 0; c < count.z(); ++c) visit(Vec3i(a, b, c));
@@ -52,8 +52,8 @@ class TreeMaker {
   using Node = typename TopNode::ChildNodeType;
   using LeafNode = typename Tree::LeafNodeType;
 
-  TreeMaker(const BrickDirectory& bricks, const VolumeMetadata& metadata)
-      : bricks_(bricks),
+  TreeMaker(const NextLeaf& next, const VolumeMetadata& metadata)
+      : next_(next),
         size_(metadata.size),
         form_(metadata.grid_form.get()),
         first_(form_ ? form_->first : Vec3i::Zero()),
@@ -62,7 +62,8 @@ class TreeMaker {
 
   typename Grid::Ptr Make() {
     if (form_) PutForm();
-    ForEachBrickOf(bricks_, [this](const Vec3i& brick) { PutBrick(brick); });
+    const Vec3i count = (size_.array() + (kBrickEdge - 1)) / kBrickEdge;
+    ForEachBrickOf(count, [this](const Vec3i& brick) { PutBrick(brick, next_()); });
     return std::move(grid_);
   }
 
@@ -98,8 +99,7 @@ class TreeMaker {
   }
 
   // If a tile there already has the brick's value and state, leaves the tile.
-  void PutBrick(const Vec3i& brick) {
-    const Leaf& leaf = *bricks_.At(brick);
+  void PutBrick(const Vec3i& brick, const Leaf& leaf) {
     const Vec3i first = first_ + kBrickEdge * brick;
     const openvdb::Coord at = ToCoord(first);
     const bool is_whole = form_ || ((brick + Vec3i::Ones()) * kBrickEdge - size_).maxCoeff() <= 0;
@@ -143,7 +143,7 @@ class TreeMaker {
     }
   }
 
-  const BrickDirectory& bricks_;
+  const NextLeaf& next_;
   const Vec3i size_;
   const GridForm* const form_;
   const Vec3i first_;
@@ -161,7 +161,7 @@ std::string_view GridTypeOf(const BrickDirectory& bricks, const VolumeMetadata& 
   const float most = type == "int64" ? 0x1p63f : 0x1p31f;
   bool is_integer = true, is_bool = true;
   const Leaf* last = nullptr;
-  ForEachBrickOf(bricks, [&](const Vec3i& brick) {
+  ForEachBrickOf(bricks.brick_count(), [&](const Vec3i& brick) {
     const Leaf& leaf = *bricks.At(brick);
     if (&leaf == last || !is_integer) return;
     last = &leaf;
@@ -181,16 +181,21 @@ std::string_view GridTypeOf(const BrickDirectory& bricks, const VolumeMetadata& 
   return is_integer ? type : "float";
 }
 
-template <class Grid>
-std::shared_ptr<Grid> MakeGrid(const BrickDirectory& bricks, const VolumeMetadata& metadata) {
-  return TreeMaker<Grid>(bricks, metadata).Make();
+NextLeaf LeavesOf(const BrickDirectory& bricks) {
+  return [&bricks, number = std::uint64_t{0}]() mutable -> const Leaf& {
+    return *bricks.At(bricks.BrickOf(number++));
+  };
 }
 
-template std::shared_ptr<openvdb::FloatGrid> MakeGrid(const BrickDirectory&, const VolumeMetadata&);
-template std::shared_ptr<openvdb::DoubleGrid> MakeGrid(const BrickDirectory&,
-                                                       const VolumeMetadata&);
-template std::shared_ptr<openvdb::Int32Grid> MakeGrid(const BrickDirectory&, const VolumeMetadata&);
-template std::shared_ptr<openvdb::Int64Grid> MakeGrid(const BrickDirectory&, const VolumeMetadata&);
-template std::shared_ptr<openvdb::BoolGrid> MakeGrid(const BrickDirectory&, const VolumeMetadata&);
+template <class Grid>
+std::shared_ptr<Grid> MakeGrid(const NextLeaf& next, const VolumeMetadata& metadata) {
+  return TreeMaker<Grid>(next, metadata).Make();
+}
+
+template std::shared_ptr<openvdb::FloatGrid> MakeGrid(const NextLeaf&, const VolumeMetadata&);
+template std::shared_ptr<openvdb::DoubleGrid> MakeGrid(const NextLeaf&, const VolumeMetadata&);
+template std::shared_ptr<openvdb::Int32Grid> MakeGrid(const NextLeaf&, const VolumeMetadata&);
+template std::shared_ptr<openvdb::Int64Grid> MakeGrid(const NextLeaf&, const VolumeMetadata&);
+template std::shared_ptr<openvdb::BoolGrid> MakeGrid(const NextLeaf&, const VolumeMetadata&);
 
 }  // namespace palpate

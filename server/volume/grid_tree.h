@@ -3,6 +3,7 @@
 // Not for real-time code. Threads: any. Ownership: the tree is a copy.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string_view>
 
@@ -16,10 +17,14 @@ namespace palpate {
 // original grid; int32 for voxels that are integers in their file; otherwise float.
 std::string_view GridTypeOf(const BrickDirectory& bricks, const VolumeMetadata& metadata);
 
+// Returns the leaf of the next brick, z fastest. It must be valid until the next call.
+using NextLeaf = std::function<const Leaf&()>;
+NextLeaf LeavesOf(const BrickDirectory& bricks);
+
 // Makes a grid of type Grid. If the volume came from a .vdb file, every value, state, tile and node
 // is as it was, except for changes made since. Otherwise, the background is the value outside
 // (VolumeMetadata::Background), and voxels that differ from it are active.
 template <class Grid>
-std::shared_ptr<Grid> MakeGrid(const BrickDirectory& bricks, const VolumeMetadata& metadata);
+std::shared_ptr<Grid> MakeGrid(const NextLeaf& next, const VolumeMetadata& metadata);
 
 }  // namespace palpate

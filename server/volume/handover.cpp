@@ -34,25 +34,6 @@ std::string TextOf(const char (&text)[kSize]) {
   return {text, end};
 }
 
-VolumeMetadata MetadataOfHeader(const HandoverHeader& header) {
-  VolumeMetadata metadata;
-  metadata.frames = header.frames;
-  for (int row = 0; row < 3; ++row) {
-    metadata.size[row] = header.size[row];
-    metadata.spacing_mm[row] = header.spacing_mm[row];
-    metadata.origin_W_mm[row] = header.origin_W_mm[row];
-    for (int col = 0; col < 3; ++col)
-      metadata.direction(row, col) = header.direction[3 * row + col];
-  }
-  metadata.value_min = header.value_min;
-  metadata.value_max = header.value_max;
-  metadata.patient_axes = TextOf(header.patient_axes);
-  metadata.unit = TextOf(header.unit);
-  metadata.original_type = TextOf(header.original_type);
-  metadata.source = TextOf(header.source);
-  return metadata;
-}
-
 // -0 counts as 0.
 bool IsOf(LeafType type, double value) {
   return std::abs(value) <= std::numeric_limits<float>::max() &&
@@ -194,6 +175,25 @@ HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type)
   return header;
 }
 
+VolumeMetadata MetadataOf(const HandoverHeader& header) {
+  VolumeMetadata metadata;
+  metadata.frames = header.frames;
+  for (int row = 0; row < 3; ++row) {
+    metadata.size[row] = header.size[row];
+    metadata.spacing_mm[row] = header.spacing_mm[row];
+    metadata.origin_W_mm[row] = header.origin_W_mm[row];
+    for (int col = 0; col < 3; ++col)
+      metadata.direction(row, col) = header.direction[3 * row + col];
+  }
+  metadata.value_min = header.value_min;
+  metadata.value_max = header.value_max;
+  metadata.patient_axes = TextOf(header.patient_axes);
+  metadata.unit = TextOf(header.unit);
+  metadata.original_type = TextOf(header.original_type);
+  metadata.source = TextOf(header.source);
+  return metadata;
+}
+
 namespace {
 
 LoadedVolume TakeDense(int fd, const Contents& contents, const TakeOptions& options) {
@@ -224,7 +224,7 @@ LoadedVolume TakeHandover(int fd, const TakeOptions& options) {
   // Seals first, so that checked data cannot change afterwards. Fails if somebody may still write.
   if (!Seal(fd)) RefuseHandover("it can still be changed");
   const HandoverHeader header = ReadHeader(fd);
-  VolumeMetadata metadata = MetadataOfHeader(header);
+  VolumeMetadata metadata = MetadataOf(header);
   switch (static_cast<HandoverForm>(header.form)) {
     case HandoverForm::kDense:
       return TakeDense(fd, CheckDense(fd, header, std::move(metadata), options.max_voxels),

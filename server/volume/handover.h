@@ -25,6 +25,9 @@ inline constexpr std::int64_t kMostLatticeVoxels = std::int64_t{1} << 36;
 // The importer's side: makes the fixed part of the header, without the tree's part.
 HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type);
 
+// The metadata in a header. Not checked. Throws kInvalidArgument for a text without an end.
+VolumeMetadata MetadataOf(const HandoverHeader& header);
+
 struct TakeOptions {
   // For a tree: the limit for the voxels in its leaves.
   std::int64_t max_voxels = std::int64_t{1} << 31;

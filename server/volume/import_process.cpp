@@ -1,58 +1,25 @@
 #include "server/volume/import_process.h"
 
-#include <fcntl.h>
-#include <poll.h>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <charconv>
-#include <cstdio>
-#include <cstring>
+#include <cstdint>
 #include <utility>
 
 #include "common/error/error.h"
 #include "common/files/descriptor.h"
+#include "server/volume/child_process.h"
 #include "server/volume/handover.h"
-
-extern char** environ;
 
 namespace palpate {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kLongestLine = 8192;
-constexpr std::size_t kMostLines = 64;
-constexpr auto kPollInterval = std::chrono::milliseconds(50);
 // The importer ends itself at its timeout. If it does not, it is killed this much later.
 constexpr auto kTimeoutGrace = std::chrono::seconds(2);
-constexpr std::string_view kMessagePrefix = "palpate-import: ";
-constexpr std::string_view kWarningPrefix = "warning: ";
 // The importer's share of the progress. The rest is for taking over the volume.
 constexpr double kImporterShare = 0.9;
-
-struct Pipe {
-  Descriptor read;
-  Descriptor write;
-};
-
-[[noreturn]] void FailInternal(const std::string& what, int error) {
-  throw Error(ErrorKind::kInternal, what + ": " + std::strerror(error));
-}
-
-Pipe MakePipe() {
-  std::array<int, 2> ends{};
-  if (pipe2(ends.data(), O_CLOEXEC) != 0) FailInternal("cannot make a pipe", errno);
-  Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
-  // Only our end is non-blocking: the importer may block, we must not.
-  fcntl(pipe.read.get(), F_SETFL, O_NONBLOCK);
-  return pipe;
-}
 
 std::string Decimal(double value) {
   std::array<char, 32> text{};
@@ -67,14 +34,11 @@ void AddRawArguments(const RawVoxels& raw, std::vector<std::string>* arguments) 
   if (raw.big_endian) arguments->push_back("--raw-big-endian");
 }
 
-// The importer's descriptor of the file in memory.
-constexpr int kHandoverDescriptor = 3;
-
 std::vector<std::string> Arguments(const ImportRequest& request) {
   std::vector<std::string> arguments = {
       request.import_program.string(),
       "--progress",
-      "--to-descriptor=" + std::to_string(kHandoverDescriptor),
+      "--to-descriptor=" + std::to_string(kChildDescriptor),
       "--max-voxels=" + std::to_string(request.max_voxels),
       "--max-memory-mib=" +
           std::to_string(std::max<std::int64_t>(request.max_memory_bytes >> 20, 1)),
@@ -105,115 +69,6 @@ std::vector<std::string> Arguments(const ImportRequest& request) {
   return arguments;
 }
 
-class SpawnSettings {
- public:
-  SpawnSettings(int out, int err, int handover) {
-    posix_spawn_file_actions_init(&actions_);
-    posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_adddup2(&actions_, out, 1);
-    posix_spawn_file_actions_adddup2(&actions_, err, 2);
-    posix_spawn_file_actions_adddup2(&actions_, handover, kHandoverDescriptor);
-    posix_spawnattr_init(&attributes_);
-    // The importer does not inherit our signal mask, and does not get the terminal's Ctrl-C: we end
-    // it ourselves.
-    sigset_t none;
-    sigset_t all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    posix_spawnattr_setsigmask(&attributes_, &none);
-    posix_spawnattr_setsigdefault(&attributes_, &all);
-    posix_spawnattr_setpgroup(&attributes_, 0);
-    posix_spawnattr_setflags(
-        &attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-  }
-  ~SpawnSettings() {
-    posix_spawn_file_actions_destroy(&actions_);
-    posix_spawnattr_destroy(&attributes_);
-  }
-  SpawnSettings(const SpawnSettings&) = delete;
-  SpawnSettings& operator=(const SpawnSettings&) = delete;
-  const posix_spawn_file_actions_t* actions() const { return &actions_; }
-  const posix_spawnattr_t* attributes() const { return &attributes_; }
-
- private:
-  posix_spawn_file_actions_t actions_;
-  posix_spawnattr_t attributes_;
-};
-
-// The running importer. The destructor kills and reaps it if it still runs.
-class Process {
- public:
-  Process(std::vector<std::string> arguments, int out, int err, int handover) {
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    const SpawnSettings settings(out, err, handover);
-    const int error = posix_spawn(&pid_, argv[0], settings.actions(), settings.attributes(),
-                                  argv.data(), environ);
-    if (error != 0) {
-      pid_ = -1;
-      FailInternal("cannot start " + arguments[0] + " (is Palpate installed completely?)", error);
-    }
-  }
-  ~Process() {
-    if (pid_ < 0) return;
-    kill(pid_, SIGKILL);
-    while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
-    }
-  }
-  Process(const Process&) = delete;
-  Process& operator=(const Process&) = delete;
-
-  // Returns waitpid's status if the process has ended.
-  std::optional<int> Poll() {
-    int status = 0;
-    if (waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
-    pid_ = -1;
-    return status;
-  }
-
- private:
-  pid_t pid_ = -1;
-};
-
-// Splits the text from a pipe into lines of limited length.
-class Lines {
- public:
-  // False if the pipe has ended.
-  bool ReadFrom(const Descriptor& pipe, const std::function<void(std::string_view)>& on_line) {
-    std::array<char, 4096> buffer;
-    const ssize_t count = read(pipe.get(), buffer.data(), buffer.size());
-    if (count < 0) return errno == EAGAIN || errno == EINTR;
-    for (ssize_t i = 0; i < count; ++i) {
-      if (buffer[i] != '\n') {
-        if (line_.size() < kLongestLine) line_ += buffer[i];
-        continue;
-      }
-      on_line(line_);
-      line_.clear();
-    }
-    if (count == 0 && !line_.empty()) on_line(line_);
-    return count > 0;
-  }
-
- private:
-  std::string line_;
-};
-
-// Parses "progress FRACTION STAGE".
-void ReportProgress(std::string_view line,
-                    const std::function<void(std::string_view, double)>& progress) {
-  constexpr std::string_view kWord = "progress ";
-  if (!progress || !line.starts_with(kWord)) return;
-  line.remove_prefix(kWord.size());
-  double fraction = 0.0;
-  const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), fraction);
-  if (error != std::errc() || !(fraction >= 0.0 && fraction <= 1.0)) return;
-  line.remove_prefix(static_cast<std::size_t>(end - line.data()));
-  if (line.starts_with(' ')) line.remove_prefix(1);
-  progress(line, fraction * kImporterShare);
-}
-
 // Parses "size X Y Z BYTES": the volume's size, and the bytes of a voxel in the file. A stack of
 // slices tells growing sizes. A smaller one than before would take back what was claimed.
 void ReportSize(std::string_view line, const SizeKnown& on_size, std::uint64_t& told_bytes) {
@@ -242,94 +97,35 @@ void ReportSize(std::string_view line, const SizeKnown& on_size, std::uint64_t& 
   on_size({x, y, z}, memory);
 }
 
-struct Outcome {
-  int status = 0;                     // as of waitpid
-  std::vector<std::string> messages;  // without the prefix
-  std::vector<std::string> warnings;
-};
-
-void AddMessage(std::string_view line, Outcome* outcome) {
-  if (!line.starts_with(kMessagePrefix)) return;
-  line.remove_prefix(kMessagePrefix.size());
-  auto& list = line.starts_with(kWarningPrefix) ? outcome->warnings : outcome->messages;
-  if (line.starts_with(kWarningPrefix)) line.remove_prefix(kWarningPrefix.size());
-  if (list.size() < kMostLines) list.emplace_back(line);
-}
-
 [[noreturn]] void ThrowCancelled(const ImportRequest& request) {
   throw Error(ErrorKind::kCancelled, request.source.string() + ": the import was cancelled");
 }
 
-Outcome RunImporter(const ImportRequest& request, int handover,
-                    const std::function<void(std::string_view, double)>& progress,
-                    const std::function<bool()>& cancelled) {
-  Pipe out = MakePipe();
-  Pipe err = MakePipe();
-  Process process(Arguments(request), out.write.get(), err.write.get(), handover);
-  out.write.Close();
-  err.write.Close();
-
+ChildEnd RunImporter(const ImportRequest& request, int handover,
+                     const std::function<void(std::string_view, double)>& progress,
+                     const std::function<bool()>& cancelled) {
   const auto deadline = Clock::now() + request.timeout + kTimeoutGrace;
-  Outcome outcome;
-  Lines out_lines;
-  Lines err_lines;
   std::uint64_t told_bytes = 0;
-  const auto on_progress = [&](std::string_view line) {
-    ReportProgress(line, progress);
+  const auto on_line = [&](std::string_view line) {
+    double fraction = 0.0;
+    std::string_view stage;
+    if (progress && ParseProgress(line, fraction, stage)) {
+      progress(stage, fraction * kImporterShare);
+    }
     ReportSize(line, request.on_size, told_bytes);
   };
-  const auto on_message = [&](std::string_view line) { AddMessage(line, &outcome); };
-  for (;;) {
-    // A closed descriptor is -1, which poll ignores.
-    std::array<pollfd, 2> fds = {{{out.read.get(), POLLIN, 0}, {err.read.get(), POLLIN, 0}}};
-    poll(fds.data(), fds.size(), static_cast<int>(kPollInterval.count()));
-    if (fds[0].revents && !out_lines.ReadFrom(out.read, on_progress)) out.read.Close();
-    if (fds[1].revents && !err_lines.ReadFrom(err.read, on_message)) err.read.Close();
-    if (cancelled && cancelled()) {
-      ThrowCancelled(request);
-    }
+  const auto check = [&] {
+    if (cancelled && cancelled()) ThrowCancelled(request);
     if (Clock::now() > deadline) {
       throw Error(ErrorKind::kTooLarge, request.source.string() + ": the import took longer than " +
                                             std::to_string(request.timeout.count()) +
                                             " s; crop the volume or raise the limit");
     }
-    if (out.read.get() >= 0 || err.read.get() >= 0) continue;
-    if (const auto status = process.Poll()) {
-      outcome.status = *status;
-      return outcome;
-    }
-  }
-}
-
-ErrorKind KindOf(int exit_code) {
-  for (const ErrorKind kind :
-       {ErrorKind::kInvalidArgument, ErrorKind::kNotFound, ErrorKind::kPermissionDenied,
-        ErrorKind::kTooLarge, ErrorKind::kConflict, ErrorKind::kUnavailable, ErrorKind::kCancelled,
-        ErrorKind::kDiskFull}) {
-    if (ExitCode(kind) == exit_code) return kind;
-  }
-  return ErrorKind::kInternal;
-}
-
-void ThrowUnlessSuccess(const ImportRequest& request, const Outcome& outcome) {
-  const std::string source = request.source.string();
-  if (WIFSIGNALED(outcome.status)) {
-    const int signal = WTERMSIG(outcome.status);
-    if (signal == SIGKILL || signal == SIGXCPU || signal == SIGXFSZ) {
-      throw Error(ErrorKind::kTooLarge,
-                  source + ": the import ran out of memory, time or disk; crop the volume");
-    }
-    // The importer's own line names the format, unless it crashed too badly to write it.
-    throw Error(ErrorKind::kInternal,
-                source + ": the reader of this format crashed (" + strsignal(signal) +
-                    "); this is a fault of the reader: save the volume in another format");
-  }
-  const int code = WEXITSTATUS(outcome.status);
-  if (code == 0) return;
-  throw Error(KindOf(code), outcome.messages.empty()
-                                ? source + ": the importer failed with exit code " +
-                                      std::to_string(code) + " and said nothing"
-                                : outcome.messages.back());
+  };
+  return RunChild({.arguments = Arguments(request),
+                   .descriptor = handover,
+                   .on_line = on_line,
+                   .check = check});
 }
 
 }  // namespace
@@ -339,10 +135,14 @@ LoadedVolume ImportVolume(const ImportRequest& request,
                           const std::function<bool()>& cancelled,
                           std::vector<std::string>* warnings) {
   const Descriptor handover = MakeHandoverFile();
-  const Outcome outcome = RunImporter(request, handover.get(), progress, cancelled);
-  ThrowUnlessSuccess(request, outcome);
+  const ChildEnd end = RunImporter(request, handover.get(), progress, cancelled);
+  // The importer's own line names the format, unless it crashed too badly to write it.
+  ThrowUnlessSuccess(end, request.source.string(),
+                     "the import ran out of memory, time or disk; crop the volume",
+                     "the reader of this format crashed, which is a fault of the reader: save the "
+                     "volume in another format");
   if (warnings) {
-    warnings->insert(warnings->end(), outcome.warnings.begin(), outcome.warnings.end());
+    warnings->insert(warnings->end(), end.warnings.begin(), end.warnings.end());
   }
   const auto tell = [&](double fraction) {
     if (cancelled && cancelled()) ThrowCancelled(request);

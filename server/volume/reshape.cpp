@@ -267,7 +267,7 @@ class Reshaper {
 
   Grid::Ptr MadeGrid() const {
     const VolumeMetadata& metadata = volume_.metadata();
-    const Grid::Ptr grid = MakeGrid<Grid>(volume_.bricks(), metadata);
+    const Grid::Ptr grid = MakeGrid<Grid>(LeavesOf(volume_.bricks()), metadata);
     openvdb::Mat4R map = openvdb::Mat4R::identity();
     for (int axis = 0; axis < 3; ++axis) map[axis][axis] = metadata.spacing_mm[axis];
     grid->setTransform(openvdb::math::Transform::createLinearTransform(map));

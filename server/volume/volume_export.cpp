@@ -6,9 +6,10 @@
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
+#include "server/volume/child_process.h"
 #include "server/volume/grid_form.h"
 #include "server/volume/nrrd_writer.h"
-#include "server/volume/volume_file.h"
+#include "server/volume/volume_pipe.h"
 
 namespace palpate {
 namespace {
@@ -49,6 +50,27 @@ Format CheckedFormat(const ExportRequest& request) {
   return format;
 }
 
+void WriteVdb(const VolumeSnapshot& volume, const ExportRequest& request, int fd,
+              const std::function<void(double)>& tell) {
+  VolumeSender sender(volume.bricks(), volume.metadata());
+  double fraction = 0.0;
+  const auto on_line = [&](std::string_view line) {
+    std::string_view stage;
+    ParseProgress(line, fraction, stage);
+  };
+  const ChildEnd end = RunChild(
+      {.arguments = {request.save_program.string(), "--progress",
+                     "--save-to-descriptor=" + std::to_string(kChildDescriptor), "--",
+                     request.path.string()},
+       .descriptor = fd,
+       .input = [&] { return sender.Next(); },
+       .on_line = on_line,
+       .check = [&] { tell(fraction); }});
+  ThrowUnlessSuccess(end, request.path.string(),
+                     "there is not enough memory to write it; save it as .nrrd, which needs none",
+                     "what writes .vdb crashed, for lack of memory or by a fault; save it as .nrrd");
+}
+
 }  // namespace
 
 std::uint64_t ExportBytes(const VolumeSnapshot& volume, const std::filesystem::path& path) {
@@ -83,13 +105,11 @@ std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& re
   tell(0.0);
   const IfThere if_there = ReplacesIf(request.overwrite);
   if (format == Format::kVdb) {
-    // The compressed size is not known in advance.
-    const auto most_bytes = static_cast<double>(ExportBytes(volume, request.path) + 1);
-    const auto written = [&](std::uint64_t bytes) {
-      tell(std::min(1.0, static_cast<double>(bytes) / most_bytes));
-    };
-    WriteVolumeFile(request.path, volume.bricks(), volume.metadata(),
-                    {.if_there = if_there, .links = Links::kRefused, .written = written});
+    CheckVolumeMetadata(volume.metadata());
+    NewFile file(request.path, if_there, 0666, Links::kRefused);
+    WriteVdb(volume, request, file.descriptor(), tell);
+    tell(1.0);
+    file.TakeName();
   } else {
     const auto write = [&](const std::filesystem::path& partial) {
       WriteNrrd(partial, volume, tell);

@@ -18,6 +18,7 @@ struct ExportRequest {
   // smallest type that holds all voxels).
   std::filesystem::path path;
   bool overwrite = false;
+  std::filesystem::path save_program{};  // palpate-import, which writes .vdb
 };
 
 // The most memory that the export takes besides the volume.
@@ -27,7 +28,8 @@ using ExportProgress = std::function<void(std::string_view stage, double fractio
 using ExportCancelled = std::function<bool()>;
 
 // Returns the size of the file in bytes. The file is either complete or as before, even if the
-// process is killed; then "PATH.XXXXXX.partial" may remain. Only one export to a path at a time.
+// process is killed. A process of its own writes .vdb: OpenVDB ends a process that has too little
+// memory. Only one export to a path at a time.
 // Throws kInvalidArgument (an unknown format, or not a file's path), kConflict (the file exists and
 // overwrite is false), kCancelled, or as WriteWhole.
 std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& request,

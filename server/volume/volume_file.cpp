@@ -1,5 +1,6 @@
 #include "server/volume/volume_file.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
@@ -125,30 +126,54 @@ void InsertEntries(const GridForm& form, openvdb::MetaMap* map) {
   }
 }
 
-// A file that reports every MiB how many bytes it has.
+// A file that reports every MiB which fraction of `most_bytes` it has. The compressed size is not
+// known in advance.
 class ToldFile : public std::filebuf {
  public:
-  explicit ToldFile(const std::function<void(std::uint64_t)>& written) : written_(written) {}
+  ToldFile(const std::function<void(double)>& written, std::uint64_t most_bytes)
+      : written_(written), most_bytes_(static_cast<double>(most_bytes)) {}
 
  protected:
   std::streamsize xsputn(const char* data, std::streamsize size) override {
     bytes_ += static_cast<std::uint64_t>(size);
     if (written_ && bytes_ >> 20 != told_ >> 20) {
       told_ = bytes_;
-      written_(bytes_);
+      written_(std::min(1.0, static_cast<double>(bytes_) / most_bytes_));
     }
     return std::filebuf::xsputn(data, size);
   }
 
  private:
-  const std::function<void(std::uint64_t)>& written_;
+  const std::function<void(double)>& written_;
+  const double most_bytes_;
   std::uint64_t bytes_ = 0;
   std::uint64_t told_ = 0;
 };
 
-void WriteGrid(const std::filesystem::path& path, const openvdb::GridBase::Ptr& grid,
-               const WriteOptions& options) {
-  ToldFile file(options.written);
+openvdb::GridBase::Ptr GridOf(std::string_view type, const NextLeaf& next,
+                              const VolumeMetadata& metadata) {
+  if (type == "double") return MakeGrid<openvdb::DoubleGrid>(next, metadata);
+  if (type == "int32") return MakeGrid<openvdb::Int32Grid>(next, metadata);
+  if (type == "int64") return MakeGrid<openvdb::Int64Grid>(next, metadata);
+  if (type == "bool") return MakeGrid<openvdb::BoolGrid>(next, metadata);
+  return MakeGrid<openvdb::FloatGrid>(next, metadata);
+}
+
+}  // namespace
+
+void WriteGridFile(const std::filesystem::path& path, std::string_view type, const NextLeaf& next,
+                   const VolumeMetadata& metadata, const std::function<void(double)>& written) {
+  openvdb::initialize();
+  const openvdb::GridBase::Ptr grid = GridOf(type, next, metadata);
+  if (metadata.grid_form) {
+    InsertEntries(*metadata.grid_form, grid.get());
+  } else {
+    grid->setName(kGridName);
+  }
+  grid->setTransform(TransformOf(metadata));
+  InsertMetadata(metadata, grid.get());
+
+  ToldFile file(written, grid->memUsage());
   std::ostream out(&file);
   // OpenVDB does not check whether its writes succeeded, so the stream throws.
   out.exceptions(std::ios::badbit | std::ios::failbit);
@@ -162,34 +187,13 @@ void WriteGrid(const std::filesystem::path& path, const openvdb::GridBase::Ptr& 
   check(file.close());
 }
 
-openvdb::GridBase::Ptr GridOf(const BrickDirectory& bricks, const VolumeMetadata& metadata) {
-  const std::string_view type = GridTypeOf(bricks, metadata);
-  if (type == "double") return MakeGrid<openvdb::DoubleGrid>(bricks, metadata);
-  if (type == "int32") return MakeGrid<openvdb::Int32Grid>(bricks, metadata);
-  if (type == "int64") return MakeGrid<openvdb::Int64Grid>(bricks, metadata);
-  if (type == "bool") return MakeGrid<openvdb::BoolGrid>(bricks, metadata);
-  return MakeGrid<openvdb::FloatGrid>(bricks, metadata);
-}
-
-}  // namespace
-
 void WriteVolumeFile(const std::filesystem::path& path, const BrickDirectory& bricks,
-                     const VolumeMetadata& metadata, const WriteOptions& options) {
-  openvdb::initialize();
+                     const VolumeMetadata& metadata, IfThere if_there) {
   CheckVolumeMetadata(metadata);
-  const openvdb::GridBase::Ptr grid = GridOf(bricks, metadata);
-  if (metadata.grid_form) {
-    InsertEntries(*metadata.grid_form, grid.get());
-  } else {
-    grid->setName(kGridName);
-  }
-  grid->setTransform(TransformOf(metadata));
-  InsertMetadata(metadata, grid.get());
-
   const auto write = [&](const std::filesystem::path& partial) {
-    WriteGrid(partial, grid, options);
+    WriteGridFile(partial, GridTypeOf(bricks, metadata), LeavesOf(bricks), metadata, {});
   };
-  WriteWhole(path, write, options.if_there, options.durable, options.links);
+  WriteWhole(path, write, if_there, Durable::kNo);
 }
 
 }  // namespace palpate

@@ -6,27 +6,27 @@
 // Any thread; not for real-time code (writes files, allocates).
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <string_view>
 
 #include "common/files/new_file.h"
 #include "server/volume/brick_directory.h"
+#include "server/volume/grid_tree.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
 
-struct WriteOptions {
-  IfThere if_there = IfThere::kReplace;
-  Durable durable = Durable::kYes;
-  Links links = Links::kFollowed;
-  // Called from time to time with the number of bytes so far; it may throw to cancel.
-  std::function<void(std::uint64_t bytes)> written{};
-};
+// Writes to an open or new file. type: as GridTypeOf says. The metadata must be valid. `written`:
+// called from time to time with the fraction of bytes, about. Throws std::ios_base::failure; errno
+// says why.
+void WriteGridFile(const std::filesystem::path& path, std::string_view type, const NextLeaf& next,
+                   const VolumeMetadata& metadata,
+                   const std::function<void(double fraction)>& written);
 
-// Writes a new file beside `path` and renames it, so `path` is either complete or unchanged. Throws
-// Error: kInvalidArgument (metadata), or as WriteWhole.
+// `path` is either complete or unchanged. Does not wait for the disk. Throws Error:
+// kInvalidArgument (metadata), or as WriteWhole.
 void WriteVolumeFile(const std::filesystem::path& path, const BrickDirectory& bricks,
-                     const VolumeMetadata& metadata, const WriteOptions& options = {});
+                     const VolumeMetadata& metadata, IfThere if_there = IfThere::kReplace);
 
 }  // namespace palpate

@@ -57,7 +57,7 @@ void SetUp(const fs::path& folder) {
 // As palpate-import.
 void ConfineAsTold(std::string_view how, std::string_view what, const fs::path& folder,
                    Reporter* reporter) {
-  reporter->FailOnCrash("tests");
+  reporter->FailOnCrash("the reader of tests crashed", ErrorKind::kInternal);
   reporter->FailAfter(what == kTimeout ? 1 : 60);
   // The limit of threads is not for root.
   if (what == kManyThreads && geteuid() == 0) Check(setuid(65534) == 0, "setuid");

@@ -40,7 +40,7 @@ class VdbTest : public ImportTest {
   openvdb::GridBase::Ptr Saved(const VolumeMetadata& metadata, const BrickDirectory& bricks) const {
     const VolumeSnapshot volume(metadata, bricks, 1, 1);
     ExportVolume(
-        volume, {.path = Path("saved.vdb"), .overwrite = true}, [](std::string_view, double) {},
+        volume, {Path("saved.vdb"), true, test::kPalpateImport}, [](std::string_view, double) {},
         [] { return false; });
     return ReadVdb(Path("saved.vdb"));
   }

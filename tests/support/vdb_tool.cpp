@@ -1,5 +1,5 @@
 // vdb_tool make KIND EDGE FILE   writes a grid of tests/support/vdb_grids.h
-// vdb_tool save FILE             saves two volumes to FILE by turns, until it is killed; says
+// vdb_tool save FILE IMPORTER    saves two volumes to FILE by turns, until it is killed; says
 //                                "saved" after each
 #include <cstdio>
 #include <cstdlib>
@@ -13,11 +13,11 @@
 namespace palpate {
 namespace {
 
-void SaveByTurns(const char* path) {
+void SaveByTurns(const char* path, const char* importer) {
   for (unsigned seed = 0;; seed = 1 - seed) {
     const auto volume = testing::ObliqueVolume(Vec3i(48, 40, 33), seed);
     ExportVolume(
-        *volume, {.path = path, .overwrite = true}, [](std::string_view, double) {},
+        *volume, {path, true, importer}, [](std::string_view, double) {},
         [] { return false; });
     std::printf("saved\n");
     std::fflush(stdout);
@@ -29,7 +29,7 @@ int Run(const std::string& command, int count, char** arguments) {
     testing::WriteVdb(arguments[2], {testing::MakeVdbGrid(arguments[0], std::atoi(arguments[1]))});
     return 0;
   }
-  if (command == "save" && count == 1) SaveByTurns(arguments[0]);
+  if (command == "save" && count == 2) SaveByTurns(arguments[0], arguments[1]);
   return kUsageExitCode;
 }
 

@@ -203,7 +203,7 @@ TEST(BrickDirectoryTest, AGridAndBackIsTheSame) {
       return static_cast<double>(random() % 1000) / 1000.0;
     });
     const openvdb::FloatGrid::Ptr grid =
-        MakeGrid<openvdb::FloatGrid>(volume->bricks(), volume->metadata());
+        MakeGrid<openvdb::FloatGrid>(LeavesOf(volume->bricks()), volume->metadata());
     const BrickDirectory back = TakeBricks(*grid, volume->size());
     testing::ForEachVoxel(volume->size(), [&](const Vec3i& p) {
       ASSERT_EQ(testing::ValueAt(back, p), testing::ValueAt(*volume, p));
