@@ -3,12 +3,18 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <fstream>
+#include <limits>
+#include <string_view>
 #include <utility>
 
 #include "common/error/error.h"
 
 namespace palpate {
 namespace {
+
+// What palpated takes without a volume, stacks and libraries locked into memory.
+constexpr std::uint64_t kProcessBytes = std::uint64_t{192} << 20;
 
 // Rounds up, so that a message never names less than what is needed.
 std::string Mib(std::uint64_t bytes) {
@@ -123,11 +129,35 @@ std::string MemoryBudget::Refusal(const std::string& holder, std::uint64_t from,
          ": load something smaller first, crop the data, or raise " + kKey;
 }
 
+std::uint64_t CgroupLimitBytes(const std::filesystem::path& cgroups, std::istream& own) {
+  std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
+  // Lines such as "0::/system.slice/palpated.service" (v2) and "9:memory:/user.slice" (v1).
+  for (std::string line; std::getline(own, line);) {
+    const std::size_t controllers = line.find(':'), path = line.find(':', controllers + 1);
+    if (path == std::string::npos) continue;
+    const std::string_view named = std::string_view(line).substr(0, path).substr(controllers + 1);
+    const bool is_v2 = named.empty();
+    if (!is_v2 && named != "memory") continue;
+    const auto root = is_v2 ? cgroups : cgroups / "memory";
+    // Each folder above limits, too. In a container only the root is there.
+    for (std::filesystem::path at = line.substr(path + 2);; at = at.parent_path()) {
+      std::ifstream file(root / at / (is_v2 ? "memory.max" : "memory.limit_in_bytes"));
+      std::uint64_t bytes = 0;
+      if (file >> bytes) least = std::min(least, bytes);
+      if (at.empty()) break;
+    }
+  }
+  return least;
+}
+
 std::uint64_t DefaultMemoryBudget() {
   const long pages = sysconf(_SC_PHYS_PAGES);
   const long page_bytes = sysconf(_SC_PAGESIZE);
+  std::ifstream own("/proc/self/cgroup");
+  const std::uint64_t limit = CgroupLimitBytes("/sys/fs/cgroup", own);
+  const auto machine = static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(page_bytes);
   if (pages <= 0 || page_bytes <= 0) return std::uint64_t{4} << 30;
-  return static_cast<std::uint64_t>(pages) / 4 * 3 * static_cast<std::uint64_t>(page_bytes);
+  return std::min(machine, limit - std::min(limit, kProcessBytes)) / 4 * 3;
 }
 
 }  // namespace palpate

@@ -3,8 +3,12 @@
 
 #include <atomic>
 #include <chrono>
+#include <filesystem>
+#include <fstream>
 #include <functional>
+#include <limits>
 #include <memory>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -21,6 +25,7 @@
 #include "tests/support/made_volume.h"
 #include "tests/support/patience.h"
 #include "tests/support/refusal.h"
+#include "tests/support/temporary_folder.h"
 
 namespace palpate {
 namespace {
@@ -211,6 +216,29 @@ TEST(MemoryBudget, WaitsForWhatIsBeingFreed) {
   EXPECT_EQ(waits, 2);
   budget->SetWait({});
   ExpectRefused([&] { budget->Claim("a", 101); });
+}
+
+TEST(MemoryBudget, KnowsTheLeastLimitOfItsControlGroups) {
+  const test::TemporaryFolder folder;
+  const auto write = [&](const char* path, const char* text) {
+    std::filesystem::create_directories((folder.path() / path).parent_path());
+    std::ofstream(folder.path() / path) << text;
+  };
+  const auto limit = [&](const char* own) {
+    std::istringstream lines(own);
+    return CgroupLimitBytes(folder.path(), lines);
+  };
+  constexpr auto kNone = std::numeric_limits<std::uint64_t>::max();
+  write("memory.max", "max\n");
+  write("system.slice/memory.max", "300000000\n");
+  write("system.slice/palpated.service/memory.max", "max\n");
+  write("memory/memory.limit_in_bytes", "9223372036854771712\n");
+  write("memory/lab/memory.limit_in_bytes", "200000000\n");
+  EXPECT_EQ(limit("0::/system.slice/palpated.service\n"), 300000000u);
+  EXPECT_EQ(limit("0::/\n"), kNone);
+  EXPECT_EQ(limit("0::/not/there\n"), kNone);  // in a container
+  EXPECT_EQ(limit("12:cpu,cpuacct:/lab\n9:memory:/lab/cell\n0::/\n"), 200000000u);
+  EXPECT_EQ(limit("3:cpu:/lab\nrubbish\n"), kNone);
 }
 
 TEST(MemoryBudget, TheDefaultIsLessThanTheMachineHas) {
