@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 
 namespace palpate {
 namespace {
@@ -74,8 +75,7 @@ UploadStart Checked(const UploadStart& start, const UploadOptions& options) {
 }
 
 [[noreturn]] void FailToWrite(const std::filesystem::path& folder) {
-  throw Error(ErrorKind::kUnavailable,
-              "cannot write the upload to " + folder.string() + ": " + std::strerror(errno));
+  throw CannotWrite(folder / "the upload", errno);
 }
 
 }  // namespace

@@ -7,11 +7,10 @@
 #include <cerrno>
 #include <charconv>
 #include <cstdlib>
-#include <cstring>
 #include <string>
 #include <system_error>
 
-#include "common/error/error.h"
+#include "common/files/new_file.h"
 
 namespace palpate {
 
@@ -23,16 +22,18 @@ std::filesystem::path TemporaryFolder() {
 PrivateFolder::PrivateFolder(const std::filesystem::path& parent, std::string_view prefix) {
   std::string name = parent / (std::string(prefix) + std::to_string(getpid()) + "-XXXXXX");
   if (!mkdtemp(name.data())) {
-    throw Error(ErrorKind::kUnavailable, "cannot make a folder " + name + ": " +
-                                             std::strerror(errno) +
-                                             "; is there space, and may this user write there?");
+    const Error error = CannotWrite(name, errno);
+    // The folder is the daemon's own, not one that a client named.
+    const bool is_missing = error.kind() == ErrorKind::kNotFound;
+    throw Error(is_missing ? ErrorKind::kUnavailable : error.kind(), error.what());
   }
   path_ = name;
 }
 
 PrivateFolder::~PrivateFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
+  std::error_code error;
+  std::filesystem::remove_all(path_, error);
+  if (error) std::filesystem::remove(path_, error);  // an empty one goes without a descriptor
 }
 
 void RemoveAbandonedFolders(const std::filesystem::path& parent, std::string_view prefix) {

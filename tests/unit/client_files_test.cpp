@@ -263,7 +263,7 @@ TEST_F(UploadTest, AFolderThatIsNotThereIsUnavailable) {
   EXPECT_EQ(RefusalOf({.name = "a", .size_bytes = 1}), ErrorKind::kUnavailable);
 }
 
-TEST_F(UploadTest, AFullDiskIsUnavailable) {
+TEST_F(UploadTest, AFullDiskIsSaid) {
   // A limit of file sizes stands for it.
   std::signal(SIGXFSZ, SIG_IGN);
   rlimit before{};
@@ -271,7 +271,7 @@ TEST_F(UploadTest, AFullDiskIsUnavailable) {
   const rlimit small{4, before.rlim_max};
   Upload upload(options_, *budget_, {.name = "a", .size_bytes = 9, .crc32 = kCheck});
   setrlimit(RLIMIT_FSIZE, &small);
-  EXPECT_EQ(Refusal([&] { upload.Append("123456789"); }), ErrorKind::kUnavailable);
+  EXPECT_EQ(Refusal([&] { upload.Append("123456789"); }), ErrorKind::kDiskFull);
   setrlimit(RLIMIT_FSIZE, &before);
 }
 
