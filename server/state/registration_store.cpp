@@ -29,6 +29,7 @@ bool IsOf(const StoredRegistration& entry, const VolumeMetadata& volume) {
 }
 
 constexpr std::chrono::seconds kLockPatience{10};
+constexpr int kDelaysUntilRetry = 10;
 
 // Keeps other daemons of the same user from writing the file meanwhile. If the lock cannot be made
 // for lack of rights, the file cannot be written either.
@@ -144,6 +145,7 @@ void RegistrationStore::Save() {
   {
     const std::lock_guard lock(mutex_);
     names.swap(unsaved_);
+    saving_ = names;
     const auto is_unsaved = [&](const auto& entry) { return names.contains(NameOf(entry)); };
     std::ranges::copy_if(entries_, std::back_inserter(changed.entries), is_unsaved);
     std::ranges::copy_if(axes_, std::back_inserter(changed.axes), is_unsaved);
@@ -158,7 +160,8 @@ void RegistrationStore::Save() {
   std::string before;
   {
     const std::lock_guard lock(mutex_);
-    if (!failure.empty()) unsaved_.merge(names);  // saved with the next change
+    saving_.clear();
+    if (!failure.empty()) unsaved_.merge(names);  // tried again
     before = std::exchange(failure_, failure);
   }
   // A failure is logged once, not at every move.
@@ -170,7 +173,10 @@ void RegistrationStore::Save() {
 std::string RegistrationStore::Failure(const VolumeMetadata& volume,
                                        const std::string& voxels) const {
   const std::lock_guard lock(mutex_);
-  return unsaved_.contains(Key(volume)) || unsaved_.contains(voxels) ? failure_ : "";
+  const auto is_of = [&](const std::set<std::string>& names) {
+    return names.contains(Key(volume)) || names.contains(voxels);
+  };
+  return is_of(unsaved_) || is_of(saving_) ? failure_ : "";
 }
 
 // Adds the changes to the file's present entries: another daemon of the same user may have written
@@ -203,7 +209,12 @@ void RegistrationStore::Run() {
   pthread_setname_np(pthread_self(), "palpate-state");
   std::unique_lock lock(mutex_);
   while (!stop_) {
-    changed_.wait(lock, [&] { return stop_ || dirty_; });
+    const auto is_due = [&] { return stop_ || dirty_; };
+    if (unsaved_.empty()) {
+      changed_.wait(lock, is_due);
+    } else {
+      changed_.wait_for(lock, kDelaysUntilRetry * save_delay_, is_due);  // the last save failed
+    }
     // Waits, so that further changes are written together with this one.
     changed_.wait_for(lock, save_delay_, [&] { return stop_; });
     if (stop_) return;  // the destructor writes

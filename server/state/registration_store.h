@@ -4,7 +4,7 @@
 // Keeps them in memory. If a folder is given, saves them in its registrations.toml. A thread
 // of its own saves shortly after a change; the destructor saves the rest. A damaged file is set
 // aside as registrations.toml.damaged. Damage and failures to write are logged; neither stops
-// anything.
+// anything. A failed write is tried again after ten delays, or with the next change.
 //
 // Threads: any ordinary thread; Keep and Find do not touch the disk.
 // Ownership: owns its thread.
@@ -74,6 +74,7 @@ class RegistrationStore {
   std::vector<StoredRegistration> entries_;  // oldest first
   std::vector<StoredAxes> axes_;             // oldest first
   std::set<std::string> unsaved_;            // sources of unsaved entries, names of unsaved answers
+  std::set<std::string> saving_;             // those that are being written
   std::string failure_;
   bool dirty_ = false;  // changed since the thread last checked
   bool stop_ = false;

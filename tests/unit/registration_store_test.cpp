@@ -265,6 +265,17 @@ TEST_F(RegistrationStoreTest, AFailedSaveIsMadeUpFor) {
   EXPECT_EQ(data.session().volume().place_problem, "");
 }
 
+TEST_F(RegistrationStoreTest, AFailedSaveIsTriedAgainByItself) {
+  std::ofstream(folder_.path() / "not") << "in the way";
+  const VolumeMetadata volume = VolumeOf("builtin:bumps");
+  RegistrationStore store(state_, 1ms);
+  store.Keep(volume, At(volume, 1.0));
+  ASSERT_TRUE(test::Eventually([&] { return !store.Failure(volume).empty(); }));
+  std::filesystem::remove(folder_.path() / "not");
+  EXPECT_TRUE(test::Eventually([&] { return store.Failure(volume).empty(); }));
+  EXPECT_EQ(Entries(), 1u);
+}
+
 TEST_F(RegistrationStoreTest, ASessionUsesIt) {
   const Vec3 center_mm(7, 8, 9);
   for (const bool restarted : {false, true}) {
