@@ -71,6 +71,10 @@ LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
                        const PathPolicy& paths) {
   LoadRequest request = left.volume;
   request.free_side = left.settings.haptics.free_side;
+  if (left.lost_edits > 0) {
+    request.warning = fmt::format("palpated did not end cleanly; edits that are lost: {}",
+                                  left.lost_edits);
+  }
   if (request.source != configured.source) request.source = paths.CheckLoad(request.source);
   return request;
 }
@@ -108,8 +112,7 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured,
     LeaveSide(left, configured_settings, session);
     return false;
   }
-  LogWarning("the previous palpated did not end cleanly: {} and the settings are back{}", name,
-             left.is_edited ? "; edits that were not saved are lost" : "");
+  LogWarning("the previous palpated did not end cleanly: {} and the settings are back", name);
   return true;
 }
 

@@ -77,10 +77,12 @@ bool SessionParts::LoadFirst(const std::function<void(const std::string&)>& on_p
   tools_->Start();
   if (hand_guide_) hand_guide_->Start();
   keeper_.Start();
+  session.store().TellEdits([this](std::uint64_t edits) { keeper_.NoteEdits(edits); });
   return true;
 }
 
 void SessionParts::End() {
+  session.store().TellEdits({});
   keeper_.End();
   series.Stop();
   instrument_.pump.Stop();

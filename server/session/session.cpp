@@ -130,7 +130,7 @@ FeltSession Session::Felt() const {
   RenderSettings settings = settings_;
   // The file has its own range and would refuse an isovalue outside it.
   settings.isovalue = std::clamp(settings.isovalue, loaded_range_.first, loaded_range_.second);
-  return {std::move(request), store_.unsaved_edits() > 0, settings, settings_revision_};
+  return {std::move(request), settings, settings_revision_};
 }
 
 VolumeState Session::VolumeLocked() const {
@@ -238,6 +238,7 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   CheckSettings(request, settings);
   store_.RequireSaved(request.discards_edits);
   std::vector<std::string> warnings;
+  if (!request.warning.empty()) warnings.push_back(request.warning);
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
   const auto loaded = std::make_shared<const LoadedVolume>(
       LoadBricks(request, progress, cancelled, claim, warnings));

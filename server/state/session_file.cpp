@@ -109,7 +109,6 @@ SessionFile ReadSessionFile(const std::filesystem::path& path) {
   }
   session.attempts = file.table["attempts"].value_or(0);
   session.felt.volume = SourceOf(*volume);
-  session.felt.is_edited = (*volume)["is_edited"].value_or(false);
   session.felt.settings = SettingsOf(*haptics);
   const auto isovalue = TomlNumber(*volume, "isovalue");
   if (!isovalue) return {{}, "there is no isovalue in it"};
@@ -124,7 +123,6 @@ void WriteSessionFile(const std::filesystem::path& path, const SavedSession& ses
   Put(configured, "normalized_isovalue", session.configured.normalized_isovalue);
   configured.insert("haptics", HapticsTable(session.configured_settings));
   toml::table volume = SourceTable(session.felt.volume);
-  volume.insert("is_edited", session.felt.is_edited);
   volume.insert("isovalue", session.felt.settings.isovalue);
   WriteStateFile(path,
                  "# The session of the running palpated, which deletes this file at a clean end.\n"

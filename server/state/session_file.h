@@ -15,10 +15,10 @@ namespace palpate {
 
 // The volume and the settings that are felt.
 struct FeltSession {
-  LoadRequest volume{};    // no source: cannot be loaded again (an upload or a series)
-  bool is_edited = false;  // since it was loaded or saved
+  LoadRequest volume{};  // no source: cannot be loaded again (an upload or a series)
   RenderSettings settings{};
   std::uint64_t settings_revision = 0;
+  std::uint64_t lost_edits = 0;  // of a session that is left: not in this file
 };
 
 struct SavedSession {

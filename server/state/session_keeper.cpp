@@ -1,13 +1,19 @@
 #include "server/state/session_keeper.h"
 
+#include <fcntl.h>
+#include <fmt/core.h>
 #include <pthread.h>
+#include <sys/mman.h>
 
 #include <algorithm>
+#include <fstream>
+#include <new>
 #include <system_error>
 #include <tuple>
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/files/descriptor.h"
 #include "server/log/log.h"
 
 namespace palpate {
@@ -64,9 +70,31 @@ SessionKeeper::SessionKeeper(const std::filesystem::path& folder,
                              const std::filesystem::path& socket, LoadRequest configured,
                              const RenderSettings& configured_settings, Felt felt)
     : path_(FileFor(folder, socket)),
+      edits_path_(path_.string() + ".edits"),
       configured_(std::move(configured)),
       configured_settings_(configured_settings),
       felt_(std::move(felt)) {}
+
+SessionKeeper::~SessionKeeper() {
+  Join();
+  if (edits_) munmap(edits_, sizeof *edits_);
+}
+
+// Without the file, the number is not known; the session is kept all the same.
+void SessionKeeper::MapEdits() {
+  static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
+  std::error_code ignored;
+  std::filesystem::create_directories(path_.parent_path(), ignored);
+  const Descriptor file(open(edits_path_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  if (file.get() < 0 || posix_fallocate(file.get(), 0, sizeof *edits_) != 0) return;
+  void* const mapped =
+      mmap(nullptr, sizeof *edits_, PROT_READ | PROT_WRITE, MAP_SHARED, file.get(), 0);
+  if (mapped != MAP_FAILED) edits_ = new (mapped) std::atomic<std::uint64_t>(0);
+}
+
+void SessionKeeper::NoteEdits(std::uint64_t unsaved_edits) noexcept {
+  if (edits_) edits_->store(unsaved_edits);
+}
 
 // Returns why the session is not restored; "" if it can be restored.
 std::string SessionKeeper::WhyNot(const SessionFile& file) const {
@@ -80,9 +108,13 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   if (path_.empty()) return std::nullopt;
   SessionFile file = ReadSessionFile(path_);
   if (!file.session && file.damage.empty()) return std::nullopt;
+  std::uint64_t lost_edits = 0;
+  std::ifstream(edits_path_, std::ios::binary)
+      .read(reinterpret_cast<char*>(&lost_edits), sizeof lost_edits);
   const std::string why_not = WhyNot(file);
   if (!why_not.empty()) {
-    LogWarning("the previous session does not come back: {}", why_not);
+    LogWarning("the previous session does not come back: {}{}", why_not,
+               lost_edits > 0 ? fmt::format("; its {} unsaved edits are lost", lost_edits) : "");
     std::error_code ignored;
     std::filesystem::remove(path_, ignored);
     return std::nullopt;
@@ -97,6 +129,7 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   }
   taken_ = saved;
   TakeChanges(saved, configured_, configured_settings_, saved.felt);
+  saved.felt.lost_edits = lost_edits;
   return saved.felt;
 }
 
@@ -111,32 +144,28 @@ void SessionKeeper::GiveBack() noexcept {
 }
 
 void SessionKeeper::Start() {
-  if (!path_.empty()) thread_ = std::thread([this] { Run(); });
+  if (path_.empty()) return;
+  MapEdits();
+  thread_ = std::thread([this] { Run(); });
 }
 
 void SessionKeeper::Run() {
   pthread_setname_np(pthread_self(), "palpate-session");
-  // Only the revisions and is_edited are compared.
-  std::optional<FeltSession> saved;
+  std::optional<std::uint64_t> saved;  // revision of the settings
+  std::chrono::steady_clock::time_point retry_at{};
   const auto lasts_at = std::chrono::steady_clock::now() + kLasting;
   std::unique_lock lock(mutex_);
   do {
     const FeltSession felt = felt_();
-    const bool lasted = attempts_ > 0 && std::chrono::steady_clock::now() > lasts_at;
+    const auto now = std::chrono::steady_clock::now();
+    const bool lasted = attempts_ > 0 && now > lasts_at;
     if (lasted) attempts_ = 0;
-    if (saved && !lasted && saved->settings_revision == felt.settings_revision &&
-        saved->is_edited == felt.is_edited) {
-      continue;
-    }
+    if ((!lasted && saved == felt.settings_revision) || now < retry_at) continue;
     lock.unlock();
-    const bool is_saved = Save(felt);
+    saved = Save(felt) ? std::optional(felt.settings_revision) : std::nullopt;
+    if (!saved) retry_at = now + kAfterFailure;
     lock.lock();
-    if (is_saved) {
-      saved = felt;
-    } else {
-      saved.reset();  // tried again
-    }
-  } while (!wake_.wait_for(lock, kInterval, [this] { return stop_; }));
+  } while (!wake_.wait_for(lock, kLook, [this] { return stop_; }));
 }
 
 bool SessionKeeper::Save(const FeltSession& felt) {
@@ -166,7 +195,9 @@ void SessionKeeper::Join() noexcept {
 void SessionKeeper::End() noexcept {
   Join();
   std::error_code ignored;
-  if (!path_.empty()) std::filesystem::remove(path_, ignored);
+  if (path_.empty()) return;
+  std::filesystem::remove(path_, ignored);
+  std::filesystem::remove(edits_path_, ignored);
 }
 
 }  // namespace palpate

@@ -1,18 +1,21 @@
 // Saves the session to disk while the daemon runs, so that the next daemon can restore the
 // session after SIGKILL, a crash or a loss of power. The file holds the volume's source, the
-// isovalue and the settings. The file does not hold edited voxels. The RegistrationStore saves
-// the places of volumes.
+// isovalue and the settings. The file does not hold edited voxels: a second file beside it holds
+// their number, in memory that outlives the process. The RegistrationStore saves the places of
+// volumes.
 //
 // If the configuration has changed since the save, the changed entries take their configured
 // values. A left-over session is restored at most kMostAttempts times, unless a daemon runs with
 // it for kLasting: the session may be the cause of the crash. A clean end deletes the file.
 //
-// Threads: main, and a thread of its own that polls `felt` twice a second.
+// Threads: main, and a thread of its own that polls `felt`; NoteEdits on any.
 // Errors: none. A failure to save is logged.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <mutex>
@@ -26,7 +29,8 @@ namespace palpate {
 
 class SessionKeeper {
  public:
-  static constexpr std::chrono::milliseconds kInterval{500};
+  static constexpr std::chrono::milliseconds kLook{50};
+  static constexpr std::chrono::milliseconds kAfterFailure{500};
   static constexpr int kMostAttempts = 2;
   static constexpr std::chrono::seconds kLasting{60};
 
@@ -39,7 +43,7 @@ class SessionKeeper {
   SessionKeeper(const std::filesystem::path& folder, const std::filesystem::path& socket,
                 LoadRequest configured, const RenderSettings& configured_settings, Felt felt);
   // Keeps the file: an end without End() counts as a crash.
-  ~SessionKeeper() { Join(); }
+  ~SessionKeeper();
   SessionKeeper(const SessionKeeper&) = delete;
   SessionKeeper& operator=(const SessionKeeper&) = delete;
 
@@ -54,6 +58,8 @@ class SessionKeeper {
 
   // Starts to save. Call it once a volume is loaded.
   void Start();
+  // The number of edits that are not saved. Does not wait for the disk.
+  void NoteEdits(std::uint64_t unsaved_edits) noexcept;
   // A clean end: stops saving and deletes the file.
   void End() noexcept;
 
@@ -62,15 +68,18 @@ class SessionKeeper {
   void Run();
   // Returns false if it failed.
   bool Save(const FeltSession& felt);
+  void MapEdits();
   void Join() noexcept;
 
   const std::filesystem::path path_;  // empty: nothing is saved
+  const std::filesystem::path edits_path_;
   const LoadRequest configured_;
   const RenderSettings configured_settings_;
   std::optional<SavedSession> taken_;
   int attempts_ = 0;  // to restore this session; 0 after kLasting
   const Felt felt_;
   std::string last_failure_;
+  std::atomic<std::uint64_t>* edits_ = nullptr;  // in a file; null: there is none
 
   std::mutex mutex_;  // guards stop_
   std::condition_variable wake_;

@@ -36,6 +36,7 @@ struct LoadRequest {
   std::string component{};              // for a grid of vectors: magnitude, x, y or z
   std::optional<FreeSide> free_side{};  // replaces the default for the volume
   bool discards_edits = false;          // of the volume before that are not saved
+  std::string warning{};                // shown with those of the import; empty: none
 };
 
 using LoadProgress = std::function<void(std::string_view stage, double fraction)>;

@@ -39,10 +39,21 @@ EditedRevisions VolumeStore::Edit(const Change& change) {
 
 void VolumeStore::Count(VolumeChange::Kind kind) {
   if (present_->bricks().content_hash() == saved_ && !shows_series()) {
-    unsaved_edits_ = 0;
+    SetEdits(0);
   } else if (kind == VolumeChange::Kind::kEdit || unsaved_edits_ == 0) {
-    ++unsaved_edits_;
+    SetEdits(unsaved_edits_ + 1);
   }
+}
+
+void VolumeStore::SetEdits(std::uint64_t unsaved_edits) {
+  unsaved_edits_ = unsaved_edits;
+  if (told_) told_(unsaved_edits);
+}
+
+void VolumeStore::TellEdits(std::function<void(std::uint64_t)> told) {
+  const std::lock_guard lock(mutex_);
+  told_ = std::move(told);
+  if (told_) told_(unsaved_edits_);
 }
 
 void VolumeStore::RequireSaved(bool discards_edits) const {
@@ -59,7 +70,7 @@ void VolumeStore::Saved(const VolumeSnapshot& volume) {
   // The voxels of a replayed recording are given back.
   if (is_held_ || volume.revision() < replaced_revision_ || shows_series()) return;
   saved_ = volume.bricks().content_hash();
-  if (present_->bricks().content_hash() == saved_) unsaved_edits_ = 0;
+  if (present_->bricks().content_hash() == saved_) SetEdits(0);
 }
 
 std::shared_ptr<const VolumeSnapshot> VolumeStore::Next(const VolumeChange& change) const {
@@ -84,7 +95,7 @@ void VolumeStore::Replace(const VolumeMetadata& metadata, const BrickDirectory& 
       {}, frames_bytes, publish);
   replaced_revision_ = revision;
   saved_ = present_->bricks().content_hash();
-  unsaved_edits_ = 0;
+  SetEdits(0);
 }
 
 EditedRevisions VolumeStore::Put(std::shared_ptr<const VolumeSnapshot> next,

@@ -79,6 +79,8 @@ class VolumeStore {
 
   // The number of edits since the voxels were loaded or saved. 0 if they are the same again.
   std::uint64_t unsaved_edits() const { return unsaved_edits_.load(); }
+  // `told` is called with the number in every transaction that may change it. It must not wait.
+  void TellEdits(std::function<void(std::uint64_t unsaved_edits)> told);
   // Throws kFailedPrecondition if there are any and they must not be discarded.
   void RequireSaved(bool discards_edits) const;
   // Call it when these voxels have been saved; nothing if they are of an earlier volume. A saved
@@ -111,6 +113,7 @@ class VolumeStore {
                       const Publish& publish);
   void SetHeld(bool held);
   void Count(VolumeChange::Kind kind);
+  void SetEdits(std::uint64_t unsaved_edits);
 
   const std::shared_ptr<MemoryBudget> budget_;
   const Publish publish_;
@@ -122,6 +125,7 @@ class VolumeStore {
   std::uint64_t replaced_revision_ = 0;  // the first of this volume's
   ContentHash saved_;                    // of the voxels as loaded or saved
   std::atomic<std::uint64_t> unsaved_edits_ = 0;
+  std::function<void(std::uint64_t)> told_;
 
   RetiredVolumes retired_;  // its thread ends first
 };

@@ -23,7 +23,6 @@ device_mm_per_volume_mm = 2.0
 source = "/data/a volume.nrrd"
 title = "first"
 isovalue = -100.5
-is_edited = true
 {volume}
 [haptics]
 {haptics}"""
@@ -46,7 +45,7 @@ def sessions():
         "no_isovalue": session().replace("isovalue = -100.5", ""),
         "no_haptics": session()[:-len(HAPTICS) - 10],
         "odd_names": session(configured='title = "\\u0000\\u001b[31m\\U0001F600"'),
-        "key_twice": session(volume="is_edited = false"),
+        "key_twice": session(volume="frame = 1\nframe = 2"),
         "no_utf8": session(volume="x = 'ab'").encode().replace(b"ab", b"\xff\xfe"),
         "deep": "a = " + "[" * 300,
         "cut": session()[:200],

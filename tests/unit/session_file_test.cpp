@@ -35,7 +35,6 @@ SavedSession Session1() {
   volume.frame = 7;
   volume.raw = RawVoxels{
       .size = {1, 1'000'000'007, 3}, .type = "uint16", .big_endian = true, .offset_bytes = 352};
-  session.felt.is_edited = true;
   RenderSettings& settings = session.felt.settings;
   settings.isovalue = -1000.0 / 3.0;
   settings.method = DecompositionMethod::kBcc;
@@ -74,7 +73,6 @@ void ExpectSameSession(const FeltSession& read, const FeltSession& written) {
   EXPECT_EQ(read.volume.frame, written.volume.frame);
   ASSERT_EQ(read.volume.raw.has_value(), written.volume.raw.has_value());
   EXPECT_TRUE(!read.volume.raw || Members(*read.volume.raw) == Members(*written.volume.raw));
-  EXPECT_EQ(read.is_edited, written.is_edited);
   ExpectSameSettings(read.settings, written.settings);
 }
 
@@ -166,13 +164,18 @@ class SessionKeeperTest : public ::testing::Test {
 
 TEST_F(SessionKeeperTest, WhatIsLeftComesBackWithItsIsovalue) {
   EXPECT_FALSE(Make()->TakeLeft());
-  std::mt19937 random(1);
-  data_.RandomEdit(random);
-  Leave();
+  {
+    const auto keeper = Make();
+    keeper->Start();
+    data_.session().store().TellEdits([&](std::uint64_t edits) { keeper->NoteEdits(edits); });
+    std::mt19937 random(1);
+    for (int n = 0; n < 3; ++n) data_.RandomEdit(random);
+    data_.session().store().TellEdits({});
+  }
   const std::optional<FeltSession> left = Make()->TakeLeft();
   ASSERT_TRUE(left);
   ExpectSameSession(*left, data_.session().Felt());
-  EXPECT_TRUE(left->is_edited);
+  EXPECT_EQ(left->lost_edits, 3u);
   EXPECT_EQ(left->volume.source, "builtin:sphere:24");
   EXPECT_EQ(left->volume.isovalue, left->settings.isovalue);
 }
@@ -261,7 +264,7 @@ TEST_F(SessionKeeperTest, ASaveThatFailedIsTriedAgain) {
   std::ofstream(folder_.path() / "sessions") << "no folder";
   const auto keeper = Make();
   keeper->Start();
-  std::this_thread::sleep_for(SessionKeeper::kInterval / 2);
+  std::this_thread::sleep_for(SessionKeeper::kAfterFailure / 2);
   std::filesystem::remove(folder_.path() / "sessions");
   EXPECT_TRUE(test::Eventually([&] { return IsThere(); }));
 }

@@ -340,12 +340,12 @@ TEST_F(WholeVolumes, ResamplingIsOneRevisionAndOneStep) {
     return Apply({}, state.volume->metadata(), session().device(), state.registration);
   });
   EXPECT_LT((moved.X_DI.Apply(Vec3(1, 2, 3)) - after.X_DI.Apply(Vec3(1, 2, 3))).norm(), 1e-9);
-  EXPECT_TRUE(session().Felt().is_edited);
+  EXPECT_GT(session().store().unsaved_edits(), 0u);
   EXPECT_FALSE(after.volume->metadata().reloadable);
   // What was loaded is that again.
   editor_.Undo();
   EXPECT_TRUE(volume()->metadata().reloadable);
-  EXPECT_FALSE(session().Felt().is_edited);
+  EXPECT_EQ(session().store().unsaved_edits(), 0u);
 }
 
 TEST_F(WholeVolumes, StepsBeforeAndAfterAreTakenBackAndDoneAgain) {
