@@ -15,6 +15,7 @@ constexpr double kTickRateHz = 1000.0;
 constexpr double kDefaultRateHz = 60.0;
 constexpr std::uint32_t kMaxBatch = 256;
 constexpr std::uint32_t kMaxUnacknowledged = 64;
+constexpr double kMostWaitingS = 5.0;
 // Without acknowledgements, the transport's buffer would let a slow client fall further and further
 // behind. Fewer messages limit this delay.
 constexpr double kMaxPlainMessagesPerSecond = 100.0;
@@ -41,16 +42,25 @@ PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start) {
   options.ticks_per_sample =
       static_cast<std::uint64_t>(std::max(1.0, std::round(std::min(kTickRateHz / rate_hz, 1e9))));
   options.batch = std::max(1u, start.batch());
+  const auto most_waiting =
+      static_cast<std::size_t>(kMostWaitingS * kTickRateHz) / options.ticks_per_sample;
+  if (start.waiting() > most_waiting) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "waiting must be at most 5 s of samples, at this rate " +
+                    std::to_string(most_waiting));
+  }
   if (start.has_max_unacknowledged()) {
     if (start.max_unacknowledged() < 1 || start.max_unacknowledged() > kMaxUnacknowledged) {
       throw Error(ErrorKind::kInvalidArgument, "max_unacknowledged must be from 1 to 64");
     }
     options.max_unacknowledged = start.max_unacknowledged();
+    options.waiting = start.waiting();
   } else {
     const double samples_per_second = kTickRateHz / static_cast<double>(options.ticks_per_sample);
     const double least = std::ceil(samples_per_second / kMaxPlainMessagesPerSecond);
     options.batch = std::max(options.batch, static_cast<std::size_t>(least));
   }
+  options.waiting = std::max(options.waiting, options.batch);
   return options;
 }
 
@@ -65,7 +75,7 @@ void PoseStream::Add(const TickSample& sample) {
   const std::uint64_t step = options_.ticks_per_sample;
   next_tick_ = next_tick_ ? *next_tick_ + step * ((now - *next_tick_) / step + 1) : now + step;
   waiting_.push_back(sample);
-  if (waiting_.size() > options_.batch) {
+  if (waiting_.size() > options_.waiting) {
     waiting_.pop_front();
     ++dropped_;
   }
@@ -86,8 +96,10 @@ v1::StreamPosesResponse PoseStream::TakeMessage(std::int64_t now_ns) {
   message.set_message_number(++sent_);
   message.set_dropped_samples(dropped_);
   message.set_sent_time_ns(now_ns);
-  for (const TickSample& sample : waiting_) *message.add_samples() = palpate::ToProto(sample);
-  waiting_.clear();
+  for (std::size_t n = 0; n < options_.batch; ++n) {
+    *message.add_samples() = palpate::ToProto(waiting_.front());
+    waiting_.pop_front();
+  }
   return message;
 }
 

@@ -18,6 +18,7 @@ struct PoseStreamOptions {
   std::uint64_t ticks_per_sample = 1;
   std::size_t batch = 1;
   std::optional<std::uint64_t> max_unacknowledged;
+  std::size_t waiting = 1;  // samples, at least a batch
 };
 PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start);
 
@@ -28,14 +29,13 @@ class PoseStream {
  public:
   explicit PoseStream(const PoseStreamOptions& options) : options_(options) {}
 
-  // Takes the sample if it is due. If a full batch still waits, drops the oldest sample and counts
-  // it.
+  // Takes the sample if it is due. If too many still wait, drops the oldest and counts it.
   void Add(const TickSample& sample);
   void Acknowledge(std::uint64_t message_number);
 
   // True if a full batch waits and the window has room.
   bool HasMessage() const;
-  // Empties the batch into a message.
+  // Takes the oldest batch into a message.
   v1::StreamPosesResponse TakeMessage(std::int64_t now_ns);
 
  private:

@@ -96,6 +96,27 @@ TEST(PoseStream, NewestWinsAndLossesAreCounted) {
   EXPECT_EQ(message.dropped_samples(), 16u);
 }
 
+TEST(PoseStream, WhatWaitsIsNotLost) {
+  v1::StreamPosesStart start;
+  start.set_rate_hz(1000);
+  start.set_batch(2);
+  start.set_max_unacknowledged(1);
+  start.set_waiting(5);
+  PoseStream stream(ParsePoseStreamOptions(start));
+  for (std::uint64_t tick = 0; tick < 6; ++tick) stream.Add(Sample(tick));
+  for (const std::uint64_t number : {1, 2}) {
+    ASSERT_TRUE(stream.HasMessage());
+    const v1::StreamPosesResponse message = stream.TakeMessage(1);
+    ASSERT_EQ(message.samples_size(), 2);
+    EXPECT_EQ(message.samples(0).tick(), 2 * number - 1);
+    EXPECT_EQ(message.dropped_samples(), 1u);  // the sixth waited in vain
+    stream.Acknowledge(number);
+  }
+  EXPECT_FALSE(stream.HasMessage());  // half a batch
+  start.set_waiting(5001);
+  EXPECT_THROW(ParsePoseStreamOptions(start), Error);
+}
+
 TEST(PoseStream, AForgedAcknowledgementOpensNothing) {
   PoseStream stream(Options(1000, 1, 1));
   stream.Add(Sample(0));
