@@ -18,6 +18,9 @@ namespace {
 // The word in the first and last line of a PEM certificate.
 constexpr char kCertificate[] = "CERTIFICATE";
 constexpr char kPrivateKey[] = "PRIVATE KEY";
+// palpated allows a probe each second; client/python/palpate/_link.py has the same times.
+constexpr int kProbeMs = 1000;
+constexpr int kProbePatienceMs = 2500;
 
 std::string ReadFile(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -109,6 +112,13 @@ std::shared_ptr<grpc::Channel> Route::MakeChannel(
   grpc::ChannelArguments all = arguments;
   // A proxy for web pages must not carry haptic streams.
   all.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  if (socket_path_.empty()) {
+    // Finds within 4 s that the network is gone, and ends the calls.
+    all.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kProbeMs);
+    all.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kProbePatienceMs);
+    all.SetInt(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+    all.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // no limit
+  }
   return grpc::CreateCustomChannel(target_, credentials, all);
 }
 

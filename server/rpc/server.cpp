@@ -37,6 +37,7 @@ constexpr int kMostCallsPerConnection = 100;
 constexpr int kHandshakeTimeoutMs = 10'000;
 constexpr int kKeepaliveMs = 20'000;
 constexpr int kKeepaliveTimeoutMs = 10'000;
+constexpr int kLeastProbeMs = 500;
 constexpr int kIdleMs = 600'000;
 constexpr int kMostThreads = 16;  // for reflection; our services use none of these
 // The limit for all memory that gRPC counts, for all clients together. Above it, gRPC ends calls
@@ -114,6 +115,8 @@ void Bound(grpc::ServerBuilder& builder) {
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  // Our clients probe each second. gRPC ends connections that probe more often.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kLeastProbeMs);
   // Closes connections without calls; clients reconnect automatically.
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kIdleMs);
   grpc::ResourceQuota quota("palpated");

@@ -9,6 +9,7 @@ from unittest import mock
 import numpy as np
 
 import palpate
+from palpate.v1 import device_pb2_grpc
 from secured import SecuredDaemon
 from support import PATIENCE_S, Daemon, DaemonTest, wait_until
 
@@ -113,8 +114,22 @@ class HandTest(DaemonTest):
                     next(poses).hip_mm[0] - at) < 3 * RESOLUTION_MM, PATIENCE_S))
             self.assertEqual(next(poses).buttons[0] & 1, 1)
 
+    def test_what_the_hand_cannot_reach_or_feel_is_said(self):
+        least_mm = self.conn.device.info().workspace_min_mm
+        beyond_mm = least_mm - [5, 0, 0]
+        with self.assertWarnsRegex(UserWarning, "5 mm"), \
+                self.conn.device.lead(beyond_mm) as hand:
+            felt = hand.follow([beyond_mm])
+            np.testing.assert_allclose(felt.hip_mm[-1], least_mm, atol=3 * RESOLUTION_MM)
+        self.addCleanup(self.conn.device.enable)
+        self.conn.device.disable()
+        with self.assertWarnsRegex(UserWarning, "0 N"):
+            self.conn.device.lead().close()
+
     def test_one_program_at_a_time_leads_the_hand(self):
         first = self.conn.device.lead()
+        with self.assertRaisesRegex(palpate.Conflict, "this program"):
+            self.conn.device.lead()
         with self.daemon.connect() as other:
             with self.assertRaisesRegex(palpate.Conflict, "socket"):
                 other.device.lead()
@@ -184,9 +199,15 @@ class HandTest(DaemonTest):
                 wait_until(lambda: hand.move_to((0, 0, 0)), PATIENCE_S)
 
     def test_a_call_that_ends_without_an_answer_leads_no_hand(self):
-        stub = "palpate.v1.device_pb2_grpc.DeviceServiceStub"
-        with mock.patch(stub, lambda channel: mock.Mock(LeadHand=lambda requests: iter(()))), \
-                self.assertRaises(palpate.Unavailable):
+        name = "palpate.v1.device_pb2_grpc.DeviceServiceStub"
+        stub = device_pb2_grpc.DeviceServiceStub
+
+        def without_answer(channel):
+            made = stub(channel)
+            made.LeadHand = lambda requests: iter(())
+            return made
+
+        with mock.patch(name, without_answer), self.assertRaises(palpate.Unavailable):
             self.conn.device.lead((0, 0, 0))
 
     def test_a_revoked_token_gives_the_hand_back(self):

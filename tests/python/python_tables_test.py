@@ -3,6 +3,7 @@ volumes as grids of OpenVDB."""
 
 import csv
 import dataclasses
+import importlib.util
 import io
 import os
 import subprocess
@@ -66,13 +67,12 @@ class Ticks(RecordingTest):
             self.assertEqual([str(kind(n)) for n in getattr(ticks, name)],
                              column(name, str).tolist(), name)
         has_v = column("has_scp_v", int) == 1
-        for name, stem, unit, there in (
-                ("hip_mm", "hip", "_mm", True), ("scp_h_mm", "scp_h", "_mm", True),
-                ("force_n", "force", "_n", True), ("scp_v_mm", "scp_v", "_mm", has_v),
-                ("scp_h_normal", "scp_h_normal", "", ticks.contact),
-                ("scp_v_normal", "scp_v_normal", "", has_v)):
-            expected = np.stack([column(f"{stem}_{axis}{unit}") for axis in "xyz"], axis=1)
-            expected[~(there | np.zeros(len(ticks), bool))] = np.nan
+        for name, stem, unit in (("hip_mm", "hip", "_mm"), ("scp_h_mm", "scp_h", "_mm"),
+                                 ("force_n", "force", "_n"), ("scp_v_mm", "scp_v", "_mm"),
+                                 ("scp_h_normal", "scp_h_normal", ""),
+                                 ("scp_v_normal", "scp_v_normal", "")):
+            expected = np.stack([column(f"{stem}_{axis}{unit}", lambda text: float(text or "nan"))
+                                 for axis in "xyz"], axis=1)
             np.testing.assert_array_equal(getattr(ticks, name), expected, name)
         np.testing.assert_array_equal(
             ticks.stylus_orientation,
@@ -103,6 +103,32 @@ class Tables(RecordingTest):
             self.assertEqual(frame[name].tolist(), [row[name] for row in rows])
         for name in ("hip_x_mm", "force_z_n", "stylus_w"):
             self.assertEqual(frame[name].tolist(), [float(row[name]) for row in rows])
+
+    def test_some_of_the_rows(self):
+        ticks = self.recording.ticks
+        for rows in (ticks.contact, slice(3, 9), [4, 1], []):
+            some = ticks[rows]
+            self.assertIs(type(some), type(ticks))
+            np.testing.assert_array_equal(some.tick, ticks.tick[np.array(rows, int)
+                                                                if rows == [] else rows])
+            self.assertEqual(some.force_n.shape, (len(some), 3))
+        for rows in (3, ticks.contact[1:], [len(ticks)], "tick", [[1]]):
+            with self.assertRaises(palpate.InvalidArgument):
+                ticks[rows]
+
+    @unittest.skipUnless(pandas and importlib.util.find_spec("tables"), "PyTables is not installed")
+    def test_pandas_writes_and_reads_hdf(self):
+        frame = self.recording.ticks.to_pandas()
+        frame.to_hdf(self.folder / "ticks.h5", key="ticks")
+        pandas.testing.assert_frame_equal(pandas.read_hdf(self.folder / "ticks.h5"), frame)
+
+    @unittest.skipUnless(xarray and any(map(importlib.util.find_spec, ("netCDF4", "scipy"))),
+                         "neither netCDF4 nor scipy is installed")
+    def test_xarray_writes_and_reads_netcdf(self):
+        data = self.recording.ticks.to_xarray()
+        data.to_netcdf(self.folder / "ticks.nc")
+        with xarray.open_dataset(self.folder / "ticks.nc") as read:
+            np.testing.assert_array_equal(read.force_n, data.force_n)
 
     @unittest.skipUnless(pandas, "pandas is not installed")
     def test_pandas_of_poses(self):

@@ -1,4 +1,4 @@
-"""A way to a server that can be cut."""
+"""A way to a server that can be cut, or stand still."""
 
 import socket
 import threading
@@ -6,11 +6,14 @@ import threading
 
 class Cable:
     """Forwards a port, until it is cut: then connections end, and there are no new ones. is_of: of
-    which connections this is true, by the first bytes that the client sends; others go on."""
+    which connections this is true, by the first bytes that the client sends; others go on. After
+    `flows.clear()` connections last, and nothing passes."""
 
     def __init__(self, to, is_of=lambda first: True):
         self._to, self._is_of, self._ends, self.is_cut = to, is_of, [], False
         self.connections = 0
+        self.flows = threading.Event()
+        self.flows.set()
         self._door = socket.create_server(("127.0.0.1", 0))
         self.port = self._door.getsockname()[1]
         self.url = f"nats://127.0.0.1:{self.port}"
@@ -36,6 +39,7 @@ class Cable:
                     if self.is_cut:
                         break
                 is_first = False
+                self.flows.wait()
                 other.sendall(data)
         except OSError:
             pass
@@ -58,5 +62,6 @@ class Cable:
         return self
 
     def __exit__(self, *_):
+        self.flows.set()
         self.cut()
         self._door.close()

@@ -79,6 +79,12 @@ def was_not_sent(failed: grpc.RpcError) -> bool:
             and (failed.details() or "").startswith("failed to connect"))
 
 
+def is_stalled(failed: grpc.RpcError) -> bool:
+    """Returns whether gRPC's probes of the connection got no answer."""
+    return (failed.code() == grpc.StatusCode.UNAVAILABLE
+            and "keepalive" in (failed.details() or ""))
+
+
 def error_of(name: str, failed: grpc.RpcError) -> Error:
     """Returns the error for a failed call to the daemon at `name`."""
     code = failed.code()
@@ -86,6 +92,9 @@ def error_of(name: str, failed: grpc.RpcError) -> Error:
         return Unavailable(f"palpated at {name} did not answer in time")
     if code == grpc.StatusCode.UNIMPLEMENTED:
         return Unavailable(f"{name} is not palpated, or one of another version")
+    if is_stalled(failed):
+        return Unavailable(f"nothing comes from palpated at {name}: the network is gone, or palpated "
+                           "hangs")
     if code == grpc.StatusCode.UNAVAILABLE:
         return Unavailable(f"palpated at {name} is unavailable: {failed.details()}")
     if _says(failed, b"DISK_FULL"):

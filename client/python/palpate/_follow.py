@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from palpate._errors import Error, Internal, InvalidArgument, TooLarge, Unavailable
 from palpate._geometry import matrix_of_map
-from palpate._link import AcknowledgedCall, Link
+from palpate._link import AcknowledgedCall, Link, forget_in_child
 from palpate._values import number_or_none, whole
 from palpate._volume_copy import VolumeCopy, making_sense, messages_of, volume_call
 from palpate._voxels import Volume, Voxels
@@ -168,6 +168,7 @@ class _Follower:
 
 # All running threads, also those whose copy was already released.
 _followers: set[_Follower] = set()
+forget_in_child(_followers)
 
 
 @atexit.register

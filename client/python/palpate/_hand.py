@@ -8,14 +8,16 @@ import threading
 import time
 import types
 import typing
+import warnings
 
 import grpc
 import numpy as np
 import numpy.typing as npt
 
-from palpate._errors import Error, InvalidArgument, Unavailable
-from palpate._geometry import Triple, numbers_of, vector_of
-from palpate._link import Link
+from palpate._enums import ForceState
+from palpate._errors import Conflict, Error, InvalidArgument, Unavailable
+from palpate._geometry import Triple, array_of_vector, numbers_of, vector_of
+from palpate._link import Link, forget_in_child
 from palpate._poses import Poses, PoseStream
 from palpate._values import number, whole
 from palpate.v1 import device_pb2, device_pb2_grpc
@@ -23,7 +25,6 @@ from palpate.v1 import device_pb2, device_pb2_grpc
 _SEND_PERIOD_S = 0.008
 _MAX_BUTTONS = (1 << 32) - 1
 _FELT_HZ = 1000.0
-# The daemon loses samples if it cannot send for as long as a batch lasts.
 _FELT_BATCH = 100
 # The path begins when the hand rests at its first point, or rests against what is in its way.
 _REST_MM = 0.02
@@ -85,12 +86,15 @@ class Hand:
     def __init__(self, link: Link, target_mm: Triple | None) -> None:
         self._link = link
         self._stub = link.stub(device_pb2_grpc.DeviceServiceStub)
+        answer = self._answer()
+        self._least_mm = array_of_vector(answer.device.workspace_min_mm)
+        self._most_mm = array_of_vector(answer.device.workspace_max_mm)
         if target_mm is None:
             with PoseStream(link, 60.0, 1, 1) as stream:
                 newest = next(stream)
                 start_mm = newest.hip_mm[-1] - newest.force_n[-1] / _SPRING_N_PER_MM
         else:
-            start_mm = _point("target_mm", target_mm)
+            start_mm = self._reached("target_mm", _point("target_mm", target_mm))
         self._targets = _Targets(start_mm)
         self._call: typing.Any = None
         # Whether the hand was taken; then whether it is still led.
@@ -114,6 +118,9 @@ class Hand:
         if not is_taken:
             self.close()
             raise self._error_of_end()
+        if answer.forces.state not in (ForceState.ON, ForceState.RAMP_IN):
+            warnings.warn(f"forces are {ForceState(answer.forces.state)}: the hand feels 0 N until "
+                          "device.enable()", stacklevel=3)
 
     def _run(self) -> None:
         try:
@@ -132,11 +139,13 @@ class Hand:
     def move_to(self, target_mm: Triple, buttons: int = 0) -> None:
         """Sets the target. Does not wait for the hand.
 
-        target_mm: (3,) in the device frame, mm; beyond the workspace the nearest place in it.
+        target_mm: (3,) in the device frame, mm; beyond the workspace the nearest place in it, with
+        a UserWarning.
         buttons: bit n: the stylus's button n is pressed.
         Errors: InvalidArgument; see help(palpate.Hand). Example: hand.move_to((0, 10, 0))
         """
-        self._lead(np.zeros(1), _point("target_mm", target_mm).reshape(1, 3), buttons)
+        target = self._reached("target_mm", _point("target_mm", target_mm))
+        self._lead(np.zeros(1), target.reshape(1, 3), buttons)
 
     def follow(self, path_mm: npt.ArrayLike, rate_hz: float = 100.0, *,
                buttons: int = 0) -> Poses:
@@ -144,8 +153,8 @@ class Hand:
 
         The hand first goes straight to the first point. The path begins when the hand rests there,
         or against what is in its way, and after 3 s in any case. What it feels before is left out.
-        path_mm: (n, 3) targets in the device frame, mm. Between two of them the target moves
-        along a straight line.
+        path_mm: (n, 3) targets in the device frame, mm; beyond the workspace as in move_to.
+        Between two of them the target moves along a straight line.
         rate_hz: points per second, above 0. Any rate is smooth.
         buttons: bit n: the stylus's button n is pressed.
         Errors: InvalidArgument; see help(palpate.Hand).
@@ -156,6 +165,7 @@ class Hand:
             raise InvalidArgument(f"path_mm is an array (n, 3), not {points_mm.shape}")
         if not np.isfinite(points_mm).all():
             raise InvalidArgument("path_mm has numbers that are not finite")
+        points_mm = self._reached("path_mm", points_mm)
         rate = number("rate_hz", rate_hz)
         if not 0 < rate < np.inf:
             raise InvalidArgument(f"rate_hz is above 0, not {rate:g}")
@@ -207,12 +217,30 @@ class Hand:
             # The daemon has waited, not this program.
             return Unavailable(f"palpated at {self._link.name} took the hand back: "
                                f"{failed.details()}")
+        if failed is not None and failed.code() == grpc.StatusCode.ABORTED and any(
+                hand._link is self._link for hand in _leading if hand is not self):
+            return Conflict("this program leads the hand already: close that hand first, or use "
+                            "`with`")
         return self._link.error_of_end(failed)
+
+    def _answer(self) -> device_pb2.GetDeviceResponse:
+        answer: device_pb2.GetDeviceResponse = self._link.call(self._stub.GetDevice,
+                                                               device_pb2.GetDeviceRequest())
+        return answer
 
     def _ticks(self) -> int:
         """Returns how many ticks the daemon has executed."""
-        response = self._link.call(self._stub.GetDevice, device_pb2.GetDeviceRequest())
-        return int(response.servo.ticks)
+        return int(self._answer().servo.ticks)
+
+    def _reached(self, name: str, points_mm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Returns the places that the hand can reach, and warns if they are others."""
+        reached_mm = np.clip(points_mm, self._least_mm, self._most_mm)
+        beyond_mm = float(np.abs(reached_mm - points_mm).max())
+        if beyond_mm > 0:
+            warnings.warn(f"{name} lies up to {beyond_mm:.3g} mm beyond the workspace "
+                          f"{self._least_mm} to {self._most_mm} mm: the hand stays in it",
+                          stacklevel=3)
+        return reached_mm
 
     def __enter__(self) -> "Hand":
         return self
@@ -223,6 +251,7 @@ class Hand:
 
 
 _leading: set[Hand] = set()
+forget_in_child(_leading)
 
 
 @atexit.register

@@ -11,7 +11,8 @@ import grpc
 
 from palpate._address import target_of
 from palpate._credentials import Credentials
-from palpate._errors import Error, InvalidArgument, Unavailable, error_of, is_loading, was_not_sent
+from palpate._errors import (Error, FailedPrecondition, InvalidArgument, Unavailable, error_of,
+                             is_loading, is_stalled, was_not_sent)
 from palpate._unreached import why_unreached
 from palpate._values import path_text
 from palpate.v1 import device_pb2, device_pb2_grpc
@@ -34,9 +35,22 @@ _OPTIONS = [
     # A proxy for web pages must not carry haptic streams.
     ("grpc.enable_http_proxy", 0),
 ]
+# Finds within 4 s that the network is gone, and ends the calls. client/sdk/channel.cpp has the same.
+_NETWORK_OPTIONS = _OPTIONS + [
+    ("grpc.keepalive_time_ms", 1000),
+    ("grpc.keepalive_timeout_ms", 2500),
+    ("grpc.keepalive_permit_without_calls", 1),
+    ("grpc.http2.max_pings_without_data", 0),
+]
 
 
 _LOG = logging.getLogger("palpate")
+
+
+def forget_in_child(running: set[typing.Any]) -> None:
+    """Empties the set in a forked child: threads of the parent do not run there."""
+    if hasattr(os, "register_at_fork"):  # not on Windows, which does not fork
+        os.register_at_fork(after_in_child=running.clear)
 
 
 class Link:
@@ -47,9 +61,11 @@ class Link:
         self._is_local = target == self.name
         self._credentials = credentials
         tls = credentials.channel_credentials(is_tcp=not self._is_local)
-        self._channel = (grpc.insecure_channel(target, options=_OPTIONS) if tls is None else
-                         grpc.secure_channel(target, tls, options=_OPTIONS))
+        options = _OPTIONS if self._is_local else _NETWORK_OPTIONS
+        self._channel = (grpc.insecure_channel(target, options=options) if tls is None else
+                         grpc.secure_channel(target, tls, options=options))
         self._is_open = True
+        self._pid = os.getpid()
         self._said = 0.0  # when it was last said that palpated loads its first volume
 
     def stub(self, kind: typing.Any) -> typing.Any:
@@ -58,7 +74,8 @@ class Link:
 
     def close(self) -> None:
         self._is_open = False
-        self._channel.close()
+        if os.getpid() == self._pid:  # a forked child would close the parent's connection
+            self._channel.close()
 
     def path(self, path: str | os.PathLike[str]) -> str:
         """Returns a path for the daemon, whose current folder is not ours.
@@ -179,7 +196,15 @@ class Link:
             finally:
                 call.cancel()
 
+    def check_process(self) -> None:
+        """In a forked child, gRPC's threads are missing, and messages would go onto the parent's
+        connection."""
+        if os.getpid() != self._pid:
+            raise FailedPrecondition("this process was forked from the one that connected: call "
+                                     "palpate.connect() in this process")
+
     def check_open(self) -> None:
+        self.check_process()
         if not self._is_open:
             raise Unavailable(f"the connection to {self.name} was closed")
 
@@ -195,7 +220,7 @@ class Link:
         """
         gone = (None, grpc.StatusCode.OK, grpc.StatusCode.CANCELLED, grpc.StatusCode.UNAVAILABLE)
         code = None if failed is None else failed.code()
-        if failed is not None and code not in gone:
+        if failed is not None and (code not in gone or is_stalled(failed)):
             return error_of(self.name, failed)
         refusal = self._refusal()
         if not self._is_open:

@@ -14,8 +14,8 @@ import grpc
 import numpy as np
 import numpy.typing as npt
 
-from palpate._errors import InvalidArgument
-from palpate._link import AcknowledgedCall, Link
+from palpate._errors import InvalidArgument, Unavailable
+from palpate._link import AcknowledgedCall, Link, forget_in_child
 from palpate._tables import Table
 from palpate._values import number, whole
 from palpate.v1 import pose_pb2, pose_pb2_grpc
@@ -24,8 +24,10 @@ _MAX_UNACKNOWLEDGED = 4
 # As in palpate/v1/pose.proto.
 _MAX_RATE_HZ = 1000
 _MAX_BATCH = 256
+_MAX_WAITING_S = 5.0
 _MAX_WAITING = 1 << 31
 _SILENCE_S = 0.5
+_PATIENCE_S = 5.0
 _FINISH_TIMEOUT_S = 1.0
 _ABSENT = (np.nan, np.nan, np.nan)
 
@@ -200,8 +202,12 @@ class _Receiver:
         if self._news.empty():
             self._news.put(None)
 
-    def take(self) -> pose_pb2.StreamPosesResponse | None:
-        """Waits for the oldest waiting message and returns it; None at the end."""
+    def take(self, timeout_s: float) -> pose_pb2.StreamPosesResponse | None:
+        """Waits for the oldest waiting message and returns it; None at the end.
+
+        Errors: queue.Empty (none within the timeout).
+        """
+        end_s = time.monotonic() + timeout_s
         while True:
             # Read before looking for messages: no message comes after the end.
             has_ended = self._has_ended
@@ -209,7 +215,7 @@ class _Receiver:
                 return self._messages.popleft()
             if has_ended:
                 return None
-            self._news.get()
+            self._news.get(timeout=max(0.0, end_s - time.monotonic()))
 
     def shows(self, silence_s: float) -> typing.Literal["live", "old", "replay"]:
         newest = self._newest
@@ -239,8 +245,9 @@ class _Receiver:
             self._thread.join(timeout_s)
 
 
-# All running threads, also those whose stream was already released.
+# All running threads, also those whose stream was already released. A forked child has none.
 _receivers: set[_Receiver] = set()
+forget_in_child(_receivers)
 
 
 @atexit.register
@@ -268,9 +275,14 @@ class PoseStream:
         waiting = whole("waiting", waiting, 1, _MAX_WAITING)
         start = pose_pb2.StreamPosesStart(rate_hz=rate, batch=whole("batch", batch, 1, _MAX_BATCH),
                                           max_unacknowledged=_MAX_UNACKNOWLEDGED)
+        if waiting > 1:
+            # While the interpreter is held, no thread of this program takes messages.
+            most = int(_MAX_WAITING_S * _MAX_RATE_HZ) // max(1, round(_MAX_RATE_HZ / rate))
+            start.waiting = min(waiting * start.batch, most)
         link.check_open()
         self._link = link
         self._silence_s = _SILENCE_S + 2 * start.batch / rate
+        self._patience_s = _PATIENCE_S + 2 * start.batch / rate
         self._is_open = True
         self._taken = 0
         self._left_out = 0
@@ -286,13 +298,19 @@ class PoseStream:
         """Waits for the next batch. Errors: see help(palpate.Connection.poses)."""
         if not self._is_open:
             raise StopIteration
+        self._link.check_process()
         try:
-            message = self._receiver.take()
+            message = self._receiver.take(self._patience_s)
             if message is not None:
                 # All messages of a stream have the same number of samples.
                 self._left_out += (message.message_number - self._taken - 1) * len(message.samples)
                 self._taken = message.message_number
                 return poses_of(message, message.dropped_samples + self._left_out)
+        except queue.Empty:
+            self.close()
+            raise Unavailable(f"no sample came from palpated at {self._link.name} for "
+                              f"{self._patience_s:.0f} s: its haptic loop stands still, or the "
+                              "network is gone; look at its log") from None
         except BaseException:
             self.close()
             raise

@@ -5,10 +5,11 @@ import importlib
 import typing
 
 import numpy as np
+import numpy.typing as npt
 
 from palpate._enums import (DeviceStatus, ForceCommand, ForceReason, ForceState, FreeSide,
                             ProxyMode, Word)
-from palpate._errors import FailedPrecondition
+from palpate._errors import FailedPrecondition, InvalidArgument
 from palpate._html import table
 
 _WORDS: dict[str, type[Word]] = {
@@ -42,6 +43,9 @@ def _parts(name: str) -> list[str]:
     return [f"{name}_{axis}" for axis in "xyz"]
 
 
+T = typing.TypeVar("T", bound="Table")
+
+
 class Table:
     """A dataclass of arrays with a row per tick."""
 
@@ -49,6 +53,24 @@ class Table:
         fields = dataclasses.fields(typing.cast(typing.Any, self))
         arrays = {field.name: getattr(self, field.name) for field in fields}
         return {name: held for name, held in arrays.items() if isinstance(held, np.ndarray)}
+
+    def __getitem__(self: T, rows: slice | npt.ArrayLike) -> T:
+        """Returns some of the rows as a table of its own.
+
+        rows: a slice, a mask (one truth value per row), or numbers of rows.
+        Errors: InvalidArgument (a single number, a mask of another length, a row that is not there)
+        Example: pressed = ticks[ticks.contact]
+        """
+        chosen = rows if isinstance(rows, slice) else np.asarray(rows)
+        if not isinstance(chosen, slice) and chosen.size == 0:
+            chosen = chosen.astype(np.intp)
+        try:
+            if not isinstance(chosen, slice) and chosen.ndim != 1:
+                raise IndexError("rows are a slice, a mask, or a list of numbers")
+            arrays = {name: array[chosen] for name, array in self._arrays().items()}
+        except IndexError as error:
+            raise InvalidArgument(f"no such rows: {error}") from None
+        return dataclasses.replace(typing.cast(typing.Any, self), **arrays)
 
     def _repr_html_(self) -> str:
         arrays = self._arrays()
@@ -69,7 +91,7 @@ class Table:
         """Returns a pandas.DataFrame: a row per sample, by tick.
 
         The columns have the names of `palpate-lab export`: hip_x_mm, force_z_n, stylus_w ...
-        Enumerations are their words, as categories. Errors: FailedPrecondition (pandas is not
+        Enumerations are their words. Errors: FailedPrecondition (pandas is not
         installed).
         Example: next(conn.poses(1000, 100)).to_pandas()["force_z_n"].mean()
         """
@@ -77,21 +99,23 @@ class Table:
         columns: dict[str, typing.Any] = {}
         for name, array in self._arrays().items():
             if name in _WORDS:
-                kind = _WORDS[name]
-                columns[name] = pandas.Categorical.from_codes(array.astype(np.int8) - 1,
-                                                              [str(word) for word in kind])
+                # Not categories, which to_hdf does not write.
+                words = np.array([np.nan, *map(str, _WORDS[name])], dtype=object)
+                columns[name] = words[array]
             elif array.ndim == 1:
                 columns[name] = array
             else:
                 columns.update({part: array[:, n] for n, part in enumerate(_parts(name))})
-        index = pandas.Index(columns.pop("tick"), name="tick")
+        # Signed, because to_hdf writes no other index.
+        index = pandas.Index(columns.pop("tick").astype(np.int64), name="tick")
         return pandas.DataFrame(columns, index=index)
 
     def to_xarray(self) -> typing.Any:
         """Returns an xarray.Dataset: a variable per field, along "tick", and "axis" or "part".
 
         Units are in the attribute "units". Enumerations are numbers, with their words in the
-        attribute "words". Errors: FailedPrecondition (xarray is not installed).
+        attribute "words". Its to_netcdf() needs python3-netcdf4 or python3-scipy.
+        Errors: FailedPrecondition (xarray is not installed).
         Example: recording.ticks.to_xarray().force_n.sel(axis="z").max()
         """
         xarray = package("xarray")
@@ -102,7 +126,7 @@ class Table:
             if unit := unit_of(name):
                 attributes["units"] = unit
             if name in _WORDS:
-                attributes["words"] = [f"{int(word)}: {word}" for word in _WORDS[name]]
+                attributes["words"] = ", ".join(f"{int(word)}: {word}" for word in _WORDS[name])
             variables[name] = (("tick", *more), array, attributes)
         coordinates = {"tick": variables.pop("tick"), "axis": list("xyz"), "part": list("wxyz")}
         return xarray.Dataset(variables, coordinates)
