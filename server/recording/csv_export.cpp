@@ -66,7 +66,16 @@ class Table {
   void Add(const TickSample& sample) {
     if (!row_.empty()) WriteRow(sample.time_ns);
     row_.clear();
-    VisitFields(sample, [&](std::string_view, const auto& field) { AppendField(field, row_); });
+    VisitFields(sample, [&](std::string_view name, const auto& field) {
+      // What the tick does not have is empty, which other programs read as missing.
+      const bool is_absent = (!sample.contact && name.starts_with("scp_h_normal")) ||
+                             (!sample.has_scp_v && name.starts_with("scp_v"));
+      if (is_absent) {
+        row_ += ',';
+      } else {
+        AppendField(field, row_);
+      }
+    });
     // Of a damaged time, the sum may be too large.
     std::int64_t unix_ns = 0;
     if (unix_from_time_ns_ &&
