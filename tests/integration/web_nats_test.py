@@ -225,6 +225,29 @@ class PublisherTest(RoomTest):
             Room(client).wait_for_volume(revision)
             self.assertTrue(wait_until(lambda: client.kept(ROOM, "text.settings")))
 
+    def test_publishes_anew_what_was_purged_or_deleted(self):
+        self.publish()
+        client = self.join()
+        room = Room(client)
+        room.wait_for_volume()
+        stream = client.stream(ROOM)["config"]["name"]
+        count = client.stream(ROOM)["state"]["messages"]
+
+        def purge():
+            client.request(f"$JS.API.STREAM.PURGE.{stream}", "{}")
+
+        def delete_half():
+            state = client.stream(ROOM)["state"]
+            for sequence in range(state["first_seq"], state["last_seq"] + 1, 2):
+                client.request(f"$JS.API.STREAM.MSG.DELETE.{stream}", json.dumps({"seq": sequence}))
+
+        for harm in (purge, delete_half):
+            harm()
+            self.assertLess(client.stream(ROOM)["state"]["messages"], count)
+            self.assertTrue(wait_until(
+                lambda: client.stream(ROOM)["state"]["messages"] == count), harm)
+            room.wait_for_volume()
+
     def test_groups_that_a_smaller_volume_lacks_are_background(self):
         self.publish()
         client = self.join()

@@ -16,7 +16,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kBetweenVolumes = 50ms;
-constexpr auto kBetweenLooks = 5s;
+constexpr auto kBetweenLooks = 2s;
 constexpr auto kAfterProblem = 2s;
 constexpr std::chrono::seconds kLongestPause = 60s;
 constexpr std::size_t kGroupsBetweenTexts = 64;

@@ -59,9 +59,13 @@ bool KeptStream::Ensure() {
   const std::string created = answer.value("created", std::string());
   const std::uint64_t last = answer.value("/state/last_seq"_json_pointer, std::uint64_t{0});
   const std::lock_guard lock(mutex_);
+  const std::uint64_t messages = answer.value("/state/messages"_json_pointer, std::uint64_t{0});
   const std::uint64_t most = last_sequence_ + published_ - acknowledged_;
-  const bool is_known =
-      created == created_ && !is_shared_ && last >= last_sequence_ && last <= most;
+  // Somebody may have purged the stream, or deleted messages.
+  const bool lacks_messages = published_ == acknowledged_ && messages < kept_.size();
+  const bool is_known = created == created_ && !is_shared_ && !lacks_messages &&
+                        last >= last_sequence_ && last <= most;
+  if (!is_known) kept_.clear();
   created_ = created;
   last_sequence_ = last;
   is_shared_ = false;
@@ -73,6 +77,8 @@ bool KeptStream::Ensure() {
 
 void KeptStream::Purge(const std::string& subjects) {
   Ask("PURGE", Json{{"filter", subjects}}.dump());
+  const std::string_view below = std::string_view(subjects).substr(0, subjects.find_first_of("*>"));
+  std::erase_if(kept_, [&](const std::string& subject) { return subject.starts_with(below); });
 }
 
 std::uint64_t KeptStream::Publish(const std::string& subject, std::string_view bytes) {
@@ -89,6 +95,7 @@ std::uint64_t KeptStream::Publish(const std::string& subject, std::string_view b
                                : "the NATS server's max_payload is less than the " +
                                      std::to_string(bytes.size()) + " bytes of a message");
   }
+  kept_.insert(subject);
   return number;
 }
 

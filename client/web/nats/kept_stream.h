@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -47,7 +48,8 @@ class KeptStream {
   NatsLink& link_;
   const Subjects subjects_;
   const std::string inbox_;
-  std::string created_;  // when the stream was
+  std::string created_;         // when the stream was
+  std::set<std::string> kept_;  // subjects that were published since it is known
 
   std::mutex mutex_;
   std::condition_variable wake_;
