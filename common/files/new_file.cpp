@@ -85,7 +85,8 @@ Error CannotWrite(const fs::path& path, int error_number) {
       return error(ErrorKind::kDiskFull, "; make space, or name another folder");
     case EMFILE:
     case ENFILE:
-      return error(ErrorKind::kTooLarge, "; close some, or raise the limit (LimitNOFILE, ulimit -n)");
+      return error(ErrorKind::kTooLarge,
+                   "; close some, or raise the limit (LimitNOFILE, ulimit -n)");
     default:
       return error(ErrorKind::kUnavailable, "; name another folder");
   }

@@ -72,8 +72,8 @@ LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
   LoadRequest request = left.volume;
   request.free_side = left.settings.haptics.free_side;
   if (left.lost_edits > 0) {
-    request.warning = fmt::format("palpated did not end cleanly; edits that are lost: {}",
-                                  left.lost_edits);
+    request.warning =
+        fmt::format("palpated did not end cleanly; edits that are lost: {}", left.lost_edits);
   }
   if (request.source != configured.source) request.source = paths.CheckLoad(request.source);
   return request;

@@ -45,9 +45,9 @@ PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start) {
   const auto most_waiting =
       static_cast<std::size_t>(kMostWaitingS * kTickRateHz) / options.ticks_per_sample;
   if (start.waiting() > most_waiting) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "waiting must be at most 5 s of samples, at this rate " +
-                    std::to_string(most_waiting));
+    throw Error(
+        ErrorKind::kInvalidArgument,
+        "waiting must be at most 5 s of samples, at this rate " + std::to_string(most_waiting));
   }
   if (start.has_max_unacknowledged()) {
     if (start.max_unacknowledged() < 1 || start.max_unacknowledged() > kMaxUnacknowledged) {

@@ -97,8 +97,8 @@ class MemoryBudget : public std::enable_shared_from_this<MemoryBudget> {
   WaitForFreed wait_;
 };
 
-// The least limit of memory of a process's control groups, v1 or v2; the greatest number if there is
-// none. cgroups: such as /sys/fs/cgroup. own: as /proc/self/cgroup.
+// The least limit of memory of a process's control groups, v1 or v2; the greatest number if there
+// is none. cgroups: such as /sys/fs/cgroup. own: as /proc/self/cgroup.
 std::uint64_t CgroupLimitBytes(const std::filesystem::path& cgroups, std::istream& own);
 
 // Three quarters of the machine's memory, or of the least limit of this process's control groups.

@@ -205,8 +205,7 @@ ChildEnd RunChild(const ChildRun& run) {
   Pipe in = run.input ? MakeSocket() : Pipe();
   Pipe out = MakePipe();
   Pipe err = MakePipe();
-  Process process(run.arguments,
-                  {in.read.get(), out.write.get(), err.write.get(), run.descriptor});
+  Process process(run.arguments, {in.read.get(), out.write.get(), err.write.get(), run.descriptor});
   in.read.Close();
   out.write.Close();
   err.write.Close();
@@ -221,9 +220,8 @@ ChildEnd RunChild(const ChildRun& run) {
   const auto on_message = [&](std::string_view line) { AddMessage(line, end); };
   for (;;) {
     // A closed descriptor is -1, which poll ignores.
-    std::array<pollfd, 3> fds = {{{out.read.get(), POLLIN, 0},
-                                  {err.read.get(), POLLIN, 0},
-                                  {in.write.get(), POLLOUT, 0}}};
+    std::array<pollfd, 3> fds = {
+        {{out.read.get(), POLLIN, 0}, {err.read.get(), POLLIN, 0}, {in.write.get(), POLLOUT, 0}}};
     poll(fds.data(), fds.size(), static_cast<int>(kPollInterval.count()));
     if (fds[0].revents && !out_lines.ReadFrom(out.read, on_line)) out.read.Close();
     if (fds[1].revents && !err_lines.ReadFrom(err.read, on_message)) err.read.Close();

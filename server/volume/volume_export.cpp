@@ -58,17 +58,18 @@ void WriteVdb(const VolumeSnapshot& volume, const ExportRequest& request, int fd
     std::string_view stage;
     ParseProgress(line, fraction, stage);
   };
-  const ChildEnd end = RunChild(
-      {.arguments = {request.save_program.string(), "--progress",
-                     "--save-to-descriptor=" + std::to_string(kChildDescriptor), "--",
-                     request.path.string()},
-       .descriptor = fd,
-       .input = [&] { return sender.Next(); },
-       .on_line = on_line,
-       .check = [&] { tell(fraction); }});
-  ThrowUnlessSuccess(end, request.path.string(),
-                     "there is not enough memory to write it; save it as .nrrd, which needs none",
-                     "what writes .vdb crashed, for lack of memory or by a fault; save it as .nrrd");
+  const ChildEnd end =
+      RunChild({.arguments = {request.save_program.string(), "--progress",
+                              "--save-to-descriptor=" + std::to_string(kChildDescriptor), "--",
+                              request.path.string()},
+                .descriptor = fd,
+                .input = [&] { return sender.Next(); },
+                .on_line = on_line,
+                .check = [&] { tell(fraction); }});
+  ThrowUnlessSuccess(
+      end, request.path.string(),
+      "there is not enough memory to write it; save it as .nrrd, which needs none",
+      "what writes .vdb crashed, for lack of memory or by a fault; save it as .nrrd");
 }
 
 }  // namespace

@@ -183,7 +183,8 @@ TEST_F(VolumeExportTest, SavesReportTheirSizeAndProgress) {
   for (const char* name : kNames) {
     std::vector<double> fractions;
     const std::uint64_t bytes = ExportVolume(
-        *volume, {Path(name), false, test::kPalpateImport}, [&](std::string_view, double f) { fractions.push_back(f); }, kNever);
+        *volume, {Path(name), false, test::kPalpateImport},
+        [&](std::string_view, double f) { fractions.push_back(f); }, kNever);
     EXPECT_EQ(bytes, std::filesystem::file_size(Path(name)));
     EXPECT_GE(fractions.size(), 4u);
     EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
@@ -260,8 +261,9 @@ TEST_F(VolumeExportTest, ASaveWithoutMemoryIsRefusedAtAnyLimit) {
     std::ofstream(limited) << "#!/bin/sh\nulimit -v " << 1024 * mib << "\nexec "
                            << test::kPalpateImport << " \"$@\"\n";
     std::filesystem::permissions(limited, std::filesystem::perms::owner_all);
-    const auto refusal =
-        Refusal([&] { ExportVolume(*b, {Path("a.vdb"), true, limited}, kQuiet, kNever); });
+    const auto refusal = Refusal([&] {
+      ExportVolume(*b, {Path("a.vdb"), true, limited}, kQuiet, kNever);
+    });
     if (!refusal) {
       Save(*a, Path("a.vdb"), true);
       continue;

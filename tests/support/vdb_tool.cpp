@@ -17,8 +17,7 @@ void SaveByTurns(const char* path, const char* importer) {
   for (unsigned seed = 0;; seed = 1 - seed) {
     const auto volume = testing::ObliqueVolume(Vec3i(48, 40, 33), seed);
     ExportVolume(
-        *volume, {path, true, importer}, [](std::string_view, double) {},
-        [] { return false; });
+        *volume, {path, true, importer}, [](std::string_view, double) {}, [] { return false; });
     std::printf("saved\n");
     std::fflush(stdout);
   }
