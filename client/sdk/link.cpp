@@ -1,5 +1,6 @@
 #include "client/sdk/link.h"
 
+#include <string>
 #include <thread>
 #include <tuple>
 
@@ -19,6 +20,12 @@ grpc::ChannelArguments Arguments() {
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, Backoff::kFirst.count());
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, Backoff::kLongest.count());
   return arguments;
+}
+
+// gRPC's probes of the connection got no answer (channel.cpp).
+bool IsStalled(const grpc::Status& status) {
+  return status.error_code() == grpc::StatusCode::UNAVAILABLE &&
+         status.error_message().find("keepalive") != std::string::npos;
 }
 
 Error ClosedError() { return {ErrorKind::kCancelled, "the connection was closed"}; }
@@ -69,6 +76,10 @@ bool Link::WaitForLoading(const Error& error) const {
 
 Error Link::ErrorOf(const grpc::Status& status) const {
   if (const Error error = FromStatus(status); error.kind() == ErrorKind::kLoading) return error;
+  if (IsStalled(status)) {
+    return {ErrorKind::kUnavailable, "nothing comes from palpated at " + name() +
+                                         ": the network is gone, or palpated hangs"};
+  }
   switch (status.error_code()) {
     case grpc::StatusCode::DEADLINE_EXCEEDED:
       return {ErrorKind::kUnavailable, "palpated at " + name() + " does not answer"};
@@ -104,7 +115,9 @@ Error Link::ErrorOfEnd(const grpc::Status& status) {
     case grpc::StatusCode::CANCELLED:
       break;
     case grpc::StatusCode::UNAVAILABLE:
-      if (channel()->GetState(false) == GRPC_CHANNEL_READY) return ErrorOf(status);
+      if (IsStalled(status) || channel()->GetState(false) == GRPC_CHANNEL_READY) {
+        return ErrorOf(status);
+      }
       break;
     default:
       return ErrorOf(status);
