@@ -152,6 +152,15 @@ void NewFile::Sync() {
 
 void NewFile::TakeName(Durable durable) {
   if (durable == Durable::kYes) Sync();
+  if (partial_name_.empty()) {
+    const bool is_named = GivePartialName([&](const char* name) {
+      return linkat(AT_FDCWD, ByDescriptor(descriptor_).c_str(), directory_, name,
+                    AT_SYMLINK_FOLLOW) == 0;
+    });
+    if (!is_named) throw CannotWrite(path_, errno);
+    // Again, and fast: btrfs keeps nothing of a file that has no name.
+    if (durable == Durable::kYes) Sync();
+  }
   const fs::path folder = fs::absolute(path_).parent_path();
   // Open the folder before the rename: if this fails, nothing has changed yet.
   const int directory =
@@ -172,11 +181,6 @@ bool NewFile::RenameTo(unsigned flags) const {
 }
 
 void NewFile::Rename() {
-  const bool has_partial_name = !partial_name_.empty() || GivePartialName([&](const char* name) {
-    return linkat(AT_FDCWD, ByDescriptor(descriptor_).c_str(), directory_, name,
-                  AT_SYMLINK_FOLLOW) == 0;
-  });
-  if (!has_partial_name) throw CannotWrite(path_, errno);
   if (if_there_ == IfThere::kReplace) {
     if (!RenameTo(0)) throw CannotWrite(path_, errno);
   } else if (!RenameTo(RENAME_NOREPLACE)) {

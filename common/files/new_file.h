@@ -2,9 +2,9 @@
 //
 // The bytes go into a file without a name in the path's folder. When they are on the disk, the file
 // gets a name next to the path, "NAME.XXXXXX.partial", and is renamed to the path. When the rename
-// returns, the new name is on the disk, too. So a killed program leaves nothing behind, except on
-// file systems (NFS) where the file has the partial name from the beginning. Existing files are
-// never opened, so a link or a pipe with such a name has no effect.
+// returns, the new name is on the disk, too. So a killed program leaves nothing behind, unless it
+// is killed within the moment before the rename, or the file system (NFS) wants a name from the
+// beginning. Existing files are never opened, so a link or a pipe with such a name has no effect.
 //
 // Any thread. Not for real-time code: waits for the disk.
 #pragma once

@@ -54,10 +54,12 @@ void Load(const LoadRequest& request, Session& session, const Progress& on_progr
 }
 
 // Loads the configured volume. An error names the configuration's line.
-void LoadConfigured(const LoadedConfig& loaded, Session& session, const Progress& on_progress,
-                    const LoadCancelled& cancelled) {
+void LoadConfigured(const LoadedConfig& loaded, const std::string& warning, Session& session,
+                    const Progress& on_progress, const LoadCancelled& cancelled) {
+  LoadRequest request = ConfiguredVolume(loaded.config);
+  request.warning = warning;
   try {
-    Load(ConfiguredVolume(loaded.config), session, on_progress, cancelled);
+    Load(request, session, on_progress, cancelled);
   } catch (const RangeError& error) {
     throw AtKey(loaded, "volume.isovalue", error);
   } catch (const Error& error) {
@@ -68,13 +70,10 @@ void LoadConfigured(const LoadedConfig& loaded, Session& session, const Progress
 
 // The paths of a client's volume are checked against `paths`. The configured volume's are not.
 LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
-                       const PathPolicy& paths) {
+                       const std::string& warning, const PathPolicy& paths) {
   LoadRequest request = left.volume;
   request.free_side = left.settings.haptics.free_side;
-  if (left.lost_edits > 0) {
-    request.warning =
-        fmt::format("palpated did not end cleanly; edits that are lost: {}", left.lost_edits);
-  }
+  request.warning = warning;
   if (request.source != configured.source) request.source = paths.CheckLoad(request.source);
   return request;
 }
@@ -92,8 +91,9 @@ void LeaveSide(const FeltSession& left, const RenderSettings& configured, Sessio
 
 // Returns false if the session's volume is not restored.
 bool BringBack(const FeltSession& left, const LoadRequest& configured,
-               const RenderSettings& configured_settings, Session& session, const PathPolicy& paths,
-               const Progress& on_progress, const LoadCancelled& cancelled) {
+               const RenderSettings& configured_settings, const std::string& warning,
+               Session& session, const PathPolicy& paths, const Progress& on_progress,
+               const LoadCancelled& cancelled) {
   const std::string& name = left.volume.title;
   try {
     session.SetInitial(left.settings);
@@ -105,7 +105,7 @@ bool BringBack(const FeltSession& left, const LoadRequest& configured,
       LeaveSide(left, configured_settings, session);
       return false;
     }
-    Load(VolumeLeft(left, configured, paths), session, on_progress, cancelled);
+    Load(VolumeLeft(left, configured, warning, paths), session, on_progress, cancelled);
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;
     LogWarning("{} does not come back, its settings do: {}", name, error.what());
@@ -135,10 +135,16 @@ void LoadFirstVolume(const LoadedConfig& loaded, Session& session, SessionKeeper
   const LoadRequest configured = ConfiguredVolume(loaded.config);
   const std::optional<FeltSession> left = keeper.TakeLeft();
   const RenderSettings settings = ConfiguredSettings(loaded.config);
-  if (left && BringBack(*left, configured, settings, session, paths, on_progress, cancelled)) {
+  const std::string warning =
+      keeper.lost_edits() == 0
+          ? ""
+          : fmt::format("palpated did not end cleanly; edits that are lost: {}",
+                        keeper.lost_edits());
+  if (left &&
+      BringBack(*left, configured, settings, warning, session, paths, on_progress, cancelled)) {
     return;
   }
-  LoadConfigured(loaded, session, on_progress, cancelled);
+  LoadConfigured(loaded, warning, session, on_progress, cancelled);
 }
 
 }  // namespace palpate

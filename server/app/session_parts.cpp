@@ -55,6 +55,7 @@ SessionParts::SessionParts(const LoadedConfig& loaded, const DaemonPaths& paths,
 }
 
 SessionParts::~SessionParts() {
+  session.store().TellEdits({});
   instrument_.servo.Stop();
   series.Stop();
   instrument_.pump.Stop();
@@ -82,7 +83,7 @@ bool SessionParts::LoadFirst(const std::function<void(const std::string&)>& on_p
 }
 
 void SessionParts::End() {
-  session.store().TellEdits({});
+  session.store().TellEdits({});  // else they would be written after the file is deleted
   keeper_.End();
   series.Stop();
   instrument_.pump.Stop();

@@ -390,8 +390,10 @@ int Run(const Options& options) {
   } catch (const palpate::Error& error) {
     return fail(error.kind(), error.what());
   } catch (const std::exception& error) {
-    // Memory is all that a save can lack. TBB throws its own if there is none for a thread.
-    if (options.save_descriptor) return fail(ErrorKind::kTooLarge, kNoMemoryToSave);
+    // TBB throws its own if there is no memory for a thread.
+    if (options.save_descriptor) {
+      return fail(ErrorKind::kTooLarge, kNoMemoryToSave + (" (" + std::string(error.what()) + ")"));
+    }
     if (dynamic_cast<const std::bad_alloc*>(&error)) {
       return fail(ErrorKind::kTooLarge,
                   "there is not enough memory; crop the volume or raise --max-memory-mib");

@@ -122,6 +122,8 @@ ImageGeometry ParseGeometry(const Fields& fields, std::size_t dimension, bool sp
     if (!spacing.empty() && !spacing_is_given) {
       CheckSpacing(std::abs(spacing[axis]));
       geometry.spacing_mm[k] = spacing[axis];
+    } else if (!spacing.empty() && spacing[axis] < 0.0) {
+      geometry.spacing_mm[k] = -1.0;
     }
     // A row of the matrix is the direction of an axis.
     for (int row = 0; row < 3 && !matrix.empty(); ++row) {

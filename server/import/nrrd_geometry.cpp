@@ -149,6 +149,7 @@ ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64
     if (stated) CheckSpacing(std::abs(spacings[k]));
     const bool ranged = !stated && std::isfinite(from_range) && from_range > 0.0;
     if (stated || ranged) geometry.spacing_mm[k] = stated ? spacings[k] : from_range;
+    if (spacing_is_given && spacings[k] < 0.0) geometry.spacing_mm[k] = -1.0;
     geometry.has_spacing = geometry.has_spacing && (stated || ranged);
     placed = placed && (stated || ranged);
     // In a cell-centred axis, the sample lies in the middle of the cell.

@@ -42,19 +42,14 @@ PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start) {
   options.ticks_per_sample =
       static_cast<std::uint64_t>(std::max(1.0, std::round(std::min(kTickRateHz / rate_hz, 1e9))));
   options.batch = std::max(1u, start.batch());
-  const auto most_waiting =
-      static_cast<std::size_t>(kMostWaitingS * kTickRateHz) / options.ticks_per_sample;
-  if (start.waiting() > most_waiting) {
-    throw Error(
-        ErrorKind::kInvalidArgument,
-        "waiting must be at most 5 s of samples, at this rate " + std::to_string(most_waiting));
-  }
   if (start.has_max_unacknowledged()) {
     if (start.max_unacknowledged() < 1 || start.max_unacknowledged() > kMaxUnacknowledged) {
       throw Error(ErrorKind::kInvalidArgument, "max_unacknowledged must be from 1 to 64");
     }
     options.max_unacknowledged = start.max_unacknowledged();
-    options.waiting = start.waiting();
+    const auto most_waiting =
+        static_cast<std::size_t>(kMostWaitingS * kTickRateHz) / options.ticks_per_sample;
+    options.waiting = std::min<std::size_t>(start.waiting(), most_waiting);
   } else {
     const double samples_per_second = kTickRateHz / static_cast<double>(options.ticks_per_sample);
     const double least = std::ceil(samples_per_second / kMaxPlainMessagesPerSecond);

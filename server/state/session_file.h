@@ -18,7 +18,6 @@ struct FeltSession {
   LoadRequest volume{};  // no source: cannot be loaded again (an upload or a series)
   RenderSettings settings{};
   std::uint64_t settings_revision = 0;
-  std::uint64_t lost_edits = 0;  // of a session that is left: not in this file
 };
 
 struct SavedSession {

@@ -1,19 +1,16 @@
 #include "server/state/session_keeper.h"
 
 #include <fcntl.h>
-#include <fmt/core.h>
 #include <pthread.h>
-#include <sys/mman.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
-#include <new>
 #include <system_error>
 #include <tuple>
 #include <utility>
 
 #include "common/error/error.h"
-#include "common/files/descriptor.h"
 #include "server/log/log.h"
 
 namespace palpate {
@@ -75,25 +72,17 @@ SessionKeeper::SessionKeeper(const std::filesystem::path& folder,
       configured_settings_(configured_settings),
       felt_(std::move(felt)) {}
 
-SessionKeeper::~SessionKeeper() {
-  Join();
-  if (edits_) munmap(edits_, sizeof *edits_);
-}
-
-// Without the file, the number is not known; the session is kept all the same.
-void SessionKeeper::MapEdits() {
-  static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
+void SessionKeeper::OpenEdits() {
   std::error_code ignored;
   std::filesystem::create_directories(path_.parent_path(), ignored);
-  const Descriptor file(open(edits_path_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-  if (file.get() < 0 || posix_fallocate(file.get(), 0, sizeof *edits_) != 0) return;
-  void* const mapped =
-      mmap(nullptr, sizeof *edits_, PROT_READ | PROT_WRITE, MAP_SHARED, file.get(), 0);
-  if (mapped != MAP_FAILED) edits_ = new (mapped) std::atomic<std::uint64_t>(0);
+  edits_file_ =
+      Descriptor(open(edits_path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
 }
 
 void SessionKeeper::NoteEdits(std::uint64_t unsaved_edits) noexcept {
-  if (edits_) edits_->store(unsaved_edits);
+  edits_ = unsaved_edits;
+  [[maybe_unused]] const ssize_t written =
+      pwrite(edits_file_.get(), &unsaved_edits, sizeof unsaved_edits, 0);
 }
 
 // Returns why the session is not restored; "" if it can be restored.
@@ -108,13 +97,11 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   if (path_.empty()) return std::nullopt;
   SessionFile file = ReadSessionFile(path_);
   if (!file.session && file.damage.empty()) return std::nullopt;
-  std::uint64_t lost_edits = 0;
   std::ifstream(edits_path_, std::ios::binary)
-      .read(reinterpret_cast<char*>(&lost_edits), sizeof lost_edits);
+      .read(reinterpret_cast<char*>(&lost_edits_), sizeof lost_edits_);
   const std::string why_not = WhyNot(file);
   if (!why_not.empty()) {
-    LogWarning("the previous session does not come back: {}{}", why_not,
-               lost_edits > 0 ? fmt::format("; its {} unsaved edits are lost", lost_edits) : "");
+    LogWarning("the previous session does not come back: {}", why_not);
     std::error_code ignored;
     std::filesystem::remove(path_, ignored);
     return std::nullopt;
@@ -129,7 +116,6 @@ std::optional<FeltSession> SessionKeeper::TakeLeft() {
   }
   taken_ = saved;
   TakeChanges(saved, configured_, configured_settings_, saved.felt);
-  saved.felt.lost_edits = lost_edits;
   return saved.felt;
 }
 
@@ -145,17 +131,23 @@ void SessionKeeper::GiveBack() noexcept {
 
 void SessionKeeper::Start() {
   if (path_.empty()) return;
-  MapEdits();
+  OpenEdits();
   thread_ = std::thread([this] { Run(); });
 }
 
 void SessionKeeper::Run() {
   pthread_setname_np(pthread_self(), "palpate-session");
   std::optional<std::uint64_t> saved;  // revision of the settings
+  std::uint64_t on_disk = 0;           // edits
   std::chrono::steady_clock::time_point retry_at{};
   const auto lasts_at = std::chrono::steady_clock::now() + kLasting;
   std::unique_lock lock(mutex_);
   do {
+    if (const std::uint64_t edits = edits_; std::exchange(on_disk, edits) != edits) {
+      lock.unlock();
+      fdatasync(edits_file_.get());
+      lock.lock();
+    }
     const FeltSession felt = felt_();
     const auto now = std::chrono::steady_clock::now();
     const bool lasted = attempts_ > 0 && now > lasts_at;

@@ -1,8 +1,7 @@
 // Saves the session to disk while the daemon runs, so that the next daemon can restore the
 // session after SIGKILL, a crash or a loss of power. The file holds the volume's source, the
 // isovalue and the settings. The file does not hold edited voxels: a second file beside it holds
-// their number, in memory that outlives the process. The RegistrationStore saves the places of
-// volumes.
+// the number of edits. The RegistrationStore saves the places of volumes.
 //
 // If the configuration has changed since the save, the changed entries take their configured
 // values. A left-over session is restored at most kMostAttempts times, unless a daemon runs with
@@ -23,6 +22,7 @@
 #include <string>
 #include <thread>
 
+#include "common/files/descriptor.h"
 #include "server/state/session_file.h"
 
 namespace palpate {
@@ -43,7 +43,7 @@ class SessionKeeper {
   SessionKeeper(const std::filesystem::path& folder, const std::filesystem::path& socket,
                 LoadRequest configured, const RenderSettings& configured_settings, Felt felt);
   // Keeps the file: an end without End() counts as a crash.
-  ~SessionKeeper();
+  ~SessionKeeper() { Join(); }
   SessionKeeper(const SessionKeeper&) = delete;
   SessionKeeper& operator=(const SessionKeeper&) = delete;
 
@@ -51,6 +51,9 @@ class SessionKeeper {
   // configured; otherwise nothing. The isovalue is in the session's load request. A session
   // without a source cannot be loaded again.
   std::optional<FeltSession> TakeLeft();
+
+  // Edits that the previous daemon lost when it crashed, once TakeLeft was called.
+  std::uint64_t lost_edits() const { return lost_edits_; }
 
   // The daemon ends cleanly before it has restored the session. Does not count this attempt, so
   // that the next daemon can restore the session.
@@ -68,7 +71,7 @@ class SessionKeeper {
   void Run();
   // Returns false if it failed.
   bool Save(const FeltSession& felt);
-  void MapEdits();
+  void OpenEdits();
   void Join() noexcept;
 
   const std::filesystem::path path_;  // empty: nothing is saved
@@ -79,7 +82,9 @@ class SessionKeeper {
   int attempts_ = 0;  // to restore this session; 0 after kLasting
   const Felt felt_;
   std::string last_failure_;
-  std::atomic<std::uint64_t>* edits_ = nullptr;  // in a file; null: there is none
+  Descriptor edits_file_;  // -1: it cannot be written
+  std::atomic<std::uint64_t> edits_ = 0;
+  std::uint64_t lost_edits_ = 0;
 
   std::mutex mutex_;  // guards stop_
   std::condition_variable wake_;

@@ -35,13 +35,15 @@ struct Pipe {
   Descriptor write;
 };
 
-[[noreturn]] void FailInternal(const std::string& what, int error) {
-  throw Error(ErrorKind::kInternal, what + ": " + std::strerror(error));
+[[noreturn]] void Fail(const std::string& what, int error) {
+  const bool lacks = error == EMFILE || error == ENFILE || error == ENOMEM || error == EAGAIN;
+  throw Error(lacks ? ErrorKind::kTooLarge : ErrorKind::kInternal,
+              what + ": " + std::strerror(error));
 }
 
 Pipe MakePipe() {
   std::array<int, 2> ends{};
-  if (pipe2(ends.data(), O_CLOEXEC) != 0) FailInternal("cannot make a pipe", errno);
+  if (pipe2(ends.data(), O_CLOEXEC) != 0) Fail("cannot make a pipe", errno);
   Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
   // Only our end is non-blocking: the process may block, we must not.
   fcntl(pipe.read.get(), F_SETFL, O_NONBLOCK);
@@ -52,7 +54,7 @@ Pipe MakePipe() {
 Pipe MakeSocket() {
   std::array<int, 2> ends{};
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0) {
-    FailInternal("cannot make a socket", errno);
+    Fail("cannot make a socket", errno);
   }
   return {Descriptor(ends[0]), Descriptor(ends[1])};
 }
@@ -108,11 +110,7 @@ class Process {
                                   argv.data(), environ);
     if (error != 0) {
       pid_ = -1;
-      if (error == ENOMEM || error == EAGAIN) {
-        throw Error(ErrorKind::kTooLarge,
-                    "there is not enough memory to start " + arguments[0] + "; free some");
-      }
-      FailInternal("cannot start " + arguments[0] + " (is Palpate installed completely?)", error);
+      Fail("cannot start " + arguments[0] + " (is Palpate installed completely?)", error);
     }
   }
   ~Process() {
@@ -179,7 +177,9 @@ class Feed {
     if (rest_.empty()) return false;
     const ssize_t sent =
         send(socket.get(), rest_.data(), rest_.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-    if (sent < 0) return errno == EAGAIN || errno == EINTR;
+    if (sent < 0) {
+      return errno == EAGAIN || errno == EINTR || errno == ENOBUFS || errno == ENOMEM;
+    }
     rest_.remove_prefix(static_cast<std::size_t>(sent));
     return true;
   }

@@ -21,7 +21,8 @@ struct ChildRun {
   // function: no input.
   std::function<std::string_view()> input{};
   std::function<void(std::string_view line)> on_line{};  // of its standard output
-  std::function<void()> check{};  // called several times a second; an exception ends the process
+  // Called at least several times a second; an exception ends the process.
+  std::function<void()> check{};
 };
 
 struct ChildEnd {

@@ -16,7 +16,8 @@ void RefuseHandover(const std::string& what) {
 
 void FailHandover(const char* what) {
   const bool no_room = errno == ENOMEM || errno == ENOSPC || errno == EFBIG;
-  throw Error(no_room ? ErrorKind::kTooLarge : ErrorKind::kInternal,
+  const bool no_files = errno == EMFILE || errno == ENFILE;
+  throw Error(no_room || no_files ? ErrorKind::kTooLarge : ErrorKind::kInternal,
               std::string(what) + ": " + std::strerror(errno) +
                   (no_room ? "; crop the volume or raise the limit of memory" : ""));
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <string>
+#include <utility>
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
@@ -97,11 +98,12 @@ std::uint64_t ExportBytes(const VolumeSnapshot& volume, const std::filesystem::p
 std::uint64_t ExportVolume(const VolumeSnapshot& volume, const ExportRequest& request,
                            const ExportProgress& progress, const ExportCancelled& cancelled) {
   const Format format = CheckedFormat(request);
+  double told = -1.0;
   const auto tell = [&](double fraction) {
     if (cancelled()) {
       throw Error(ErrorKind::kCancelled, "saving was cancelled; there is no new file");
     }
-    progress("writing", fraction);
+    if (std::exchange(told, fraction) != fraction) progress("writing", fraction);
   };
   tell(0.0);
   const IfThere if_there = ReplacesIf(request.overwrite);

@@ -166,6 +166,10 @@ std::string_view VolumeSender::Next() {
 
 ReceivedVolume ReceiveVolume(std::FILE* in) {
   const auto header = Read<HandoverHeader>(in);
+  if (std::memcmp(header.magic, HandoverHeader::kMagic, sizeof header.magic) != 0) {
+    throw Error(ErrorKind::kFailedPrecondition,
+                "palpated is of another version than palpate-import: start it again");
+  }
   ReceivedVolume volume{MetadataOf(header), kGridTypes[header.tree.grid_type]};
   volume.metadata.is_level_set = header.tree.is_level_set != 0;
   if (static_cast<HandoverForm>(header.form) == HandoverForm::kTree) {

@@ -79,7 +79,7 @@ TEST(UnconfirmedChange, IsNotedLikeAnyOther) {
        {std::pair("volume", &Load), std::pair("voxels", &Edit), std::pair("placement", &Move)}) {
     EXPECT_FALSE(IsNoted(channel, what));
     calls.push_back(std::async(std::launch::async, call, channel));
-    EXPECT_TRUE(test::Eventually([&] { return IsNoted(channel, what); })) << what;
+    EXPECT_TRUE(test::Eventually([&, &what = what] { return IsNoted(channel, what); })) << what;
   }
   for (auto& call : calls) {
     const grpc::Status status = call.get();

@@ -122,8 +122,7 @@ class Tables(RecordingTest):
         frame.to_hdf(self.folder / "ticks.h5", key="ticks")
         pandas.testing.assert_frame_equal(pandas.read_hdf(self.folder / "ticks.h5"), frame)
 
-    @unittest.skipUnless(xarray and any(map(importlib.util.find_spec, ("netCDF4", "scipy"))),
-                         "neither netCDF4 nor scipy is installed")
+    @unittest.skipUnless(xarray and importlib.util.find_spec("netCDF4"), "netCDF4 is not installed")
     def test_xarray_writes_and_reads_netcdf(self):
         data = self.recording.ticks.to_xarray()
         data.to_netcdf(self.folder / "ticks.nc")

@@ -276,6 +276,8 @@ TEST(NrrdHeader, ANegativeSpacingTurnsItsAxisAroundAndAMissingOneIsSaid) {
   EXPECT_EQ(turned.geometry.spacing_mm, Vec3(1, 2, 1.5));
   EXPECT_EQ(turned.geometry.direction.diagonal(), Vec3(1, -1, 1));
   EXPECT_EQ(turned.warnings.size(), 1u);
+  const std::string negative = Replaced(kNrrd, "spacings: 1 1 1.5", "spacings: 1 -2 1.5");
+  EXPECT_EQ(ParseNrrdHeader(negative, true, true).geometry.direction(1, 1), -1.0);
   for (const char* const unknown : {"spacings: 1 nan 1.5", "content: none"}) {
     const std::string header = Replaced(kNrrd, "spacings: 1 1 1.5", unknown);
     EXPECT_EQ(Nrrd(header).warnings.size(), 1u) << unknown;

@@ -113,8 +113,8 @@ TEST(PoseStream, WhatWaitsIsNotLost) {
     stream.Acknowledge(number);
   }
   EXPECT_FALSE(stream.HasMessage());  // half a batch
-  start.set_waiting(5001);
-  EXPECT_THROW(ParsePoseStreamOptions(start), Error);
+  start.set_waiting(4'000'000'000);
+  EXPECT_EQ(ParsePoseStreamOptions(start).waiting, 5000u);  // 5 s
 }
 
 TEST(PoseStream, AForgedAcknowledgementOpensNothing) {

@@ -172,10 +172,11 @@ TEST_F(SessionKeeperTest, WhatIsLeftComesBackWithItsIsovalue) {
     for (int n = 0; n < 3; ++n) data_.RandomEdit(random);
     data_.session().store().TellEdits({});
   }
-  const std::optional<FeltSession> left = Make()->TakeLeft();
+  const auto keeper = Make();
+  const std::optional<FeltSession> left = keeper->TakeLeft();
   ASSERT_TRUE(left);
   ExpectSameSession(*left, data_.session().Felt());
-  EXPECT_EQ(left->lost_edits, 3u);
+  EXPECT_EQ(keeper->lost_edits(), 3u);
   EXPECT_EQ(left->volume.source, "builtin:sphere:24");
   EXPECT_EQ(left->volume.isovalue, left->settings.isovalue);
 }

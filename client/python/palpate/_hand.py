@@ -87,6 +87,7 @@ class Hand:
         self._link = link
         self._stub = link.stub(device_pb2_grpc.DeviceServiceStub)
         answer = self._answer()
+        self._has_warned = False
         self._least_mm = array_of_vector(answer.device.workspace_min_mm)
         self._most_mm = array_of_vector(answer.device.workspace_max_mm)
         if target_mm is None:
@@ -218,7 +219,7 @@ class Hand:
             return Unavailable(f"palpated at {self._link.name} took the hand back: "
                                f"{failed.details()}")
         if failed is not None and failed.code() == grpc.StatusCode.ABORTED and any(
-                hand._link is self._link for hand in _leading if hand is not self):
+                hand._link.name == self._link.name for hand in list(_leading) if hand is not self):
             return Conflict("this program leads the hand already: close that hand first, or use "
                             "`with`")
         return self._link.error_of_end(failed)
@@ -233,10 +234,11 @@ class Hand:
         return int(self._answer().servo.ticks)
 
     def _reached(self, name: str, points_mm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Returns the places that the hand can reach, and warns if they are others."""
+        """Returns the places that the hand can reach. Warns the first time that they are others."""
         reached_mm = np.clip(points_mm, self._least_mm, self._most_mm)
         beyond_mm = float(np.abs(reached_mm - points_mm).max())
-        if beyond_mm > 0:
+        if beyond_mm > 0 and not self._has_warned:
+            self._has_warned = True
             warnings.warn(f"{name} lies up to {beyond_mm:.3g} mm beyond the workspace "
                           f"{self._least_mm} to {self._most_mm} mm: the hand stays in it",
                           stacklevel=3)

@@ -24,7 +24,6 @@ _MAX_UNACKNOWLEDGED = 4
 # As in palpate/v1/pose.proto.
 _MAX_RATE_HZ = 1000
 _MAX_BATCH = 256
-_MAX_WAITING_S = 5.0
 _MAX_WAITING = 1 << 31
 _SILENCE_S = 0.5
 _PATIENCE_S = 5.0
@@ -277,8 +276,7 @@ class PoseStream:
                                           max_unacknowledged=_MAX_UNACKNOWLEDGED)
         if waiting > 1:
             # While the interpreter is held, no thread of this program takes messages.
-            most = int(_MAX_WAITING_S * _MAX_RATE_HZ) // max(1, round(_MAX_RATE_HZ / rate))
-            start.waiting = min(waiting * start.batch, most)
+            start.waiting = min(waiting * start.batch, _MAX_WAITING)
         link.check_open()
         self._link = link
         self._silence_s = _SILENCE_S + 2 * start.batch / rate

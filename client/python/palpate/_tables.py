@@ -114,7 +114,7 @@ class Table:
         """Returns an xarray.Dataset: a variable per field, along "tick", and "axis" or "part".
 
         Units are in the attribute "units". Enumerations are numbers, with their words in the
-        attribute "words". Its to_netcdf() needs python3-netcdf4 or python3-scipy.
+        attribute "words". Its to_netcdf() needs python3-netcdf4.
         Errors: FailedPrecondition (xarray is not installed).
         Example: recording.ticks.to_xarray().force_n.sel(axis="z").max()
         """

@@ -61,6 +61,7 @@ bool KeptStream::Ensure() {
   const std::lock_guard lock(mutex_);
   const std::uint64_t messages = answer.value("/state/messages"_json_pointer, std::uint64_t{0});
   const std::uint64_t most = last_sequence_ + published_ - acknowledged_;
+  if (published_ != acknowledged_) kept_.clear();  // some were refused
   // Somebody may have purged the stream, or deleted messages.
   const bool lacks_messages = published_ == acknowledged_ && messages < kept_.size();
   const bool is_known = created == created_ && !is_shared_ && !lacks_messages &&
