@@ -61,16 +61,18 @@ class Table:
         Errors: InvalidArgument (a single number, a mask of another length, a row that is not there)
         Example: pressed = ticks[ticks.contact]
         """
-        chosen = rows if isinstance(rows, slice) else np.asarray(rows)
-        if not isinstance(chosen, slice) and chosen.size == 0:
-            chosen = chosen.astype(np.intp)
+        chosen: typing.Any = rows
         try:
-            if not isinstance(chosen, slice) and chosen.ndim != 1:
-                raise IndexError("rows are a slice, a mask, or a list of numbers")
+            if not isinstance(rows, slice):
+                chosen = np.asarray(rows)
+                if chosen.ndim != 1:
+                    raise IndexError("rows are a slice, a mask, or a list of numbers")
+                if len(chosen) == 0:
+                    chosen = chosen.astype(np.intp)
             arrays = {name: array[chosen] for name, array in self._arrays().items()}
         except IndexError as error:
             raise InvalidArgument(f"no such rows: {error}") from None
-        return dataclasses.replace(typing.cast(typing.Any, self), **arrays)
+        return typing.cast(T, dataclasses.replace(typing.cast(typing.Any, self), **arrays))
 
     def _repr_html_(self) -> str:
         arrays = self._arrays()
