@@ -151,7 +151,7 @@ TEST_F(DicomKindsTest, WhatIsNotSupportedIsNamed) {
                                   {"1.2.840.10008.1.2.4.202", "HTJ2K"},
                                   {"1.2.840.10008.1.2.4.102", "MPEG-4"},
                                   {"1.2.840.113619.5.2", "1.2.840.113619.5.2"}}) {
-    refused(name, [&](SliceFile* s) { s->syntax = uid; });
+    refused(name, [uid = uid](SliceFile* s) { s->syntax = uid; });
   }
   refused("frames", [](SliceFile* s) {
     s->frames = "2";
