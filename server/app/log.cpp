@@ -106,6 +106,8 @@ void SetUpLog(bool to_journal) {
   const auto logger = std::make_shared<spdlog::logger>("palpated", filter);
   logger->set_formatter(std::move(formatter));
   logger->flush_on(spdlog::level::trace);
+  // One owner is never destroyed: gRPC's threads may outlive main, and log.
+  [[maybe_unused]] static auto& kept = *new std::shared_ptr<spdlog::logger>(logger);
   spdlog::set_default_logger(logger);
 }
 
