@@ -49,6 +49,9 @@ struct Edit {
   double falloff = 0.0;   // in the frame's unit
   // Fails with ErrorKind::kConflict unless the volume is at this revision.
   std::optional<std::uint64_t> expected_revision{};
+  // Successive edits with the same number, chosen at random, are one step and act once on each
+  // voxel; 0: the edit stands alone.
+  std::uint64_t stroke = 0;
 };
 
 enum class FilterKind { kGaussian, kMean, kMedian, kOffset, kMeanCurvature, kResample };

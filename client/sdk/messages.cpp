@@ -111,6 +111,7 @@ v1::EditVolumeRequest ToProto(const Edit& edit) {
   request.set_strength(edit.strength);
   request.set_falloff(edit.falloff);
   if (edit.expected_revision) request.set_expected_revision(*edit.expected_revision);
+  request.set_stroke(edit.stroke);
   return request;
 }
 

@@ -72,7 +72,9 @@ Reply* VolumeService::EditVolume(CallContext* context, const v1::EditVolumeReque
                                  v1::EditVolumeResponse* response) {
   return Change(context, "/palpate.v1.VolumeService/EditVolume", *request, response,
                 [=, this](const auto& cancelled) {
-                  return editor_.Edit(FromProto(*request), Expected(*request), 0, cancelled);
+                  const Stroke stroke{.number = request->stroke(),
+                                      .acts_once = request->stroke() != 0};
+                  return editor_.Edit(FromProto(*request), Expected(*request), stroke, cancelled);
                 });
 }
 
@@ -83,7 +85,7 @@ EventStream<v1::FilterVolumeResponse>* VolumeService::FilterVolume(
       [=, this](auto& events, const auto& cancelled) {
         const EditOutcome outcome =
             request->has_edit()
-                ? editor_.Edit(FromProto(request->edit()), Expected(request->edit()), 0, cancelled,
+                ? editor_.Edit(FromProto(request->edit()), Expected(request->edit()), {}, cancelled,
                                ProgressTo(events))
                 : filterer_.Filter(FromProto(*request), Expected(*request), ProgressTo(events),
                                    cancelled);

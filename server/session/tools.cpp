@@ -109,7 +109,7 @@ void StylusTools::Carve(const CarveStep& step) {
   if (state.volume->loaded_revision() != step.loaded_revision) return;
   if (!Touches(step, state.volume->metadata())) return;
   try {
-    editor_.Edit(ToEdit(step), {}, step.stroke);
+    editor_.Edit(ToEdit(step), {}, {.number = step.stroke});
   } catch (const std::exception& error) {
     failed_stroke_ = step.stroke;
     LogWarning("the stylus does not carve: {}", error.what());

@@ -47,7 +47,7 @@ VolumeEditor::Made::Made(ReshapedVolume of_all) : whole(std::move(of_all)) {
 }
 
 EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
-                               std::uint64_t stroke, const Cancelled& cancelled,
+                               const Stroke& stroke, const Cancelled& cancelled,
                                const LoadProgress& progress) {
   // Loads are refused meanwhile, rather than that they wait for a large edit.
   std::unique_lock<std::mutex> loading;
@@ -63,16 +63,17 @@ EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
   }
   const auto change = [&](const VolumeSnapshot& volume) {
     CheckWanted(cancelled);
-    return ApplyEdit(volume, edit, calls);
+    if (!stroke.acts_once) return ApplyEdit(volume, edit, calls);
+    return ApplyEditOnce(GoesOn(stroke) ? *before_stroke_ : volume, volume, edit, calls);
   };
   return Apply(change, expected, stroke);
 }
 
 EditOutcome VolumeEditor::Apply(const Change& change, const Revision& expected,
-                                std::uint64_t stroke) {
+                                const Stroke& stroke) {
   return Transact(expected, [&](const std::shared_ptr<const VolumeSnapshot>& present) -> Made {
     Made made(change(*present));
-    made.goes_on = stroke != 0 && !undo_.empty() && undo_.back().stroke == stroke;
+    made.goes_on = GoesOn(stroke);
     made.note = [this, present, stroke](const EditResult& result) {
       Record(present, result, stroke);
     };
@@ -123,7 +124,7 @@ VolumeEditor::Made VolumeEditor::MakeAll(const std::shared_ptr<const VolumeSnaps
                                          const ReshapedVolume& next, EditResult changes) {
   if (HaveSameLattice(next.metadata, present->metadata())) {
     Made made(std::move(changes));
-    made.note = [this, present](const EditResult& result) { Record(present, result, 0); };
+    made.note = [this, present](const EditResult& result) { Record(present, result, {}); };
     return made;
   }
   CheckLatticeMayChange();
@@ -162,6 +163,7 @@ EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const 
     Made made(CompareBricks(*present, changes));
     made.note = [this, present, &from, &to](const EditResult& result) {
       Step back{.bricks = {}, .stroke = from.back().stroke};
+      session_.retired().Add(std::exchange(before_stroke_, nullptr));
       Drop(from, /*oldest=*/false);
       Add(*present, result, back);
       to.push_back(std::move(back));
@@ -203,14 +205,20 @@ EditOutcome VolumeEditor::Transact(const Revision& expected, const Make& make) {
 }
 
 void VolumeEditor::Record(const std::shared_ptr<const VolumeSnapshot>& before,
-                          const EditResult& result, std::uint64_t stroke) {
+                          const EditResult& result, const Stroke& stroke) {
   if (result.changes.empty()) return;
   BeginHistory(before);
-  if (stroke == 0 || undo_.empty() || undo_.back().stroke != stroke) {
+  if (!GoesOn(stroke)) {
     undo_.push_back({.bricks = {}, .stroke = stroke});
+    session_.retired().Add(std::exchange(before_stroke_, stroke.acts_once ? before : nullptr));
   }
   Add(*before, result, undo_.back());
   DropOldSteps();
+}
+
+bool VolumeEditor::GoesOn(const Stroke& stroke) const {
+  return stroke.number != 0 && !undo_.empty() && undo_.back().stroke == stroke &&
+         stroke.acts_once == (before_stroke_ != nullptr);
 }
 
 void VolumeEditor::BeginHistory(const std::shared_ptr<const VolumeSnapshot>& before) {
@@ -317,6 +325,7 @@ void VolumeEditor::OnScene(const Scene& scene, std::span<const BrickChange> chan
 void VolumeEditor::Forget() {
   RetiredVolumes& retired = session_.retired();
   retired.Add(std::exchange(base_, nullptr));
+  retired.Add(std::exchange(before_stroke_, nullptr));
   if (!undo_.empty()) retired.Add(std::make_shared<const Steps>(std::exchange(undo_, {})));
   if (!redo_.empty()) retired.Add(std::make_shared<const Steps>(std::exchange(redo_, {})));
   history_bytes_ = 0;

@@ -38,6 +38,13 @@ struct EditOutcome {
   std::size_t redo_steps = 0;
 };
 
+// Successive edits that are one step of the history. The number 0: the edit stands alone.
+struct Stroke {
+  std::uint64_t number = 0;
+  bool acts_once = false;  // on each voxel: ApplyEditOnce. Otherwise its edits add up.
+  friend bool operator==(const Stroke&, const Stroke&) = default;
+};
+
 class VolumeEditor final : public SceneListener {
  public:
   using Revision = std::optional<std::uint64_t>;
@@ -51,13 +58,13 @@ class VolumeEditor final : public SceneListener {
   explicit VolumeEditor(Session& session, std::uint64_t max_history_bytes = kHistoryBytes);
 
   // Each of these publishes without waiting for the servo. `expected`: the volume revision to
-  // change; kConflict if the present revision is another one. Successive changes with the same
-  // `stroke` (other than 0) become one step.
+  // change; kConflict if the present revision is another one. Successive changes of the same stroke
+  // become one step.
   // With `progress`, an edit may have any size and is cancelled at any time; other edits wait.
-  EditOutcome Edit(const VolumeEdit& edit, const Revision& expected = {}, std::uint64_t stroke = 0,
+  EditOutcome Edit(const VolumeEdit& edit, const Revision& expected = {}, const Stroke& stroke = {},
                    const Cancelled& cancelled = {}, const LoadProgress& progress = {});
   // `change` must claim the memory for its bricks: ClaimFor.
-  EditOutcome Apply(const Change& change, const Revision& expected = {}, std::uint64_t stroke = 0);
+  EditOutcome Apply(const Change& change, const Revision& expected = {}, const Stroke& stroke = {});
   // Replaces the volume by `filtered`, the result of filtering the whole volume `before`
   // (reshape.h). Returns none if the present volume is no longer `before`. Throws kConflict as
   // CheckLatticeMayChange.
@@ -91,7 +98,7 @@ class VolumeEditor final : public SceneListener {
     // The bricks to put back, by number.
     std::unordered_map<std::uint64_t, LeafPtr> bricks;
     std::uint64_t leaf_bytes = 0;
-    std::uint64_t stroke = 0;
+    Stroke stroke{};
     // Set instead of `bricks` if the lattice was another one.
     std::shared_ptr<const VolumeSnapshot> volume{};
   };
@@ -115,7 +122,8 @@ class VolumeEditor final : public SceneListener {
   EditOutcome Move(Steps& from, Steps& to, const char* empty, const Revision& expected,
                    const Cancelled& cancelled);
   void Record(const std::shared_ptr<const VolumeSnapshot>& before, const EditResult& result,
-              std::uint64_t stroke);
+              const Stroke& stroke);
+  bool GoesOn(const Stroke& stroke) const;
   void Add(const VolumeSnapshot& before, const EditResult& result, Step& step);
   // Makes the present volume equal to `next`. Uses `changes` if the lattice stays.
   Made MakeAll(const std::shared_ptr<const VolumeSnapshot>& present, const ReshapedVolume& next,
@@ -135,6 +143,8 @@ class VolumeEditor final : public SceneListener {
   std::shared_ptr<const VolumeSnapshot> base_;  // the volume before the first step
   Steps undo_;                                  // oldest first
   Steps redo_;
+  // The volume before the last step, if this is a stroke that acts once and may go on.
+  std::shared_ptr<const VolumeSnapshot> before_stroke_;
   std::uint64_t history_bytes_ = 0;
   std::uint64_t own_revision_ = 0;  // the newest revision made by this editor
 

@@ -142,11 +142,14 @@ void ForEach(const VoxelBox& box, const Visit& visit) {
 
 class Editor {
  public:
-  Editor(const VolumeSnapshot& volume, const VolumeEdit& edit)
-      : volume_(volume),
-        edit_(edit),
-        least_(static_cast<float>(volume.metadata().EditRange().first)),
-        greatest_(static_cast<float>(volume.metadata().EditRange().second)) {
+  // `before`: of a stroke that acts once; null: the edit acts on the present values.
+  Editor(const VolumeSnapshot& volume, const VolumeEdit& edit, const VolumeSnapshot* before)
+      : volume_(volume), edit_(edit), before_(before) {
+    const VolumeMetadata& metadata = volume.metadata();
+    const auto [least, greatest] =
+        before ? std::pair(metadata.value_min, metadata.value_max) : metadata.EditRange();
+    least_ = static_cast<float>(least);
+    greatest_ = static_cast<float>(greatest);
     targets_.fill(edit.value);
   }
 
@@ -167,6 +170,7 @@ class Editor {
       FillTargets(brick, part);
       const LeafPtr& before = volume_.bricks().At(brick);
       before->CopyTo(after_.data());
+      if (before_) before_->bricks().At(brick)->CopyTo(from_.data());
       const ChangeCounter::Masks masks = Operate(part);
       counter.Add(brick, masks);
       if (masks.voxels > 0) {
@@ -189,7 +193,7 @@ class Editor {
         targets_[VoxelInBrick(i, j, k)] = block->values[n];
       });
     } else if (edit_.operation == EditOperation::kSmooth) {
-      const BrickMeans means(volume_, brick);
+      const BrickMeans means(before_ ? *before_ : volume_, brick);
       ForEach(part,
               [&](int i, int j, int k) { targets_[VoxelInBrick(i, j, k)] = means.At(i, j, k); });
     }
@@ -201,9 +205,15 @@ class Editor {
       return Replace(after_, part, [&](std::size_t n) {
         const double weight = weights_[n];
         if (weight == 0.0) return after_[n];
-        const double value = result(static_cast<double>(after_[n]), weight, targets_[n]);
+        const auto present = static_cast<double>(after_[n]);
+        const double from = before_ ? static_cast<double>(from_[n]) : present;
+        const double value = result(from, weight, targets_[n]);
+        if (before_ && std::abs(value - from) <= std::abs(present - from)) return after_[n];
+        const double within =
+            before_ ? std::clamp(value, std::min(from, least_), std::max(from, greatest_))
+                    : std::clamp(value, least_, greatest_);
         // Adding 0 removes the sign of a zero: files do not keep it.
-        return static_cast<float>(std::clamp(value, least_, greatest_)) + 0.0f;
+        return static_cast<float>(within) + 0.0f;
       });
     };
     // Returns the target exactly at a share of 1, so that rounding leaves nothing of the old value.
@@ -228,24 +238,36 @@ class Editor {
 
   const VolumeSnapshot& volume_;
   const VolumeEdit& edit_;
+  const VolumeSnapshot* const before_;
   const EditWeights weights_of_{volume_, edit_};
-  const double least_;
-  const double greatest_;
+  double least_ = 0.0;
+  double greatest_ = 0.0;
   BrickNumbers weights_;
   BrickNumbers targets_;
   Brick after_;
+  Brick from_;  // of before_
 };
 
-}  // namespace
-
-EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit, const EditCalls& calls) {
+EditResult Run(const VolumeSnapshot& volume, const VolumeEdit& edit, const EditCalls& calls,
+               const VolumeSnapshot* before) {
   CheckEdit(volume, edit);
   const std::int64_t most =
       calls.progress ? std::numeric_limits<std::int64_t>::max() : kMostEditedVoxels;
   const std::optional<VoxelBox> box = EditedVoxels(volume, edit, most);
   if (!box) return {};
   if (calls.box_known) calls.box_known(*box);
-  return Editor(volume, edit).Run(*box, calls);
+  return Editor(volume, edit, before).Run(*box, calls);
+}
+
+}  // namespace
+
+EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit, const EditCalls& calls) {
+  return Run(volume, edit, calls, nullptr);
+}
+
+EditResult ApplyEditOnce(const VolumeSnapshot& before, const VolumeSnapshot& volume,
+                         const VolumeEdit& edit, const EditCalls& calls) {
+  return Run(volume, edit, calls, &before);
 }
 
 std::uint64_t MostBrickBytes(const VoxelBox& box) {

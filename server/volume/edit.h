@@ -97,6 +97,13 @@ struct EditCalls {
 EditResult ApplyEdit(const VolumeSnapshot& volume, const VolumeEdit& edit,
                      const EditCalls& calls = {});
 
+// As ApplyEdit, for an edit of a stroke that acts once on each voxel. `before` is the volume before
+// the stroke, on the same lattice. A voxel changes from its value there, by the largest weight that
+// the stroke's edits have had for it. All edits of a stroke have the same operation and value.
+// Results are clamped to the range of values at load; a value beyond it does not move outwards.
+EditResult ApplyEditOnce(const VolumeSnapshot& before, const VolumeSnapshot& volume,
+                         const VolumeEdit& edit, const EditCalls& calls = {});
+
 // The most memory that new bricks for all voxels of the box take.
 std::uint64_t MostBrickBytes(const VoxelBox& box);
 

@@ -133,6 +133,7 @@ TEST_F(ViewBrush, AStrokeIsTakenBackByOneUndo) {
   DrawLine(16, 20);
   const Bricks one = Voxels();
   EXPECT_GT(CountDifferent(loaded, one), 300u);
+  EXPECT_EQ(feed_->volume_info()->unsaved_edits, 1u);
   EXPECT_TRUE(CanUndo());
   DrawLine(30, 28);
   const Bricks two = Voxels();

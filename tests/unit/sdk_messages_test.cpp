@@ -147,12 +147,14 @@ TEST(SdkMessages, ShapesAreThemselves) {
   edit.shape = Capsule{Vec3(1, 2, 3), Vec3(4, 5, 6), 7.0};
   edit.operation = EditOperation::kPaint;
   edit.strength = 0.5;
+  edit.stroke = 7;
   v1::EditVolumeRequest request = ToProto(edit);
   EXPECT_EQ(request.capsule().from().y(), 2.0);
   EXPECT_EQ(request.capsule().to().z(), 6.0);
   EXPECT_EQ(request.capsule().radius(), 7.0);
   EXPECT_EQ(request.frame(), v1::EDIT_FRAME_WORLD);
   EXPECT_EQ(request.operation(), v1::EDIT_OPERATION_PAINT);
+  EXPECT_EQ(request.stroke(), 7u);
   edit.shape = Block{Vec3i(1, 2, 3), Vec3i(1, 1, 2), {8.0f, 9.0f}};
   request = ToProto(edit);
   EXPECT_EQ(request.frame(), v1::EDIT_FRAME_INDEX);

@@ -120,12 +120,12 @@ TEST_F(VolumeEditorTest, ALargeEditIsOneStepWithProgressAndCanBeCancelled) {
   };
   EXPECT_EQ(Refusal([&] {
               editor_.Edit(
-                  edit, {}, 0, [&] { return told > 0.3; }, progress);
+                  edit, {}, {}, [&] { return told > 0.3; }, progress);
             }),
             ErrorKind::kCancelled);
   EXPECT_EQ(volume()->revision(), before);
   told = 0.0;
-  const EditOutcome outcome = editor_.Edit(edit, {}, 0, {}, progress);
+  const EditOutcome outcome = editor_.Edit(edit, {}, {}, {}, progress);
   EXPECT_EQ(outcome.volume_revision, before + 1);
   EXPECT_EQ(outcome.changed_voxels, std::uint64_t{264} * 264 * 264);
   EXPECT_EQ(outcome.undo_steps, 1u);
@@ -195,9 +195,9 @@ TEST_F(VolumeEditorTest, EditsThatAreNotSavedAreCountedAndKept) {
   editor_.Redo();
   session().store().Saved(*volume());
   EXPECT_EQ(unsaved(), 0u);
-  editor_.Edit(Touch(5, 0.1), {}, 7);
-  editor_.Edit(Touch(6, 0.1), {}, 7);  // the same stroke
-  editor_.Edit(Touch(6, 0.1));         // changes nothing
+  editor_.Edit(Touch(5, 0.1), {}, {7});
+  editor_.Edit(Touch(6, 0.1), {}, {7});  // the same stroke
+  editor_.Edit(Touch(6, 0.1));           // changes nothing
   EXPECT_EQ(unsaved(), 1u);
   session().store().Saved(*edited);  // that save began before the stroke
   EXPECT_EQ(unsaved(), 1u);
@@ -238,11 +238,11 @@ TEST_F(VolumeEditorTest, ABadEditChangesNothing) {
 TEST_F(VolumeEditorTest, AStrokeIsOneStep) {
   editor_.Edit(Touch(0, 0.7));
   const ContentHash before = hash();
-  for (int n = 0; n < 20; ++n) editor_.Edit(Touch(n % 7, 0.1 + 0.01 * n), {}, 5);
+  for (int n = 0; n < 20; ++n) editor_.Edit(Touch(n % 7, 0.1 + 0.01 * n), {}, {5});
   const ContentHash stroke = hash();
-  EXPECT_EQ(editor_.Edit(Touch(9, 0.3), {}, 6).undo_steps, 3u);
-  EXPECT_EQ(editor_.Edit(Touch(9, 0.4), {}, 0).undo_steps, 4u);
-  EXPECT_EQ(editor_.Edit(Touch(9, 0.5), {}, 0).undo_steps, 5u);
+  EXPECT_EQ(editor_.Edit(Touch(9, 0.3), {}, {6}).undo_steps, 3u);
+  EXPECT_EQ(editor_.Edit(Touch(9, 0.4)).undo_steps, 4u);
+  EXPECT_EQ(editor_.Edit(Touch(9, 0.5)).undo_steps, 5u);
   for (int n = 0; n < 3; ++n) editor_.Undo();
   EXPECT_EQ(hash(), stroke);
   EXPECT_EQ(editor_.Undo().undo_steps, 1u);
@@ -251,10 +251,54 @@ TEST_F(VolumeEditorTest, AStrokeIsOneStep) {
   EXPECT_EQ(hash(), stroke);
 }
 
+// Calls visit(a, b) with the values of each voxel of two volumes of 40³ voxels.
+template <class Visit>
+void ForEachPair(const VolumeSnapshot& a, const VolumeSnapshot& b, const Visit& visit) {
+  for (int n = 0; n < 64'000; ++n) {
+    const Vec3i p(n / 1600, n / 40 % 40, n % 40);
+    visit(testing::ValueAt(a, p), testing::ValueAt(b, p));
+  }
+}
+
+// Short capsules along a straight way, back and forth, equal one capsule.
+TEST_F(VolumeEditorTest, AStrokeOfABrushActsOnceOnEachVoxel) {
+  const ContentHash loaded = hash();
+  for (int n = 0; n < 50; ++n) {
+    VolumeEdit edit = RandomEdit();
+    edit.operation = static_cast<EditOperation>(n % 5);
+    edit.strength = edit.operation == EditOperation::kSet ? 1.0 : 0.3;
+    const Vec3 from = std::get<SphereShape>(edit.shape).center;
+    const Vec3 to = std::get<SphereShape>(RandomEdit().shape).center;
+    const double radius = std::get<SphereShape>(edit.shape).radius;
+    const Stroke stroke{.number = static_cast<std::uint64_t>(n + 1), .acts_once = true};
+    const auto draw = [&](int step, int next) {
+      edit.shape =
+          CapsuleShape{from + step / 8.0 * (to - from), from + next / 8.0 * (to - from), radius};
+      editor_.Edit(edit, {}, stroke);
+    };
+    for (int step = 0; step < 8; ++step) draw(step, step + 1);
+    const auto there = volume();
+    for (int step = 8; step > 0; --step) draw(step, step - 1);
+    EXPECT_EQ(volume(), there);  // nothing changed on the way back
+    EXPECT_EQ(session().volume().unsaved_edits, 1u);
+
+    editor_.Undo();
+    EXPECT_EQ(hash(), loaded);
+    edit.shape = CapsuleShape{from, to, radius};
+    editor_.Edit(edit, {}, {.number = 1000, .acts_once = true});
+    const VolumeMetadata& range = volume()->metadata();
+    ForEachPair(*volume(), *there, [&](float once, float drawn) {
+      ASSERT_NEAR(once, drawn, 1e-5);
+      ASSERT_TRUE(drawn >= range.value_min && drawn <= range.value_max);
+    });
+    editor_.Undo();
+  }
+}
+
 TEST_F(VolumeEditorTest, AStrokeThatEndsWhereItBeganIsTakenBackWithoutAChange) {
   const double was = volume()->bricks().Find(3, 3, 3)[VoxelInBrick(3, 3, 3)];
-  editor_.Edit(Touch(0, 0.9), {}, 1);
-  editor_.Edit(Touch(0, was), {}, 1);
+  editor_.Edit(Touch(0, 0.9), {}, {1});
+  editor_.Edit(Touch(0, was), {}, {1});
   const std::uint64_t revision = volume()->revision();
   const EditOutcome outcome = editor_.Undo();
   EXPECT_EQ(outcome.changed_voxels, 0u);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <mutex>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -14,11 +15,12 @@ using client::Sphere;
 
 constexpr double kWayPerRadius = 1.0 / 3.0;
 
-client::Edit EditOf(const BrushOptions& options) {
+client::Edit EditOf(const BrushOptions& options, const VolumeLattice& lattice) {
   client::Edit edit;
   edit.frame = client::EditFrame::kWorld;
-  edit.operation = options.operation;
-  edit.value = options.value;
+  edit.operation = options.removes ? client::EditOperation::kSet : options.operation;
+  const double free = options.free_above ? lattice.value_max : lattice.value_min;
+  edit.value = options.removes ? free : options.value;
   edit.strength = options.strength;
   edit.falloff = options.falloff_mm;
   return edit;
@@ -76,8 +78,7 @@ class Brush::History {
   bool Lasts(std::uint64_t stroke) const {
     const std::lock_guard lock(mutex_);
     const auto holds = [stroke](const Strokes& strokes) {
-      return std::any_of(strokes.begin(), strokes.end(),
-                         [stroke](const DoneStroke& s) { return s.number == stroke; });
+      return std::find(strokes.begin(), strokes.end(), stroke) != strokes.end();
     };
     return holds(undo_) || holds(redo_) ||
            std::find(asked_.begin(), asked_.end(), stroke) != asked_.end();
@@ -92,8 +93,7 @@ class Brush::History {
     revision_ = result.volume_revision;
     if (result.changed_voxels == 0) return;
     redo_.clear();
-    if (undo_.empty() || undo_.back().number != stroke) undo_.push_back({stroke, 0});
-    ++undo_.back().edits;
+    if (undo_.empty() || undo_.back() != stroke) undo_.push_back(stroke);
   }
 
   void Undo(client::Client& client, const Wanted& wanted) {
@@ -104,11 +104,7 @@ class Brush::History {
   }
 
  private:
-  struct DoneStroke {
-    std::uint64_t number = 0;
-    int edits = 0;  // number of edits that changed something
-  };
-  using Strokes = std::vector<DoneStroke>;
+  using Strokes = std::vector<std::uint64_t>;
 
   std::uint64_t revision() const {
     const std::lock_guard lock(mutex_);
@@ -119,25 +115,20 @@ class Brush::History {
     redo_.clear();
   }
 
-  // Goes edit by edit, because the daemon undoes single edits.
   template <typename Step>
   void Move(Strokes& from, Strokes& to, client::Client& client, const Wanted& wanted,
             const Step& step) {
     std::unique_lock lock(mutex_);
-    const bool is_there = !from.empty() && from.back().number == wanted.stroke;
+    const bool is_there = !from.empty() && from.back() == wanted.stroke;
     if (!is_there) throw Error(ErrorKind::kConflict, "no stroke is left");
-    const std::uint64_t number = from.back().number;
     const std::uint64_t connection = connection_;
-    while (!from.empty() && from.back().number == number) {
-      lock.unlock();
-      const client::EditResult result = TryStep(client, wanted.changed_by, step);
-      lock.lock();
-      if (connection != connection_) return;
-      revision_ = result.volume_revision;
-      if (--from.back().edits == 0) from.pop_back();
-      if (to.empty() || to.back().number != number) to.push_back({number, 0});
-      ++to.back().edits;
-    }
+    lock.unlock();
+    const client::EditResult result = TryStep(client, wanted.changed_by, step);
+    lock.lock();
+    if (connection != connection_) return;
+    revision_ = result.volume_revision;
+    from.pop_back();
+    to.push_back(wanted.stroke);
   }
   template <typename Step>
   client::EditResult TryStep(client::Client& client, const ChangedBy& changed_by,
@@ -173,7 +164,11 @@ struct Brush::Sent {
   std::exception_ptr failure;  // of an edit of the stroke; null: none failed
 };
 
-Brush::Brush() : history_(std::make_shared<History>()), sent_(std::make_shared<Sent>()) {}
+// Random: other clients number their strokes, too.
+Brush::Brush()
+    : history_(std::make_shared<History>()),
+      first_number_(std::uint64_t{std::random_device()()} << 32),
+      sent_(std::make_shared<Sent>()) {}
 
 Brush::~Brush() = default;
 
@@ -193,7 +188,8 @@ void Brush::Stroke(const BrushOptions& options, const Vec3& p_D, const ViewVolum
   if (!p_W.allFinite()) return;
   if (last_W_ && (p_W - *last_W_).norm() < kWayPerRadius * options.radius_mm) return;
   const std::optional<Vec3> from_W = std::exchange(last_W_, p_W);
-  client::Edit edit = EditOf(options);
+  client::Edit edit = EditOf(options, *volume.lattice());
+  edit.stroke = first_number_ + stroke_;
   if (from_W) {
     edit.shape = Capsule{*from_W, p_W, options.radius_mm};
   } else {

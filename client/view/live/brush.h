@@ -2,10 +2,8 @@
 // takes back one stroke.
 //
 // A stroke is a row of short capsules, a third of the radius long, which are sent one after the
-// other. Longer ones would cut through a curved surface. Edits overlap along a stroke, so adding
-// and subtracting build up, as with an airbrush: capsules that wait are not joined, because the
-// depth of a stroke would depend on how fast the daemon is. If an edit fails, the rest of its
-// stroke is dropped.
+// other. Longer ones would cut through a curved surface. The daemon joins them to one step, which
+// acts once on each voxel: Edit::stroke. If an edit fails, the rest of its stroke is dropped.
 //
 // The daemon has one history for all clients. The brush counts strokes by the volume revisions of
 // their edits. It forgets strokes that it can no longer undo alone:
@@ -35,7 +33,10 @@
 namespace palpate::view {
 
 struct BrushOptions {
-  client::EditOperation operation = client::EditOperation::kSubtract;
+  // The values become the volume's last on the free side of the isovalue. Otherwise `operation`.
+  bool removes = true;
+  bool free_above = false;  // the side
+  client::EditOperation operation = client::EditOperation::kAdd;
   double radius_mm = 3.0;   // mm of the volume, W
   double falloff_mm = 1.0;  // likewise
   double value = 0.0;       // data units
@@ -96,6 +97,7 @@ class Brush {
   struct Sent;
 
   std::shared_ptr<History> history_;
+  const std::uint64_t first_number_;  // of strokes for the daemon
   std::uint64_t stroke_ = 1;
   std::uint64_t daemon_id_ = 0;  // 0: not known yet
   std::uint64_t losses_ = 0;
