@@ -35,9 +35,11 @@ void Files::Follow() {
 
 void Files::FollowPending() {
   if (!pending_) return;
-  if (IsConnected()) {
+  const auto volume = viewer_.feed().volume_info();
+  if (IsConnected() && volume) {
     const std::string source = *std::exchange(pending_, std::nullopt);
-    viewer_.feed().loader().Load(source, false);
+    // A palpated that was started again may have restored it.
+    if (volume->source != source) viewer_.feed().loader().Load(source, false);
   } else if (!daemon_.problem().empty()) {
     // The page and the card show the daemon's problem.
     pending_.reset();
@@ -73,6 +75,8 @@ std::string Files::WhyNotSave() const {
 }
 
 std::filesystem::path Files::StartFolder() const {
+  const std::string& last = viewer_.preferences().last_folder;
+  if (!last.empty() && std::filesystem::exists(last)) return last;
   if (!recent().empty()) return std::filesystem::path(recent().front()).parent_path();
   return VariableOf("HOME");
 }
@@ -96,6 +100,7 @@ void Files::TypePath() {
 
 void Files::TakeAnswer(const FileDialog::Answer& answer) {
   if (!answer.path) return;
+  viewer_.preferences().last_folder = answer.path->parent_path().string();
   if (answer.kind != DialogKind::kSave) {
     Open(answer.path->string());
     return;
@@ -110,12 +115,23 @@ void Files::Open(const std::string& source) {
   form_.shown = false;
   if (const std::string why = WhyNotOpen(); !why.empty()) {
     problem_ = "cannot open " + source + ": " + why;
+  } else if (!IsSample(source) && !std::filesystem::exists(source)) {
+    problem_ = "there is no file or folder " + source;
   } else if (IsConnected()) {
     viewer_.feed().loader().Load(source, false);
   } else {
     StartHere();
     if (problem_.empty()) pending_ = source;
+    // If it cannot be opened, palpated's own sample is not shown in its place.
+    page_kept_ = !viewer_.feed().volume().lattice() && daemon_.runs();
   }
+}
+
+void Files::StartAgain() {
+  const auto& lattice = viewer_.feed().volume().lattice();
+  problem_.clear();
+  StartHere();
+  if (problem_.empty() && lattice) pending_ = lattice->source;
 }
 
 void Files::ForgetServer() {

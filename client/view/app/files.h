@@ -65,6 +65,8 @@ class Files {
   void Save(bool overwrite);
   void Revert();
 
+  // After the palpated of this window has ended: another one, with the same volume.
+  void StartAgain();
   // Starts a palpated on this machine unless one runs, and connects to it.
   void StartHere();
   // The same, and keeps the start page, so that the user can choose what to open.
@@ -75,6 +77,7 @@ class Files {
 
   // The question that waits for an answer.
   Ask ask() const { return ask_; }
+  bool has_question() const { return ask_ != Ask::kNothing || !problem_.empty(); }
   const VolumeLoader::Outcome& asked() const { return asked_; }
   void Confirm();
   void Dismiss();

@@ -38,8 +38,13 @@ void FocusNextPart() {
   }
 }
 
-void ToggleTool(ViewState& state, Tool tool) {
-  state.tool = state.tool == tool ? Tool::kTurn : tool;
+void ToggleTool(Viewer& viewer, Tool tool) {
+  if (const std::string why = WhyNot(viewer, tool); !why.empty()) {
+    viewer.Say(why);
+    return;
+  }
+  Tool& present = viewer.state().tool;
+  present = present == tool ? Tool::kTurn : tool;
 }
 
 void ChangeFont(Preferences& preferences, int percent) {
@@ -82,9 +87,9 @@ void TakeKey(Viewer& viewer, const KeyPress& press) {
     return;
   }
   if (press.key == "r") viewer.Aim();
-  if (press.key == "g") ToggleTool(state, Tool::kHand);
-  if (press.key == "b") ToggleTool(state, Tool::kBrush);
-  if (press.key == "m") ToggleTool(state, Tool::kMeasure);
+  if (press.key == "g") ToggleTool(viewer, Tool::kHand);
+  if (press.key == "b") ToggleTool(viewer, Tool::kBrush);
+  if (press.key == "m") ToggleTool(viewer, Tool::kMeasure);
   // Many keyboards have no key of their own for brackets.
   if (press.key == "[" || press.key == ",") GrowBrush(viewer, -1.0);
   if (press.key == "]" || press.key == ".") GrowBrush(viewer, 1.0);
@@ -127,9 +132,51 @@ void EndStroke(Viewer& viewer) {
   viewer.brush().End();
 }
 
+Open OpenNow(Viewer& viewer) {
+  const ViewState& state = viewer.state();
+  // Asks for the field itself: WantTextInput is a frame old.
+  const ImGuiID field = ImGui::GetActiveID();
+  if (field != 0 && ImGui::GetInputTextState(field)) return Open::kField;
+  if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) return Open::kPopup;
+  if (viewer.files().form().shown) return Open::kPathForm;
+  if (state.connect.shown) return Open::kConnect;
+  if (state.help_shown) return Open::kHelp;
+  return viewer.files().has_question() ? Open::kQuestion : Open::kNothing;
+}
+
+void Close(Viewer& viewer, Open open) {
+  switch (open) {
+    case Open::kNothing:
+    case Open::kField:  // Dear ImGui restores the text and leaves the field
+      return;
+    case Open::kPopup:
+      // All levels. Dear ImGui may have closed some.
+      if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) ImGui::ClosePopupToLevel(0, true);
+      return;
+    case Open::kPathForm:
+      viewer.files().form().shown = false;
+      return;
+    case Open::kConnect:
+      viewer.state().connect.shown = false;
+      return;
+    case Open::kHelp:
+      viewer.state().help_shown = false;
+      return;
+    case Open::kQuestion:
+      viewer.files().Dismiss();
+  }
+}
+
 }  // namespace
 
+void TakeEscape(Viewer& viewer) {
+  if (viewer.state().escape.Press(OpenNow(viewer), EscapeRule::Clock::now())) {
+    viewer.feed().StopForces();
+  }
+}
+
 void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys) {
+  Close(viewer, viewer.state().escape.TakeClosing());
   for (const KeyPress& press : keys) {
     if (press.key == "f12" || !ImGui::GetIO().WantTextInput) {
       TakeKey(viewer, press);

@@ -22,6 +22,9 @@ struct KeyPress {
 // Keys for pictures of the window always work. All others do not work while the user types text.
 void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys);
 
+// Esc: see EscapeRule. Does not wait for a frame.
+void TakeEscape(Viewer& viewer);
+
 // Handles the pointer in the view, Dear ImGui's current item, laid out at `min`.
 void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size);
 

@@ -5,6 +5,7 @@
 
 #include <backends/imgui_impl_opengl3.h>
 #include <imgui.h>
+#include <imgui_internal.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -48,10 +49,17 @@ void SetStyle(float scale) {
   ImGui::GetStyle() = style;
 }
 
+// Dialogs over the panels, and the two bars over the dialogs. Menus hang from the upper bar.
 void DrawOver(Viewer& viewer, float scale) {
   DrawHelp(viewer, scale);
   DrawConnectDialog(viewer, scale);
   DrawPathForm(viewer, scale);
+  if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) return;
+  for (const char* bar : {"top", "state"}) {
+    if (ImGuiWindow* window = ImGui::FindWindowByName(bar)) {
+      ImGui::BringWindowToDisplayFront(window);
+    }
+  }
 }
 
 // The slice that fills the view's place. None also while no slice is drawn.
@@ -69,20 +77,19 @@ const Area& PlaceOfView(const std::optional<int>& filling, const Layout& layout,
 void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   FollowSession(viewer);
   DrawTopBar(viewer, layout.top, scale);
+  if (viewer.files().PageShown()) {
+    const ImVec2 screen = ImGui::GetIO().DisplaySize;
+    const float top = layout.top.size.y;
+    DrawStartPage(viewer, {{0.0f, top}, {screen.x, screen.y - top}}, scale);
+    DrawOver(viewer, scale);
+    return;
+  }
   DrawStateBar(viewer, layout.state, scale);
   DrawToolBar(viewer, layout, scale);
   const SliceStrip strip = LayOutSlices(layout.slices, scale);
   const std::optional<int> filling = FillingSlice(viewer, layout);
   // In a slice's place there is no room for the legend.
-  const bool has_legend = !filling && !viewer.files().PageShown();
-  DrawView(viewer, PlaceOfView(filling, layout, strip), has_legend, scale);
-  if (viewer.files().PageShown()) {
-    const ImVec2 screen = ImGui::GetIO().DisplaySize;
-    const float top = layout.view.min.y;
-    DrawStartPage(viewer, {{0.0f, top}, {screen.x, screen.y - top}}, scale);
-    DrawOver(viewer, scale);
-    return;
-  }
+  DrawView(viewer, PlaceOfView(filling, layout, strip), !filling, scale);
   DrawFileCard(viewer, layout.view, scale);
   if (layout.left.size.x > 0.0f) DrawLeftPanels(viewer, layout.left, scale);
   if (layout.right.size.x > 0.0f) DrawRightPanels(viewer, layout.right, scale);

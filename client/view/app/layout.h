@@ -21,6 +21,11 @@ namespace palpate::view {
 struct Area {
   ImVec2 min;
   ImVec2 size;
+
+  bool Holds(const Eigen::Vector2d& at) const {
+    const Eigen::Vector2d in = at - Eigen::Vector2d(min.x, min.y);
+    return in.minCoeff() >= 0.0 && in.x() < size.x && in.y() < size.y;
+  }
 };
 
 // An area that is not shown has no width or no height.

@@ -8,12 +8,14 @@ namespace {
 
 void EditBrush(Viewer& viewer) {
   BrushOptions& brush = viewer.state().brush;
-  static const char* const operations[] = {"add", "subtract", "set", "smooth", "paint"};
-  int operation = static_cast<int>(brush.operation);
-  if (Choose("Operation", operation, operations, 5)) {
-    brush.operation = static_cast<client::EditOperation>(operation);
+  static const char* const operations[] = {"remove", "add", "subtract", "set", "smooth", "paint"};
+  int operation = brush.removes ? 0 : 1 + static_cast<int>(brush.operation);
+  if (Choose("Operation", operation, operations, 6)) {
+    brush.removes = operation == 0;
+    if (operation > 0) brush.operation = static_cast<client::EditOperation>(operation - 1);
   }
-  Tip("what a stroke does to the values; with material above the isovalue, subtract removes");
+  Tip("what a stroke does, once for each voxel, within the volume's range of values; remove makes "
+      "them free space");
   SharedSign(viewer, "voxels");
   DragDouble("Radius", brush.radius_mm, 0.05, kLeastBrush_mm, kGreatestBrush_mm, "%.2f mm");
   Tip("of the ball that is shown at the pointer, in mm of the volume ([ and ], comma and point, "
@@ -22,9 +24,10 @@ void EditBrush(Viewer& viewer) {
   Tip("outside of the ball, to the fainter line");
   const auto& lattice = viewer.feed().volume().lattice();
   const double range = lattice ? lattice->value_max - lattice->value_min : 1.0;
+  if (brush.removes) return;
   if (brush.operation != client::EditOperation::kSmooth) {
     DragDouble("Value", brush.value, range / 500.0, -1e9, 1e9, "%.5g");
-    Tip("data units; where strokes overlap, they add up");
+    Tip("data units");
     if (lattice) UnitText(lattice->unit);
   }
   if (brush.operation == client::EditOperation::kSmooth ||
@@ -32,7 +35,6 @@ void EditBrush(Viewer& viewer) {
     DragDouble("Strength", brush.strength, 0.01, 0.01, 1.0, "%.2f");
     Tip("the share of the full change");
   }
-  UndoButtons(viewer);
 }
 
 }  // namespace

@@ -168,8 +168,11 @@ void ShowOld(Viewer& viewer) {
   if (const auto fraction = FractionIn(why)) {
     ImGui::ProgressBar(static_cast<float>(*fraction), {BarWidth(), 0.0f});
   }
-  const std::string& problem = viewer.files().daemon().problem();
-  if (!problem.empty()) WrappedText(kBad, problem);
+  Files& files = viewer.files();
+  if (files.daemon().problem().empty()) return;
+  WrappedText(kBad, files.daemon().problem());
+  if (ImGui::Button("Start again and reopen")) files.StartAgain();
+  Tip("another palpated with the same volume");
 }
 
 bool HasCard(Viewer& viewer) {

@@ -12,8 +12,8 @@ struct Line {
 
 constexpr Line kLines[] = {
     {"Forces", nullptr},
-    {"Esc", "emergency stop: no forces until they are enabled again"},
-    {"Esc in a text field", "restore the text"},
+    {"Esc", "close what is open; else the emergency stop: no forces until they are enabled again"},
+    {"Esc twice", "the emergency stop, whatever is open"},
     {"View", nullptr},
     {"left drag", "turn"},
     {"right drag, shift + left drag", "move"},

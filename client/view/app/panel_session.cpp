@@ -80,7 +80,8 @@ Record RecordOf(const Viewer& viewer) {
   const LiveFeed& feed = viewer.feed();
   Record record{.state = feed.recording().value_or(client::RecordingState{}),
                 .list = feed.replayer().list(),
-                .problem = "asking palpated\xE2\x80\xA6"};
+                .problem = WhyNot(viewer, client::Role::kOperator)};
+  if (record.problem.empty()) record.problem = "asking palpated\xE2\x80\xA6";
   if (record.list) record.problem = NameProblem(viewer.state().session.name, *record.list);
   return record;
 }
@@ -96,23 +97,6 @@ void NameField(SessionState& session, const Record& record) {
   const std::string& folder = record.known().folder;
   const std::string where = folder.empty() ? "palpated's folder" : folder;
   Tip(("a file in " + OneLine(where, kLongestText) + ", on palpated's machine").c_str());
-}
-
-void RecordButton(Viewer& viewer, const Record& record) {
-  LiveFeed& feed = viewer.feed();
-  const bool runs = record.state.running;
-  const bool replays = feed.is_replay() || feed.replayer().position();
-  ImGui::BeginDisabled(!runs && (!record.problem.empty() || replays));
-  if (ImGui::Button(runs ? "Stop recording###record" : "Record###record",
-                    {ButtonWidth("Stop recording"), 0.0f})) {
-    if (runs) {
-      feed.StopRecording();
-    } else {
-      feed.StartRecording(RecordingPath(record.known().folder, viewer.state().session.name));
-    }
-  }
-  ImGui::EndDisabled();
-  Tip("every tick and every change of voxels and settings, until stopped");
 }
 
 void RecordedSoFar(const client::RecordingState& recording) {
@@ -144,8 +128,6 @@ void RecordPart(Viewer& viewer, float scale) {
   const Record record = RecordOf(viewer);
   const float gap = 8.0f * scale;
   NameField(viewer.state().session, record);
-  RecordButton(viewer, record);
-  ImGui::SameLine(0.0f, gap);
   RecordedSoFar(record.state);
   NameLine(viewer, record.state, record.known(), record.problem);
   MarkerLine(viewer, record.state.running, gap);
@@ -296,7 +278,10 @@ void ReplayPart(Viewer& viewer, float scale) {
     FixedLine("somebody else replays", kWarning);
   } else {
     const std::string problem = OneLine(replayer.problem(), kLongestText);
-    FixedLine(problem.empty() ? "live" : problem, problem.empty() ? kDim : kBad);
+    // While the connection is lost, nothing shown is live.
+    const bool is_live = viewer.feed().connection().state == client::ConnectionState::kConnected &&
+                         !viewer.feed().silent_s();
+    FixedLine(problem.empty() && is_live ? "live" : problem, problem.empty() ? kDim : kBad);
   }
 }
 
@@ -342,6 +327,22 @@ void FollowSession(Viewer& viewer) {
   list.recordings.push_back({.path = recording->path});
   session.name = FreeName(session.name, list);
   session.chosen = recording->path;
+}
+
+std::string WhyNotRecord(const Viewer& viewer) {
+  const Record record = RecordOf(viewer);
+  if (record.state.running) return WhyNot(viewer, client::Role::kOperator);
+  const bool replays = viewer.feed().is_replay() || viewer.feed().replayer().position();
+  return replays ? "a recording is replayed" : record.problem;
+}
+
+void ToggleRecording(Viewer& viewer) {
+  const Record record = RecordOf(viewer);
+  if (record.state.running) {
+    viewer.feed().StopRecording();
+  } else {
+    viewer.feed().StartRecording(RecordingPath(record.known().folder, viewer.state().session.name));
+  }
 }
 
 void PutMarker(Viewer& viewer) {

@@ -113,7 +113,6 @@ void DrawRightPanels(Viewer& viewer, const Area& area, float scale) {
   ImGui::PushItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
   FeelPanel(viewer);
   DevicePanel(viewer);
-  PeoplePanel(viewer);
   SessionPanel(viewer, scale);
   ImGui::PopItemWidth();
   ImGui::End();

@@ -171,7 +171,9 @@ void Columns(Viewer& viewer, float width, float scale) {
 }  // namespace
 
 void DrawStartPage(Viewer& viewer, const Area& area, float scale) {
-  const float width = std::min(660.0f * scale, area.size.x - 8.0f * scale);
+  // Larger on a large screen.
+  const float zoom = std::clamp(area.size.y / (800.0f * scale), 1.0f, 1.6f);
+  const float width = std::min(800.0f * scale * zoom, area.size.x - 8.0f * scale);
   ImGui::SetNextWindowPos({area.min.x + 0.5f * area.size.x, area.min.y + 0.5f * area.size.y},
                           ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowSizeConstraints({width, 0.0f}, {width, area.size.y - 8.0f * scale});
@@ -179,6 +181,7 @@ void DrawStartPage(Viewer& viewer, const Area& area, float scale) {
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_AlwaysAutoResize |
                    ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::SetWindowFontScale(zoom);
   if (ImGui::IsWindowAppearing()) ReadProfiles(viewer);
   ShowStatus(viewer);
   ShowFileCard(viewer);

@@ -142,7 +142,8 @@ void DrawStateBar(Viewer& viewer, const Area& area, float scale) {
   DrawSign(state.tone);
   ImGui::SetCursorPosY(y);
   ImGui::AlignTextToFramePadding();
-  const std::string line = OneLine(state.text, 300);
+  const bool warns = viewer.state().escape.Warns(EscapeRule::Clock::now());
+  const std::string line = warns ? "Esc again stops the forces" : OneLine(state.text, 300);
   ImGui::TextUnformatted(line.c_str());
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", line.c_str());
   ImGui::PopClipRect();

@@ -46,7 +46,14 @@ void ShowSide(Preferences& preferences, Side side, bool shown) {
   if (shown) preferences.narrow_side = side;
 }
 
+std::string WhyNot(const Viewer& viewer, Tool tool) {
+  if (tool == Tool::kHand) return WhyNot(viewer, client::Role::kOperator);
+  return tool == Tool::kBrush ? WhyNot(viewer, client::Role::kEditor) : "";
+}
+
 void DrawToolBar(Viewer& viewer, const Layout& layout, float scale) {
+  // A role may become less.
+  if (!WhyNot(viewer, viewer.state().tool).empty()) viewer.state().tool = Tool::kTurn;
   const Area& area = layout.tools;
   const float gap = 6.0f * scale;
   BeginPanel("tools", area, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
@@ -58,8 +65,11 @@ void DrawToolBar(Viewer& viewer, const Layout& layout, float scale) {
   for (const ToolButton& button : kTools) {
     ImGui::SameLine(0.0f, gap);
     const char* label = width < area.size.x ? button.label : button.narrow;
+    const std::string why = WhyNot(viewer, button.tool);
+    ImGui::BeginDisabled(!why.empty());
     if (Toggle(label, viewer.state().tool == button.tool)) viewer.state().tool = button.tool;
-    Tip(button.tip);
+    ImGui::EndDisabled();
+    Tip(why.empty() ? button.tip : why.c_str());
   }
   ImGui::SetCursorPos({area.size.x - ImGui::GetFrameHeight() - gap, y});
   ToggleSide(viewer, Side::kRight, layout.right.size.x > 0.0f);

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "client/sdk/words.h"
+#include "client/view/app/input.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 
@@ -111,39 +112,96 @@ void States(const Viewer& viewer) {
     ImGui::TextColored(kWarning, "%s", client::UnsavedInWords(volume->unsaved_edits).c_str());
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("save them: ctrl+S");
   }
-  if (const auto recording = viewer.feed().recording(); recording && recording->running) {
-    ImGui::SameLine(0.0f, 24.0f);
-    Dot(kBad);
-    ImGui::TextColored(kBad, "REC");
-  }
 }
 
-// Draws buttons at the right end and returns where they begin. In a narrow window the texts are
-// shorter, so that the state of the connection has room.
-float Buttons(Viewer& viewer, float scale) {
-  const bool wide = ImGui::GetWindowWidth() > 500.0f * scale;
-  const char* stop = wide ? "STOP FORCES (Esc)" : "STOP";
-  const char* help = "Help (F1)";
-  const float gap = 8.0f * scale;
-  const float stop_width = ButtonWidth(stop) + 12.0f * scale;
-  const float help_width = wide ? ButtonWidth(help) : 0.0f;
-  const float begin = ImGui::GetWindowWidth() - stop_width - help_width - 2.0f * gap;
-  ImGui::SetCursorPos({begin, gap});
-  if (wide) {
-    if (ImGui::Button(help, {help_width, 0.0f})) {
-      viewer.state().help_shown = !viewer.state().help_shown;
-    }
-    Tip("keys and what the pointer does");
-    ImGui::SameLine(0.0f, gap);
+// A button of the bar's fixed row, from the right. Returns true if it was pressed.
+class RowFromRight {
+ public:
+  explicit RowFromRight(float scale)
+      : gap_(6.0f * scale), right_(ImGui::GetWindowWidth() - gap_), y_(8.0f * scale) {}
+
+  bool Next(const char* label, float width, bool enabled = true) {
+    right_ -= width;
+    ImGui::SetCursorPos({right_, y_});
+    right_ -= gap_;
+    ImGui::BeginDisabled(!enabled);
+    const bool pressed = ImGui::Button(label, {width, 0.0f});
+    ImGui::EndDisabled();
+    return pressed;
   }
+  float left() const { return right_; }
+
+ private:
+  float gap_, right_, y_;
+};
+
+void StopButton(Viewer& viewer, RowFromRight& row, bool wide, float scale) {
+  const char* label = wide ? "STOP FORCES (Esc)" : "STOP";
   ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 1.0f, 1.0f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_Button, {0.75f, 0.10f, 0.10f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {0.90f, 0.16f, 0.14f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_ButtonActive, {1.00f, 0.30f, 0.25f, 1.0f});
-  if (ImGui::Button(stop, {stop_width, 0.0f})) viewer.feed().StopForces();
+  const bool pressed = row.Next(label, ButtonWidth(label) + 12.0f * scale);
   ImGui::PopStyleColor(4);
+  const ImVec2 min = ImGui::GetItemRectMin(), max = ImGui::GetItemRectMax();
+  viewer.state().stop_button = {min, {max.x - min.x, max.y - min.y}};
+  // The pointer's press has stopped them already.
+  if (pressed && !ImGui::IsMouseReleased(ImGuiMouseButton_Left)) viewer.feed().StopForces();
   Tip("emergency stop: no forces until they are enabled again");
-  return begin;
+}
+
+void UndoRedo(Viewer& viewer, RowFromRight& row) {
+  const auto button = [&](const char* label, const std::string& name, const char* keys) {
+    const bool pressed = row.Next(label, ButtonWidth("Undo"), !name.empty());
+    Tip((std::string(label) + " " + (name.empty() ? "nothing" : name) + " (" + keys +
+         "): what you did, never what others did")
+            .c_str());
+    return pressed;
+  };
+  UserActions& actions = viewer.actions();
+  if (button("Redo", actions.redo_name(), "ctrl+Y")) RedoEdit(viewer);
+  if (button("Undo", actions.undo_name(), "ctrl+Z")) UndoEdit(viewer);
+}
+
+void Record(Viewer& viewer, RowFromRight& row, bool wide) {
+  const auto recording = viewer.feed().recording();
+  const bool runs = recording && recording->running;
+  const std::string why = WhyNotRecord(viewer);
+  const char* begin = wide ? "Record" : "Rec";
+  const char* end = wide ? "End recording" : "End rec";
+  if (runs) ImGui::PushStyleColor(ImGuiCol_Text, ImVec4(kBad));
+  const bool pressed = row.Next(runs ? end : begin, ButtonWidth(end), why.empty());
+  if (runs) ImGui::PopStyleColor();
+  Tip(why.empty() ? "every tick and every change, as the file that Session names" : why.c_str());
+  if (pressed) ToggleRecording(viewer);
+}
+
+// Always in the same place. Returns where the row begins. In a narrow window the texts are shorter,
+// so that the state of the connection has room.
+float Row(Viewer& viewer, float scale) {
+  const bool wide = ImGui::GetWindowWidth() > 1000.0f * scale;
+  RowFromRight row(scale);
+  StopButton(viewer, row, wide, scale);
+  if (viewer.files().PageShown()) return row.left();
+  const char* help = wide ? "Help (F1)" : "?";
+  if (row.Next(help, ButtonWidth(help))) viewer.state().help_shown ^= true;
+  Tip("keys and what the pointer does (F1)");
+  const std::size_t people = CountPeople(viewer);
+  const std::string label = fmt::format("{}{}", people,
+                                        !wide         ? ""
+                                        : people == 1 ? " person"
+                                                      : " people");
+  if (row.Next((label + "###people").c_str(), ButtonWidth(wide ? "99 people" : "99"))) {
+    ImGui::OpenPopup("who is here");
+  }
+  Tip("who is here, and who changed what");
+  if (ImGui::BeginPopup("who is here")) {
+    ShowPeople(viewer);
+    ImGui::EndPopup();
+  }
+  UndoRedo(viewer, row);
+  Record(viewer, row, wide);
+  return row.left();
 }
 
 }  // namespace
@@ -152,7 +210,7 @@ void DrawTopBar(Viewer& viewer, const Area& area, float scale) {
   BeginPanel("top", area, ImGuiWindowFlags_NoScrollWithMouse);
   const ImVec2 p = ImGui::GetWindowPos();
   const ImVec2 first = ImGui::GetCursorPos();
-  const float buttons = Buttons(viewer, scale);
+  const float buttons = Row(viewer, scale);
   ImGui::SetCursorPos(first);
   // Clips long lines, so that they do not lie under the buttons.
   ImGui::PushClipRect(p, {p.x + buttons - 8.0f * scale, p.y + ImGui::GetWindowHeight()}, true);

@@ -165,12 +165,9 @@ void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale) {
   const std::string problem = viewer.feed().commands().problem();
   if (problem.empty()) return;
   const ImVec2 click = ImGui::GetIO().MouseClickedPos[ImGuiMouseButton_Left];
-  const auto holds = [&click](const Area& area) {
-    return click.x >= area.min.x && click.x < area.min.x + area.size.x && click.y >= area.min.y &&
-           click.y < area.min.y + area.size.y;
-  };
-  const Area& side = holds(layout.left) ? layout.left : layout.right;
-  if (!holds(side)) return;
+  const Eigen::Vector2d at(click.x, click.y);
+  const Area& side = layout.left.Holds(at) ? layout.left : layout.right;
+  if (!side.Holds(at)) return;
   const float margin = 12.0f * scale;
   const Label label = MessageOf(problem, kWarning, side.size.x - 2.0f * margin);
   // Below the pointer, so that the control stays visible.

@@ -10,7 +10,7 @@
 
 namespace palpate::view {
 
-// Connection, volume, emergency stop: always visible.
+// Connection, volume, Record, Undo, Redo, people, emergency stop: always visible.
 void DrawTopBar(Viewer& viewer, const Area& area, float scale);
 // Whether forces act, why not, and the button that is allowed: always visible.
 void DrawStateBar(Viewer& viewer, const Area& area, float scale);
@@ -18,11 +18,13 @@ void DrawStateBar(Viewer& viewer, const Area& area, float scale);
 void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale);
 // What a drag in the view does, and the sides on or off: always visible.
 void DrawToolBar(Viewer& viewer, const Layout& layout, float scale);
+// Why the user cannot take the tool; empty: they can.
+std::string WhyNot(const Viewer& viewer, Tool tool);
 // How the pointer leads the hand, at the view's lower edge, while it does. Returns its height.
 float DrawHandStrip(Viewer& viewer, const Area& view, float scale);
 // The tabs Surface, Look, Cut, Edit.
 void DrawLeftPanels(Viewer& viewer, const Area& area, float scale);
-// The headings Feel, Device, People, Session.
+// The headings Feel, Device, Session.
 void DrawRightPanels(Viewer& viewer, const Area& area, float scale);
 // The edges that drag the widths of the sides.
 void DrawEdges(Viewer& viewer, const Layout& layout, float scale);
@@ -77,10 +79,14 @@ void DevicePanel(Viewer& viewer);
 void FollowSession(Viewer& viewer);
 // Recordings: made here, listed and replayed.
 void SessionPanel(Viewer& viewer, float scale);
+// Why a recording can neither begin nor end here; empty: it can.
+std::string WhyNotRecord(const Viewer& viewer);
+void ToggleRecording(Viewer& viewer);
 // Puts a marker with the panel's text into the recording that runs.
 void PutMarker(Viewer& viewer);
 void FeelPanel(Viewer& viewer);
-// Who is connected, and who changed what.
-void PeoplePanel(Viewer& viewer);
+// Who is connected, one line each, and who changed what.
+std::size_t CountPeople(const Viewer& viewer);
+void ShowPeople(Viewer& viewer);
 
 }  // namespace palpate::view

@@ -43,6 +43,11 @@ void Take(const Json& all, const char* name, bool& value) {
   if (const Json* read = Find(all, name); read && read->is_boolean()) value = read->get<bool>();
 }
 
+void Take(const Json& all, const char* name, std::string& value) {
+  if (const Json* read = Find(all, name); read && read->is_string())
+    value = read->get<std::string>();
+}
+
 template <class Number>
 void Take(const Json& all, const char* name, Number least, Number most, Number& value) {
   const Json* read = Find(all, name);
@@ -106,6 +111,7 @@ Preferences Read(const Json& all) {
   Take(all, "narrow_side", kSides, read.narrow_side);
   Take(all, "tab", kTabs, read.tab);
   Take(all, "recent_files", read.recent_files);
+  Take(all, "last_folder", read.last_folder);
   Take(all, "slice_side", kSliceSides, read.slice_side);
   Take(all, "saved_views", read.saved_views);
   if (const Json* plots = Find(all, "plots_shown"); plots && plots->is_boolean())
@@ -123,6 +129,7 @@ std::string TextOf(const Preferences& preferences) {
               {"narrow_side", WordOf(preferences.narrow_side, kSides)},
               {"tab", WordOf(preferences.tab, kTabs)},
               {"recent_files", preferences.recent_files},
+              {"last_folder", preferences.last_folder},
               {"slice_side", WordOf(preferences.slice_side, kSliceSides)}};
   for (const auto& [source, views] : preferences.saved_views) {
     if (!views.empty()) all["saved_views"][source] = Json::parse(JsonOf(views));
@@ -221,6 +228,7 @@ Preferences WriteChanges(const Preferences& before, const Preferences& after,
   TakeChange(before.plots_shown, after.plots_shown, written.plots_shown);
   TakeChange(before.tab, after.tab, written.tab);
   TakeChange(before.recent_files, after.recent_files, written.recent_files);
+  TakeChange(before.last_folder, after.last_folder, written.last_folder);
   TakeChange(before.slice_side, after.slice_side, written.slice_side);
   TakeChange(before.saved_views, after.saved_views, written.saved_views);
   WritePreferences(written, file);

@@ -38,6 +38,7 @@ struct Preferences {
   LeftTab tab = LeftTab::kSurface;
   // Files and folders that were opened last, newest first, as absolute paths of this machine.
   std::vector<std::string> recent_files{};
+  std::string last_folder{};  // in which a dialog ended last
   SliceSide slice_side = SliceSide::kRadiological;
   std::map<std::string, std::vector<SavedView>> saved_views{};  // by the volume's source
   friend bool operator==(const Preferences&, const Preferences&) = default;

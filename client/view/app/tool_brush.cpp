@@ -39,6 +39,7 @@ bool TakeStroke(Viewer& viewer, const ViewPointer& pointer) {
     const double jump_mm =
         kJump_radii * state.brush.radius_mm * DeviceMmPerMm(viewer.feed().volume());
     viewer.brush().End();
+    viewer.state().brush.free_above = state.surface.free_above;
     stroke.Begin(viewer.seen_surface(), pointer.at_px, pointer.size, jump_mm, sink);
   }
   return stroke.has_pointer();

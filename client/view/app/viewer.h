@@ -13,9 +13,11 @@
 #include <string>
 #include <vector>
 
+#include "client/view/app/escape.h"
 #include "client/view/app/files.h"
 #include "client/view/app/filter_form.h"
 #include "client/view/app/held_values.h"
+#include "client/view/app/layout.h"
 #include "client/view/app/options.h"
 #include "client/view/app/pointer_stroke.h"
 #include "client/view/app/preferences.h"
@@ -104,6 +106,8 @@ struct ViewState {
   // The role for which the headings on the right were opened or closed.
   std::optional<client::Role> headings_opened_for{};
   bool help_shown = false;
+  EscapeRule escape{};
+  Area stop_button{};  // a press there stops the forces, whatever is drawn over it
   FacingForm facing{};
   ConnectForm connect{};
   SessionState session{};

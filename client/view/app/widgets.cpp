@@ -182,13 +182,17 @@ bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
   return changed;
 }
 
+std::string WhyNot(const Viewer& viewer, client::Role least) {
+  if (viewer.feed().is_disconnected()) return "not connected";
+  if (viewer.feed().May(least)) return {};
+  return "needs the role " + client::NameOf(least) + "; yours is " +
+         client::NameOf(viewer.feed().role());
+}
+
 void BeginAllowed(const Viewer& viewer, client::Role least) {
-  const bool may = viewer.feed().May(least);
-  if (!may && !viewer.feed().is_disconnected()) {
-    ImGui::TextColored(kDim, "needs the role %s; yours is %s", client::NameOf(least).c_str(),
-                       client::NameOf(viewer.feed().role()).c_str());
-  }
-  ImGui::BeginDisabled(!may);
+  const std::string why = WhyNot(viewer, least);
+  if (!why.empty() && !viewer.feed().is_disconnected()) ImGui::TextColored(kDim, "%s", why.c_str());
+  ImGui::BeginDisabled(!why.empty());
 }
 
 void EndAllowed() { ImGui::EndDisabled(); }

@@ -60,6 +60,9 @@ bool HeldCheckbox(Viewer& viewer, const char* label, bool& value);
 bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
                 std::span<const std::string_view> words);
 
+// Why nothing can be done here that needs the role `least`; empty: it can.
+std::string WhyNot(const Viewer& viewer, client::Role least);
+
 // The controls that follow are for roles from `least` on. For other roles they are grey, and a line
 // says why. Always call EndAllowed afterwards.
 void BeginAllowed(const Viewer& viewer, client::Role least);
@@ -68,9 +71,6 @@ void EndAllowed();
 // The sign behind a control of what is for everyone; see SharedThings. Its tooltip says who changed
 // it last. It is highlighted while somebody else has just changed it.
 void SharedSign(Viewer& viewer, std::string_view what);
-
-// Buttons for undo and redo that name what they would undo and redo.
-void UndoButtons(Viewer& viewer);
 
 // Draws a choice of `names`.
 bool Choose(const char* label, int& choice, const char* const* names, int count);

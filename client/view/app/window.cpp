@@ -165,7 +165,7 @@ std::string TitleOf(const Viewer& viewer) {
     case client::ConnectionState::kConnecting:
       return "Palpate: connecting";
     case client::ConnectionState::kLost:
-      return "Palpate: reconnecting";
+      return lattice ? "Palpate: reconnecting" : "Palpate: not connected";
     case client::ConnectionState::kConnected:
       break;
   }
@@ -221,9 +221,16 @@ void RunWindow(const Options& options) {
   Interface interface(ScaleOf(window.get()));
   Viewer viewer(options);
   KeptPreferences kept(viewer);
-  WindowInput input(
-      window.get(), [&viewer] { viewer.feed().StopForces(); },
-      [&viewer](const Eigen::Vector2d& at) { viewer.hand().PointerMoved(at, viewer.feed()); });
+  WindowInput input(window.get(), {.escape = [&viewer] { TakeEscape(viewer); },
+                                   .pressed =
+                                       [&viewer](const Eigen::Vector2d& at) {
+                                         if (viewer.state().stop_button.Holds(at))
+                                           viewer.feed().StopForces();
+                                       },
+                                   .moved =
+                                       [&viewer](const Eigen::Vector2d& at) {
+                                         viewer.hand().PointerMoved(at, viewer.feed());
+                                       }});
   FrameLog log;
   std::string title;
   const auto end = EndOf(options);

@@ -4,7 +4,6 @@
 #include <GLFW/glfw3.h>
 #include <backends/imgui_impl_glfw.h>
 #include <imgui.h>
-#include <imgui_internal.h>
 
 #include <algorithm>
 #include <utility>
@@ -16,9 +15,8 @@ constexpr float kDoubleClick_s = 0.3f;
 
 }  // namespace
 
-WindowInput::WindowInput(GLFWwindow* window, std::function<void()> stop,
-                         std::function<void(const Eigen::Vector2d&)> moved)
-    : window_(window), stop_(std::move(stop)), moved_(std::move(moved)) {
+WindowInput::WindowInput(GLFWwindow* window, Events events)
+    : window_(window), events_(std::move(events)) {
   glfwSetWindowUserPointer(window, this);
   glfwGetCursorPos(window, &newest_.x, &newest_.y);
   // Installed before Dear ImGui's callbacks, which then call these.
@@ -42,7 +40,6 @@ WindowInput& WindowInput::Of(GLFWwindow* window) {
 void WindowInput::BeginFrame() {
   ImGui_ImplGlfw_NewFrame();
   ReleaseKeys();
-  if (ImGui::GetActiveID() != escaped_field_) escaped_field_ = 0;
   ImGuiIO& io = ImGui::GetIO();
   // Each press and release has a frame of its own: slow frames must not part a double click.
   io.MouseDoubleClickTime = std::max(kDoubleClick_s, 5.0f * io.DeltaTime);
@@ -134,7 +131,7 @@ void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, i
   KeyPress press{.key = {}, .ctrl = ctrl};
   switch (key) {
     case GLFW_KEY_ESCAPE:
-      if (!Of(window).IsForTextField()) Of(window).stop_();
+      Of(window).events_.escape();
       return;
     case GLFW_KEY_F1:
       press.key = "f1";
@@ -171,15 +168,6 @@ void WindowInput::OnCharacter(GLFWwindow* window, unsigned character) {
   Of(window).Wait({.character = character});
 }
 
-// Asks for the field itself: WantTextInput is a frame old.
-bool WindowInput::IsForTextField() {
-  const ImGuiID field = ImGui::GetActiveID();
-  const bool is_text = field != 0 && ImGui::GetInputTextState(field) != nullptr;
-  const bool is_first = is_text && field != escaped_field_;
-  escaped_field_ = is_text ? field : 0;
-  return is_first;
-}
-
 void WindowInput::OnButton(GLFWwindow* window, int button, int action, int modifiers) {
   WindowInput& input = Of(window);
   if (button < 0 || button >= static_cast<int>(input.newest_.down.size())) return;
@@ -187,13 +175,16 @@ void WindowInput::OnButton(GLFWwindow* window, int button, int action, int modif
   input.newest_.ctrl = (modifiers & GLFW_MOD_CONTROL) != 0;
   // The pointer's place at the last event. GLFW's present place may already be farther.
   input.waiting_.push_back(input.newest_);
+  if (button == GLFW_MOUSE_BUTTON_LEFT && action == GLFW_PRESS) {
+    input.events_.pressed({input.newest_.x, input.newest_.y});
+  }
 }
 
 void WindowInput::OnMove(GLFWwindow* window, double x, double y) {
   WindowInput& input = Of(window);
   input.newest_.x = x;
   input.newest_.y = y;
-  input.moved_({x, y});
+  input.events_.moved({x, y});
   input.waiting_.push_back(input.newest_);
 }
 

@@ -23,12 +23,13 @@ namespace palpate::view {
 
 class WindowInput {
  public:
-  // Called from within the events, independent of frames.
-  // `stop`: at Esc. The first Esc in a text field restores the text instead; the next one stops,
-  // even if the field is still open.
-  // `moved`: at each motion of the pointer, with its place in pixels of the screen.
-  WindowInput(GLFWwindow* window, std::function<void()> stop,
-              std::function<void(const Eigen::Vector2d&)> moved);
+  // Called from within the events, independent of frames. Places in pixels of the screen.
+  struct Events {
+    std::function<void()> escape;
+    std::function<void(const Eigen::Vector2d&)> pressed;  // the left button
+    std::function<void(const Eigen::Vector2d&)> moved;
+  };
+  WindowInput(GLFWwindow* window, Events events);
   ~WindowInput();
   WindowInput(const WindowInput&) = delete;
   WindowInput& operator=(const WindowInput&) = delete;
@@ -68,7 +69,6 @@ class WindowInput {
   };
 
   static WindowInput& Of(GLFWwindow* window);
-  bool IsForTextField();
   void ReleaseKeys();
   void ShowTyped();
   void Wait(Typed typed);
@@ -79,9 +79,7 @@ class WindowInput {
   static void OnMove(GLFWwindow* window, double x, double y);
 
   GLFWwindow* window_;
-  std::function<void()> stop_;
-  std::function<void(const Eigen::Vector2d&)> moved_;
-  unsigned escaped_field_ = 0;  // that the last Esc went to
+  const Events events_;
   std::vector<std::string> dropped_;
   std::vector<Eigen::Vector2d> way_;
   Buttons down_{};  // as Dear ImGui knows them

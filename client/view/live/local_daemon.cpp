@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <optional>
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
@@ -113,11 +114,19 @@ void LocalDaemon::NoteUnsaved(const std::string& address, std::uint64_t edits) {
 }
 
 void LocalDaemon::Poll() {
-  if (!program_ || !program_->Poll()) return;
+  const std::optional<int> code = program_ ? program_->Poll() : std::nullopt;
+  if (!code) return;
   program_.reset();
-  const std::string last = LastLineOf(log_);
-  problem_ = "palpated ended" + (last.empty() ? " without a word" : ": " + last) + " (" +
-             log_.string() + ")";
+  problem_ = "palpated ended";
+  // A killed program has not said why: its last line is of something else.
+  if (*code < 0) {
+    problem_ += ": signal " + std::to_string(-*code) + " killed it";
+  } else if (const std::string last = LastLineOf(log_); *code > 0 && !last.empty()) {
+    problem_ += ": " + last;
+  }
+  if (unsaved_edits_ > 0) problem_ += "; edits that were lost: " + std::to_string(unsaved_edits_);
+  unsaved_edits_ = 0;
+  problem_ += " (" + log_.string() + ")";
 }
 
 }  // namespace palpate::view

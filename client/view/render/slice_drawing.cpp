@@ -11,7 +11,8 @@ namespace palpate::view {
 namespace {
 
 // The distance to an isoline is the difference of value and isovalue, divided by the gradient per
-// pixel. A dark rim makes the line visible on any colour map.
+// pixel. Beside a steep slope, this may promise a crossing where there is none, so the value there
+// is looked at, too. A dark rim makes the line visible on any colour map.
 constexpr char kSliceShader[] = R"(
 uniform sampler2D color_table;
 uniform vec3 corner_I;     // at the picture's upper left corner
@@ -35,9 +36,16 @@ vec4 ValueAndGradient(vec3 p) {
   return vec4(TrilinearGradient(cell, window_min), Above(cell.corners, window_min, cell.u));
 }
 
-vec3 WithIsoline(vec3 seen, float difference, float slope_per_px, vec3 line_color) {
+vec3 WithIsoline(vec3 seen, vec3 p, vec2 slope, float difference, float isovalue,
+                 vec3 line_color) {
+  float slope_per_px = length(slope);
   if (slope_per_px <= 0.0) return seen;
   float distance_px = abs(difference) / slope_per_px;
+  if (distance_px > 2.5) return seen;
+  // A little beyond the crossing.
+  vec2 way_px = -sign(difference) * (1.25 * distance_px + 0.25) * slope / slope_per_px;
+  float beyond = ValueAndGradient(p + way_px.x * right_I + way_px.y * down_I).w - isovalue;
+  if (beyond * difference > 0.0) return seen;
   seen = mix(seen, vec3(0.0), 0.55 * clamp(2.5 - distance_px, 0.0, 1.0));
   return mix(seen, line_color, clamp(1.5 - distance_px, 0.0, 1.0));
 }
@@ -49,9 +57,11 @@ void main() {
   if (all(greaterThanEqual(p, vec3(-1.0))) && all(lessThanEqual(p, vec3(cells - 1)))) {
     vec4 found = ValueAndGradient(p);
     seen = ColorAt(color_table, ShareOf(found.w, window_range));
-    float slope = length(vec2(dot(found.xyz, right_I), dot(found.xyz, down_I)));
-    if (isolines > 1) seen = WithIsoline(seen, found.w - isovalues.y, slope, veil_color);
-    if (isolines > 0) seen = WithIsoline(seen, found.w - isovalues.x, slope, isoline_color);
+    vec2 slope = vec2(dot(found.xyz, right_I), dot(found.xyz, down_I));
+    if (isolines > 1)
+      seen = WithIsoline(seen, p, slope, found.w - isovalues.y, isovalues.y, veil_color);
+    if (isolines > 0)
+      seen = WithIsoline(seen, p, slope, found.w - isovalues.x, isovalues.x, isoline_color);
   }
   if (cross_px.x >= 0.0) {
     vec2 away = abs(at_px - cross_px);
