@@ -33,6 +33,9 @@ struct VolumeLattice {
   // The value beyond the lattice and of bricks that are not sent; value_min unless stated.
   std::optional<double> background{};
   std::string unit;
+  // The window that the file proposes for pictures; width 0: none.
+  double window_level = 0.0;
+  double window_width = 0.0;
   std::uint64_t loaded_revision = 0;
   // Of the file's voxels. An edit may give a brick another type.
   LeafType type = LeafType::kFloat;

@@ -62,6 +62,8 @@ void Put(VolumeLattice&& lattice, v1::StreamVolumeResponse& out) {
   message.set_value_max(lattice.value_max);
   if (lattice.background) message.set_background(*lattice.background);
   message.set_unit(std::move(lattice.unit));
+  message.set_window_level(lattice.window_level);
+  message.set_window_width(lattice.window_width);
   message.set_loaded_revision(lattice.loaded_revision);
   message.set_voxel_type(VoxelTypeOf(lattice.type));
 }
@@ -114,6 +116,8 @@ VolumeLattice Take(v1::VolumeLattice&& message) {
       .value_max = message.value_max(),
       .background = message.has_background() ? std::optional(message.background()) : std::nullopt,
       .unit = std::move(*message.mutable_unit()),
+      .window_level = message.window_level(),
+      .window_width = message.window_width(),
       .loaded_revision = message.loaded_revision(),
       .type = LeafTypeOf(message.voxel_type())};
 }

@@ -35,11 +35,12 @@ constexpr std::uint32_t kSequenceEnd = Tag(0xfffe, 0xe0dd);
 // Whatever type these have in the file: numbers of two bytes, and text.
 constexpr DicomTag kNumbers[] = {dicom::kSamples,    dicom::kRows,    dicom::kColumns, dicom::kBits,
                                  dicom::kBitsStored, dicom::kHighBit, dicom::kSign};
-constexpr DicomTag kTexts[] = {
-    dicom::kInstance,     dicom::kModality,    dicom::kDescription, dicom::kStudy,
-    dicom::kSeries,       dicom::kPosition,    dicom::kOrientation, dicom::kFrameOfReference,
-    dicom::kSeriesNumber, dicom::kPhotometric, dicom::kFrames,      dicom::kPixelSpacing,
-    dicom::kIntercept,    dicom::kSlope,       dicom::kRescaleType};
+constexpr DicomTag kTexts[] = {dicom::kInstance,    dicom::kModality,         dicom::kDescription,
+                               dicom::kStudy,       dicom::kSeries,           dicom::kPosition,
+                               dicom::kOrientation, dicom::kFrameOfReference, dicom::kSeriesNumber,
+                               dicom::kPhotometric, dicom::kFrames,           dicom::kPixelSpacing,
+                               dicom::kWindowLevel, dicom::kWindowWidth,      dicom::kIntercept,
+                               dicom::kSlope,       dicom::kRescaleType};
 
 template <std::size_t count>
 bool Holds(const DicomTag (&tags)[count], std::uint32_t number) {

@@ -42,6 +42,8 @@ inline constexpr DicomTag kBits{0x00280100, "BitsAllocated"};
 inline constexpr DicomTag kBitsStored{0x00280101, "BitsStored"};
 inline constexpr DicomTag kHighBit{0x00280102, "HighBit"};
 inline constexpr DicomTag kSign{0x00280103, "PixelRepresentation"};
+inline constexpr DicomTag kWindowLevel{0x00281050, "WindowCenter"};
+inline constexpr DicomTag kWindowWidth{0x00281051, "WindowWidth"};
 inline constexpr DicomTag kIntercept{0x00281052, "RescaleIntercept"};
 inline constexpr DicomTag kSlope{0x00281053, "RescaleSlope"};
 inline constexpr DicomTag kRescaleType{0x00281054, "RescaleType"};

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <utility>
 
 namespace palpate {
@@ -57,6 +58,12 @@ std::string ParseUnit(const Fields& fields, const DicomFile& content) {
   const bool is_rescaled =
       !fields.Text(dicom::kIntercept).empty() && !fields.Text(dicom::kSlope).empty();
   return fields.Text(dicom::kModality) == "CT" && is_rescaled ? "HU" : "";
+}
+
+// A file may propose several windows, "40\\400". A bad one is left out: it is for pictures only.
+double FirstNumber(const std::string& text) {
+  const double number = std::strtod(text.c_str(), nullptr);
+  return std::isfinite(number) ? number : 0.0;
 }
 
 void CheckKind(const Fields& fields) {
@@ -133,6 +140,8 @@ DicomSlice ParseSlice(const std::filesystem::path& file, DicomFile content,
   slice.slope = fields.Number(dicom::kSlope, 1.0);
   if (slice.slope == 0.0) slice.slope = 1.0;  // as GDCM
   slice.unit = ParseUnit(fields, content);
+  slice.window_level = FirstNumber(fields.Text(dicom::kWindowLevel));
+  slice.window_width = std::max(0.0, FirstNumber(fields.Text(dicom::kWindowWidth)));
   slice.is_ct = fields.Text(dicom::kModality) == "CT";
   slice.content = std::move(content);
   return slice;

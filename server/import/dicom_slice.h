@@ -33,6 +33,9 @@ struct DicomSlice {
   double slope = 1.0;
   double intercept = 0.0;
   std::string unit;
+  // Of the values' picture: the first that the file proposes. Width 0: none.
+  double window_level = 0.0;
+  double window_width = 0.0;
   bool is_ct = false;
 };
 

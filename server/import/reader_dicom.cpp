@@ -89,6 +89,10 @@ VolumeMetadata MakeMetadata(const DicomStack& stack) {
   const bool is_one_unit = std::ranges::all_of(
       stack.slices, [&](const DicomSlice& slice) { return slice.unit == first.unit; });
   if (is_one_unit) metadata.unit = first.unit;
+  // Each slice may have its own. That of the middle is of the body, not of the air above it.
+  const DicomSlice& middle = stack.slices[stack.slices.size() / 2];
+  metadata.window_level = middle.window_level;
+  metadata.window_width = middle.window_width;
   return metadata;
 }
 

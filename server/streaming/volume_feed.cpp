@@ -254,6 +254,8 @@ VolumeEvent VolumeFeed::TakeLattice() {
       .value_max = metadata.value_max,
       .background = metadata.is_level_set ? std::optional(metadata.value_max) : std::nullopt,
       .unit = metadata.unit,
+      .window_level = metadata.window_level,
+      .window_width = metadata.window_width,
       .loaded_revision = volume.loaded_revision(),
       .type = volume.bricks().made_type()};
 }

@@ -168,6 +168,8 @@ HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type)
   }
   header.value_min = metadata.value_min;
   header.value_max = metadata.value_max;
+  header.window_level = metadata.window_level;
+  header.window_width = metadata.window_width;
   PutText(metadata.patient_axes, header.patient_axes);
   PutText(metadata.unit, header.unit);
   PutText(metadata.original_type, header.original_type);
@@ -187,6 +189,8 @@ VolumeMetadata MetadataOf(const HandoverHeader& header) {
   }
   metadata.value_min = header.value_min;
   metadata.value_max = header.value_max;
+  metadata.window_level = header.window_level;
+  metadata.window_width = header.window_width;
   metadata.patient_axes = TextOf(header.patient_axes);
   metadata.unit = TextOf(header.unit);
   metadata.original_type = TextOf(header.original_type);

@@ -35,7 +35,7 @@ struct HandoverTree {
 };
 
 struct HandoverHeader {
-  static constexpr char kMagic[8] = {'P', 'A', 'L', 'P', 'V', 'O', 'X', '3'};
+  static constexpr char kMagic[8] = {'P', 'A', 'L', 'P', 'V', 'O', 'X', '4'};
 
   char magic[8];
   std::int32_t size[3];  // voxels along x, y, z
@@ -47,6 +47,8 @@ struct HandoverHeader {
   double direction[9];  // row by row
   double value_min;     // exact least value of the voxels; not set for a tree
   double value_max;
+  double window_level;
+  double window_width;
   char patient_axes[8];  // texts end with a 0
   char unit[kLongestText + 8];
   char original_type[kLongestText + 8];

@@ -50,6 +50,9 @@ void CheckVolumeMetadata(const VolumeMetadata& metadata) {
       !(metadata.value_min < metadata.value_max)) {
     Refuse("all voxels have the same value (constant volume); there is nothing to feel");
   }
+  if (!std::isfinite(metadata.window_level) || !(metadata.window_width >= 0.0)) {
+    Refuse("the window of the values is not a level and a width");
+  }
   if (!metadata.patient_axes.empty() && !IsPatientAxes(metadata.patient_axes)) {
     Refuse("the patient's axes are not three of L, R, P, A, S, I, one of each pair");
   }

@@ -29,6 +29,10 @@ struct VolumeMetadata {
   bool is_level_set = false;
   int frames = 1;    // number of frames in the source; the volume is one of them
   std::string unit;  // "HU", ...; empty: not stated
+  // The values that the file proposes for pictures: level - width / 2 to level + width / 2. Width
+  // 0: the file proposes none.
+  double window_level = 0.0;
+  double window_width = 0.0;
   // Where +x, +y and +z of W point in the patient: three of L, R, P, A, S, I. "LPS" if the file
   // states an orientation, because W is LPS then. Empty: unknown.
   std::string patient_axes;

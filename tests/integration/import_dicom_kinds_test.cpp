@@ -181,6 +181,23 @@ TEST_F(DicomKindsTest, OddPixelSpacings) {
   }
 }
 
+TEST_F(DicomKindsTest, TheWindowIsThatOfTheSliceInTheMiddle) {
+  const auto with_window = [this](const std::string& level, const std::string& width) {
+    return Imported(WriteSeries([&](SliceFile* s) {
+             s->has_rescale = false;
+             Append(&s->elements, 0x28, 0x1050, "DS", s->z == 2 ? level : "1");
+             Append(&s->elements, 0x28, 0x1051, "DS", s->z == 2 ? width : "2");
+           }))
+        .metadata;
+  };
+  const VolumeMetadata first = with_window("700\\40", "2600\\400");
+  EXPECT_EQ(first.window_level, 700.0);
+  EXPECT_EQ(first.window_width, 2600.0);
+  for (const char* bad : {"", "-3", "wide", "nan"}) {
+    EXPECT_EQ(with_window("700", bad).window_width, 0.0) << bad;
+  }
+}
+
 TEST_F(DicomKindsTest, TheModalityLookupTableIsApplied) {
   // Value 10 v + 3 for v of 40 to 99.
   const auto with_table = [this](int bits, const std::string& type, bool has_length) {

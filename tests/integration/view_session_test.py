@@ -39,9 +39,9 @@ class ViewSession(DaemonTest):
         return bool(amber.sum(axis=1).max() > 300)
 
     def name(self, name):
-        """Of the next recording: in the field above the button."""
-        x, y = self.window.find("Record")
-        self.window.click(x, y - 26)
+        """Of the next recording: in the field below the heading."""
+        x, y = self.window.find("Session", within=RIGHT)
+        self.window.click(x, y + 26)
         self.window.picture()
         self.window.do("key", "ctrl+a")
         self.window.picture()
@@ -69,7 +69,7 @@ class ViewSession(DaemonTest):
         self.conn.edit.sphere((0, 0, 0), 8.0, "set", 0.5)
         ticks = self.state().ticks
         self.becomes(lambda: self.state().ticks > ticks + 1200)
-        self.window.press("Stop recording")
+        self.window.press("End recording")
         self.becomes(lambda: not self.state().running)
         self.conn.edit.revert()
         path = self.daemon.folder / "first.palrec"
@@ -103,7 +103,7 @@ class ViewSession(DaemonTest):
 
     def test_a_taken_name_is_refused_and_another_one_offered(self):
         self.record("again", "x")
-        self.window.press("Stop recording")
+        self.window.press("End recording")
         self.becomes(lambda: not self.state().running)
         size = (self.daemon.folder / "again.palrec").stat().st_size
         self.name("again")
@@ -142,7 +142,7 @@ class ViewSession(DaemonTest):
     def test_the_window_outlives_a_daemon_that_ends_while_it_records(self):
         self.name("cut")
         self.window.press("Record")
-        self.becomes(lambda: self.window.shows("Stop recording"))
+        self.becomes(lambda: self.window.shows("End recording"))
         self.daemon.end()
         self.window.wait_for_title("Palpate: reconnecting")
         self.daemon.start()

@@ -135,7 +135,7 @@ class SharedWindow(DaemonTest):
         self.assertTrue(wait_until(lambda: np.array_equal(view(), whole)))
 
     def test_who_is_here_and_who_changed_what(self):
-        self.window.press("People", within=RIGHT)
+        self.window.press("2 people")
         for text in ("token operator (you)", "token editor", "watches"):
             self.window.find(text)
         self.conn.settings.stiffness_n_per_mm = 0.625

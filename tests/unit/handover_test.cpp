@@ -36,6 +36,8 @@ VolumeMetadata HeadMetadata() {
   metadata.value_max = 100.0;
   metadata.frames = 20;
   metadata.unit = "HU";
+  metadata.window_level = 700.0;
+  metadata.window_width = 2600.0;
   metadata.patient_axes = "LPS";
   metadata.original_type = "int16";
   metadata.source = "head scan.nrrd";
@@ -67,6 +69,8 @@ void ExpectSameMetadata(const VolumeMetadata& is, const VolumeMetadata& expected
   EXPECT_EQ(is.value_max, expected.value_max);
   EXPECT_EQ(is.frames, expected.frames);
   EXPECT_EQ(is.unit, expected.unit);
+  EXPECT_EQ(is.window_level, expected.window_level);
+  EXPECT_EQ(is.window_width, expected.window_width);
   EXPECT_EQ(is.patient_axes, expected.patient_axes);
   EXPECT_EQ(is.original_type, expected.original_type);
   EXPECT_EQ(is.source, expected.source);

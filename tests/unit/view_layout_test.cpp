@@ -38,6 +38,30 @@ void ExpectInOrder(const ImVec2& screen, const Layout& layout) {
   EXPECT_GE(layout.view.size.x, 0.5f * screen.x - kRounding_px);
 }
 
+TEST(ViewLayout, FourPanesAreEqualAndLieBesideEachOther) {
+  const Layout layout = LayOut({1280.0f, 800.0f}, 1.0f,
+                               {.preferences = Preferences(), .in_four = true, .notice = true});
+  const SliceStrip strip = LayOutSlices(layout, 1.0f);
+  std::vector<Area> areas(strip.slices.begin(), strip.slices.end());
+  areas.push_back(layout.view);
+  for (const Area& area : areas) {
+    EXPECT_EQ(area.size.x, layout.view.size.x);
+    EXPECT_EQ(area.size.y, layout.view.size.y);
+  }
+  areas.insert(areas.end(), {strip.row, strip.bar, layout.notice, layout.tools, layout.left,
+                             layout.right, layout.drawer_bar});
+  for (std::size_t a = 0; a < areas.size(); ++a) {
+    for (std::size_t b = 0; b < a; ++b) {
+      const auto apart = [](float p, float size_p, float q, float size_q) {
+        return p + size_p <= q + 0.01f || q + size_q <= p + 0.01f;
+      };
+      EXPECT_TRUE(apart(areas[a].min.x, areas[a].size.x, areas[b].min.x, areas[b].size.x) ||
+                  apart(areas[a].min.y, areas[a].size.y, areas[b].min.y, areas[b].size.y))
+          << a << " and " << b;
+    }
+  }
+}
+
 TEST(ViewLayout, PartsLieBesideEachOther) {
   std::mt19937 random(3);
   std::uniform_real_distribution<float> share(0.0f, 1.0f);

@@ -94,6 +94,19 @@ TEST(ViewValueWindow, TheFirstWindowShowsSoftTissueInManyGreysAndOtherThingsWhol
   EXPECT_GT(FirstWindow(LatticeOf(5, 5, LeafType::kUint8, "")).width, 0.0);
 }
 
+TEST(ViewValueWindow, TheWindowOfTheFileComesFirstUnlessItShowsNothing) {
+  VolumeLattice lattice = LatticeOf(-1024, 3071, LeafType::kInt16, "HU");
+  const ValueWindow other = FirstWindow(lattice);
+  lattice.window_level = 700.0;
+  lattice.window_width = 2600.0;
+  EXPECT_EQ(FirstWindow(lattice), (ValueWindow{700.0, 2600.0}));
+  for (const auto& [level, width] : {std::pair(9000.0, 100.0), {-5000.0, 10.0}, {700.0, NAN}}) {
+    lattice.window_level = level;
+    lattice.window_width = width;
+    EXPECT_EQ(FirstWindow(lattice), other);
+  }
+}
+
 TEST(ViewValueWindow, ADragWidensToTheRightRaisesUpAndStaysUsable) {
   const VolumeLattice lattice = LatticeOf(-1000, 3000, LeafType::kInt16, "HU");
   const ValueWindow start{40.0, 400.0};
@@ -137,6 +150,18 @@ TEST(ViewDistances, TwoPointsAreADistanceAndTheLastIsRemovedFirst) {
   measure.RemoveLast();
   measure.RemoveLast();
   EXPECT_TRUE(measure.distances.empty());
+}
+
+TEST(ViewDistances, APointerFindsTheNearestEndWithinReach) {
+  const auto appears = [](const Vec3& p) { return std::optional(Eigen::Vector2d(p.x(), p.y())); };
+  std::vector<Distance> distances = {{Vec3(0, 0, 0), Vec3(100, 0, 0)},
+                                     {Vec3(104, 0, 0), Vec3(200, 0, 0)}};
+  const auto end = EndAt(distances, {101, 1}, 8.0, appears);
+  ASSERT_TRUE(end);
+  distances[end->number].*end->point = Vec3(7, 8, 9);
+  EXPECT_EQ(distances[0].to_W, Vec3(7, 8, 9));
+  EXPECT_EQ(EndAt(distances, {103, 1}, 8.0, appears)->number, 1u);
+  EXPECT_FALSE(EndAt(distances, {50, 0}, 8.0, appears));
 }
 
 TEST(ViewDistances, APointerFindsTheNearestLineWithinReach) {

@@ -176,6 +176,8 @@ TEST(VolumeMessage, EveryEventComesBackAsItWas) {
                     .value_max = 3071,
                     .background = 3072.5,
                     .unit = "HU",
+                    .window_level = 700,
+                    .window_width = 2600,
                     .loaded_revision = 7,
                     .type = LeafType::kInt16},
       VolumePlacement{Map(), 11, "RAS", true},

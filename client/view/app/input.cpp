@@ -10,6 +10,7 @@
 #include "client/view/app/overlays.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/slice_pane.h"
+#include "client/view/app/tool_measure.h"
 
 namespace palpate::view {
 namespace {
@@ -132,14 +133,21 @@ void EndStroke(Viewer& viewer) {
   viewer.brush().End();
 }
 
+// The slices go to a point of the surface, and stay there.
+void MoveSlicesTo(Viewer& viewer, const std::optional<Vec3>& p_D) {
+  const auto& X_DI = viewer.feed().volume().X_DI();
+  if (p_D && X_DI) MoveCross(viewer, X_DI->Inverse().Apply(*p_D));
+}
+
 Open OpenNow(Viewer& viewer) {
   const ViewState& state = viewer.state();
+  // With the field in it that has the keyboard.
+  if (viewer.files().form().shown) return Open::kPathForm;
+  if (state.connect.shown) return Open::kConnect;
   // Asks for the field itself: WantTextInput is a frame old.
   const ImGuiID field = ImGui::GetActiveID();
   if (field != 0 && ImGui::GetInputTextState(field)) return Open::kField;
   if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) return Open::kPopup;
-  if (viewer.files().form().shown) return Open::kPathForm;
-  if (state.connect.shown) return Open::kConnect;
   if (state.help_shown) return Open::kHelp;
   return viewer.files().has_question() ? Open::kQuestion : Open::kNothing;
 }
@@ -206,6 +214,9 @@ void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen
   if (ImGui::IsItemHovered() && ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left)) {
     if (const auto p_D = viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), size))
       camera.LookAt(*p_D);
+  }
+  if (viewer.state().tool == Tool::kTurn && IsClicked(viewer.state().screen_scale)) {
+    MoveSlicesTo(viewer, viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), size));
   }
   // The motion to the place where the button was pressed is not part of the drag.
   if (!ImGui::IsItemActive() || ImGui::IsItemActivated()) return;

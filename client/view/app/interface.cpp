@@ -50,8 +50,8 @@ void SetStyle(float scale) {
 }
 
 // Dialogs over the panels, and the two bars over the dialogs. Menus hang from the upper bar.
-void DrawOver(Viewer& viewer, float scale) {
-  DrawHelp(viewer, scale);
+void DrawOver(Viewer& viewer, const Layout& layout, float scale) {
+  DrawHelp(viewer, layout, scale);
   DrawConnectDialog(viewer, scale);
   DrawPathForm(viewer, scale);
   if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) return;
@@ -81,15 +81,16 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
     const ImVec2 screen = ImGui::GetIO().DisplaySize;
     const float top = layout.top.size.y;
     DrawStartPage(viewer, {{0.0f, top}, {screen.x, screen.y - top}}, scale);
-    DrawOver(viewer, scale);
+    DrawOver(viewer, layout, scale);
     return;
   }
   DrawStateBar(viewer, layout.state, scale);
   DrawToolBar(viewer, layout, scale);
-  const SliceStrip strip = LayOutSlices(layout.slices, scale);
+  const SliceStrip strip = LayOutSlices(layout, scale);
   const std::optional<int> filling = FillingSlice(viewer, layout);
   // In a slice's place there is no room for the legend.
-  DrawView(viewer, PlaceOfView(filling, layout, strip), !filling, scale);
+  DrawView(viewer, PlaceOfView(filling, layout, strip), !filling && !layout.in_four, scale);
+  if (layout.notice.size.y > 0.0f) DrawNotice(viewer, layout.notice, scale);
   DrawFileCard(viewer, layout.view, scale);
   if (layout.left.size.x > 0.0f) DrawLeftPanels(viewer, layout.left, scale);
   if (layout.right.size.x > 0.0f) DrawRightPanels(viewer, layout.right, scale);
@@ -97,7 +98,7 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   if (layout.series.size.y > 0.0f) DrawSeriesBar(viewer, layout.series);
   if (layout.slices.size.y > 0.0f) DrawSlices(viewer, strip, layout.view, scale);
   DrawPlots(viewer, layout, scale);
-  DrawOver(viewer, scale);
+  DrawOver(viewer, layout, scale);
   DrawRefusal(viewer, layout, scale);
 }
 
@@ -145,12 +146,15 @@ void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::NewFrame();
   TakeKeys(viewer, keys);
-  const Layout layout = LayOut(ImGui::GetIO().DisplaySize, scale,
-                               {.preferences = viewer.preferences(),
-                                .series = viewer.feed().series().has_value(),
-                                .slices = viewer.state().slices_shown});
-  view_pixels_ = PixelsOf(
-      PlaceOfView(FillingSlice(viewer, layout), layout, LayOutSlices(layout.slices, scale)).size);
+  const Layout layout =
+      LayOut(ImGui::GetIO().DisplaySize, scale,
+             {.preferences = viewer.preferences(),
+              .in_four = viewer.preferences().four_panes && !viewer.state().filling_slice,
+              .notice = !viewer.files().warnings().empty(),
+              .series = viewer.feed().series().has_value(),
+              .slices = viewer.state().slices_shown});
+  view_pixels_ =
+      PixelsOf(PlaceOfView(FillingSlice(viewer, layout), layout, LayOutSlices(layout, scale)).size);
   DrawPanels(viewer, layout, scale);
   viewer.actions().EndFrame(ImGui::IsAnyItemActive());
   ImGui::Render();

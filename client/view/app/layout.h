@@ -35,11 +35,13 @@ struct Layout {
   Area left_edge;  // drags the side's width
   Area right;
   Area right_edge;
-  Area state;  // above the view
-  Area tools;  // above the view
+  Area state;   // above the view
+  Area tools;   // above the view
+  Area notice;  // above the view, if there is one
   Area view;
-  Area series;      // below the view, if there is a series
-  Area slices;      // below the series
+  Area series;  // below the view, if there is a series
+  Area slices;  // below the series; of four equal panes: the view and all around it
+  bool in_four = false;
   Area drawer_bar;  // opens and closes the drawer
   Area drawer;
 };
@@ -54,6 +56,8 @@ struct SliceStrip {
 // Outlived by what it refers to.
 struct LayoutParts {
   const Preferences& preferences;
+  bool in_four = false;  // four equal panes: the view and three slices
+  bool notice = false;
   bool series = false;
   bool slices = true;
 };
@@ -93,6 +97,19 @@ inline SideWidths WidthsOf(const Preferences& preferences, float room, float sca
   return {std::floor(std::min(widths.left, room)), std::floor(std::min(widths.right, room))};
 }
 
+inline constexpr float kPaneGap = 2.0f;
+// Of the slices' area: the height of the row of controls, and the width of the bar of colours.
+inline float RowOfSlices(const Area& area, float scale) {
+  return std::min(26.0f * scale, 0.4f * area.size.y);
+}
+inline float BarOfSlices(const Area& area, float scale) {
+  return std::min(54.0f * scale, 0.2f * area.size.x);
+}
+inline ImVec2 PaneOfFour(const Area& area, float scale) {
+  return {std::max(1.0f, std::floor(0.5f * (area.size.x - BarOfSlices(area, scale) - kPaneGap))),
+          std::max(1.0f, std::floor(0.5f * (area.size.y - RowOfSlices(area, scale) - kPaneGap)))};
+}
+
 // `scale`: 1 on screens of about 100 pixels per inch at a font size of 100 %. The view has at least
 // half of the width.
 inline Layout LayOut(const ImVec2& screen, float scale, const LayoutParts& parts) {
@@ -110,7 +127,8 @@ inline Layout LayOut(const ImVec2& screen, float scale, const LayoutParts& parts
   const float height = std::max(1.0f, screen.y - top - bar - drawer);
   const float state = std::min(32.0f * scale, 0.3f * height);
   const float tools = std::min(32.0f * scale, 0.3f * height);
-  const float rest = height - state - tools;
+  const float notice = parts.notice ? std::min(28.0f * scale, 0.1f * height) : 0.0f;
+  const float rest = height - state - tools - notice;
   const float series = parts.series ? std::min(44.0f * scale, 0.4f * rest) : 0.0f;
   // A slice is about as wide as it is high.
   const bool slices_fit = parts.slices && screen.y >= kSlices_px * scale;
@@ -133,18 +151,35 @@ inline Layout LayOut(const ImVec2& screen, float scale, const LayoutParts& parts
   layout.right_edge = {{screen.x - sides.right - right_edge, top}, {right_edge, height}};
   layout.state = below(x, middle, state);
   layout.tools = below(x, middle, tools);
+  layout.notice = below(x, middle, notice);
   layout.view = below(x, middle, view);
   layout.series = below(x, middle, series);
   layout.slices = below(x, middle, slices);
+  layout.in_four = parts.in_four && slices > 0.0f;
+  if (layout.in_four) {
+    layout.series.min.y = layout.view.min.y;
+    const float y_panes = layout.view.min.y + series;
+    layout.slices = {{x, y_panes}, {middle, view + slices}};
+    layout.view = {layout.slices.min, PaneOfFour(layout.slices, scale)};
+  }
   layout.drawer_bar = {{0.0f, top + height}, {screen.x, bar}};
   layout.drawer = {{0.0f, top + height + bar}, {screen.x, drawer}};
   return layout;
 }
 
-inline SliceStrip LayOutSlices(const Area& area, float scale) {
-  constexpr float kGap = 2.0f;
-  const float row = std::min(26.0f * scale, 0.4f * area.size.y);
-  const float bar = std::min(54.0f * scale, 0.2f * area.size.x);
+inline SliceStrip LayOutSlices(const Layout& layout, float scale) {
+  const Area& area = layout.slices;
+  const float row = RowOfSlices(area, scale);
+  const float bar = BarOfSlices(area, scale);
+  if (layout.in_four) {
+    const ImVec2 pane = layout.view.size;
+    const float x = area.min.x + pane.x + kPaneGap, y = area.min.y + pane.y + kPaneGap;
+    const float below = y + pane.y;
+    return {.row = {{area.min.x, below}, {area.size.x, row}},
+            .slices = {{{{area.min.x, y}, pane}, {{x, area.min.y}, pane}, {{x, y}, pane}}},
+            .bar = {{x + pane.x, area.min.y}, {bar, area.size.y - row}}};
+  }
+  constexpr float kGap = kPaneGap;
   const float width = std::max(1.0f, std::floor((area.size.x - bar) / 3.0f - kGap));
   const float top = area.min.y + row;
   const float height = std::max(1.0f, area.size.y - row);

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <imgui.h>
 #include <imgui_stdlib.h>
 
@@ -143,13 +144,6 @@ void ShowQuestion(Viewer& viewer) {
   if (ImGui::Button("Not now")) files.Dismiss();
 }
 
-void ShowWarnings(Files& files) {
-  if (files.warnings().empty()) return;
-  WrappedText(kWarning, "What the import assumed or left out:");
-  for (const std::string& warning : files.warnings()) WrappedText(kPlain, warning);
-  if (ImGui::Button("Understood")) files.DismissWarnings();
-}
-
 // Says that the picture is not what is felt now; empty: it is.
 std::string WhyOld(const Viewer& viewer) {
   const LiveFeed& feed = viewer.feed();
@@ -177,9 +171,8 @@ void ShowOld(Viewer& viewer) {
 
 bool HasCard(Viewer& viewer) {
   const Files& files = viewer.files();
-  return viewer.feed().loader().running() || files.pending() ||
-         files.ask() != Files::Ask::kNothing || !files.problem().empty() ||
-         !files.warnings().empty() || !WhyOld(viewer).empty();
+  return viewer.feed().loader().running() || files.pending() || files.has_question() ||
+         !WhyOld(viewer).empty();
 }
 
 void PathField(Files& files, float scale) {
@@ -228,7 +221,29 @@ void ShowFileCard(Viewer& viewer) {
     if (ImGui::Button("Close##problem")) files.Dismiss();
   }
   ShowOld(viewer);
-  ShowWarnings(files);
+}
+
+void DrawNotice(Viewer& viewer, const Area& area, float scale) {
+  Files& files = viewer.files();
+  const std::vector<std::string>& warnings = files.warnings();
+  BeginPanel("notice", area, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
+  const float gap = 8.0f * scale, button = ButtonWidth("Understood");
+  ImGui::SetCursorPos({gap, 0.5f * (area.size.y - ImGui::GetFrameHeight())});
+  const ImVec2 max{area.min.x + area.size.x - button - 2.0f * gap, area.min.y + area.size.y};
+  ImGui::PushClipRect(area.min, max, true);
+  ImGui::AlignTextToFramePadding();
+  std::string all;
+  for (const std::string& warning : warnings) all += (all.empty() ? "" : "\n") + warning;
+  const std::string count =
+      warnings.size() > 1 ? fmt::format("(1 of {}) ", warnings.size()) : std::string();
+  ImGui::TextColored(kWarning, "%s%s", count.c_str(), OneLine(warnings.front(), 300).c_str());
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("the import assumed or left out:\n%s", all.c_str());
+  ImGui::PopClipRect();
+  ImGui::SameLine();
+  ImGui::SetCursorPosX(area.size.x - button - gap);
+  if (ImGui::Button("Understood")) files.DismissWarnings();
+  Tip("hides this line");
+  ImGui::End();
 }
 
 void DrawFileCard(Viewer& viewer, const Area& area, float scale) {

@@ -59,13 +59,14 @@ constexpr Line kLines[] = {
 
 }  // namespace
 
-void DrawHelp(Viewer& viewer, float scale) {
+void DrawHelp(Viewer& viewer, const Layout& layout, float scale) {
   bool& shown = viewer.state().help_shown;
   if (!shown) return;
+  // Below the two bars. Scrolls where the window is low.
   const ImVec2 screen = ImGui::GetIO().DisplaySize;
-  ImGui::SetNextWindowPos({0.5f * screen.x, 0.5f * screen.y}, ImGuiCond_Always, {0.5f, 0.5f});
-  // Scrolls where the window is low.
-  ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f}, screen);
+  const float top = layout.state.min.y + layout.state.size.y;
+  ImGui::SetNextWindowPos({0.5f * screen.x, top}, ImGuiCond_Always, {0.5f, 0.0f});
+  ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f}, {screen.x, screen.y - top});
   ImGui::Begin("Help", &shown,
                ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_AlwaysAutoResize |
                    ImGuiWindowFlags_NoSavedSettings);

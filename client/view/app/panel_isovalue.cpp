@@ -128,9 +128,10 @@ void EditIsovalue(Viewer& viewer, float scale, const VolumeLattice& lattice,
   Tip("drag, or ctrl+click to type and press Enter; it changes for everyone");
   const std::string share = fmt::format(
       "{:.1f} % of range", range > 0.0 ? 100.0 * (isovalue - lattice.value_min) / range : 0.0);
-  UnitText(lattice.unit, ImGui::CalcTextSize(share.c_str()).x + ImGui::GetStyle().ItemSpacing.x +
-                             ImGui::GetTextLineHeight() + 5.0f);
-  ImGui::SameLine();
+  const bool is_beside = UnitText(lattice.unit, ImGui::CalcTextSize(share.c_str()).x +
+                                                    ImGui::GetStyle().ItemSpacing.x +
+                                                    ImGui::GetTextLineHeight() + 5.0f);
+  if (is_beside) ImGui::SameLine();
   ImGui::TextColored(kDim, "%s", share.c_str());
   SharedSign(viewer, client::kIsovalue.key);
   const bool changed = isovalue != before;

@@ -60,7 +60,7 @@ void DrawToolBar(Viewer& viewer, const Layout& layout, float scale) {
   const float y = 0.5f * (area.size.y - ImGui::GetFrameHeight());
   ImGui::SetCursorPos({gap, y});
   ToggleSide(viewer, Side::kLeft, layout.left.size.x > 0.0f);
-  float width = 4.0f * ImGui::GetFrameHeight();
+  float width = 7.0f * ImGui::GetFrameHeight();
   for (const ToolButton& button : kTools) width += ButtonWidth(button.label) + gap;
   for (const ToolButton& button : kTools) {
     ImGui::SameLine(0.0f, gap);
@@ -71,6 +71,15 @@ void DrawToolBar(Viewer& viewer, const Layout& layout, float scale) {
     ImGui::EndDisabled();
     Tip(why.empty() ? button.tip : why.c_str());
   }
+  const char* four = "2 \xC3\x97 2";
+  bool& in_four = viewer.preferences().four_panes;
+  ImGui::SetCursorPos({area.size.x - ImGui::GetFrameHeight() - ButtonWidth(four) - 2.0f * gap, y});
+  if (Toggle(four, in_four)) {
+    in_four = !in_four;
+    viewer.state().filling_slice.reset();
+    viewer.state().slices_shown = true;
+  }
+  Tip("the view and three slices as four equal panes, or the slices in a row below");
   ImGui::SetCursorPos({area.size.x - ImGui::GetFrameHeight() - gap, y});
   ToggleSide(viewer, Side::kRight, layout.right.size.x > 0.0f);
   ImGui::End();

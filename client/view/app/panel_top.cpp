@@ -209,6 +209,9 @@ float Row(Viewer& viewer, float scale) {
 void DrawTopBar(Viewer& viewer, const Area& area, float scale) {
   BeginPanel("top", area, ImGuiWindowFlags_NoScrollWithMouse);
   const ImVec2 p = ImGui::GetWindowPos();
+  // Dialogs may lie behind it.
+  ImGui::GetWindowDrawList()->AddRectFilled(p, {p.x + area.size.x, p.y + area.size.y},
+                                            ImGui::GetColorU32(ImGuiCol_WindowBg));
   const ImVec2 first = ImGui::GetCursorPos();
   const float buttons = Row(viewer, scale);
   ImGui::SetCursorPos(first);

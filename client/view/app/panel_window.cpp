@@ -21,6 +21,10 @@ bool NextButton(const char* label) {
 void ChoosePreset(const VolumeLattice& lattice, SurfaceOptions& surface) {
   if (ImGui::Button("Whole range")) Show(WholeRange(lattice), surface);
   Tip("from the least to the greatest value of the volume");
+  if (const auto of_file = WindowOfFile(lattice)) {
+    if (NextButton("As in the file")) Show(*of_file, surface);
+    Tip("the window that the file proposes");
+  }
   if (!HasHounsfieldUnits(lattice)) return;
   for (const WindowPreset& preset : kWindowPresets) {
     if (NextButton(std::string(preset.name).c_str())) Show(preset.window, surface);
@@ -28,8 +32,6 @@ void ChoosePreset(const VolumeLattice& lattice, SurfaceOptions& surface) {
       ImGui::SetTooltip("level %.0f, width %.0f HU", preset.window.level, preset.window.width);
     }
   }
-  if (NextButton("Soft tissue and bone")) Show(FirstWindow(lattice), surface);
-  Tip("as a volume in Hounsfield units begins");
 }
 
 }  // namespace

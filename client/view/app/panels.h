@@ -40,7 +40,7 @@ void DrawSlices(Viewer& viewer, const SliceStrip& strip, const Area& view, float
 // The brush in a slice that was just drawn at `min`.
 void DrawBrushInSlice(const Viewer& viewer, const SliceView& view, const SignedAxis& across,
                       const ImVec2& min);
-void DrawHelp(Viewer& viewer, float scale);
+void DrawHelp(Viewer& viewer, const Layout& layout, float scale);
 // Opens the dialog for palpated's address and our credentials. It stays until the user closes it.
 void OpenConnectDialog(Viewer& viewer);
 void DrawConnectDialog(Viewer& viewer, float scale);
@@ -53,7 +53,9 @@ void ConnectTo(Viewer& viewer, const client::ServerChoice& server);
 void DrawStartPage(Viewer& viewer, const Area& area, float scale);
 // The button of the menu for files, in the current panel.
 void DrawFileMenu(Viewer& viewer);
-// Progress, questions, errors and warnings of files: within the current window, or over the view.
+// What the import assumed or left out: a line above the view, with all of it as a tooltip.
+void DrawNotice(Viewer& viewer, const Area& area, float scale);
+// Progress, questions and errors of files: within the current window, or over the view.
 void ShowFileCard(Viewer& viewer);
 void DrawFileCard(Viewer& viewer, const Area& area, float scale);
 // The window for typing a path, to open or to save.

@@ -109,6 +109,7 @@ Preferences Read(const Json& all) {
   Take(all, "left_shown", read.left_shown);
   Take(all, "right_shown", read.right_shown);
   Take(all, "narrow_side", kSides, read.narrow_side);
+  Take(all, "four_panes", read.four_panes);
   Take(all, "tab", kTabs, read.tab);
   Take(all, "recent_files", read.recent_files);
   Take(all, "last_folder", read.last_folder);
@@ -127,6 +128,7 @@ std::string TextOf(const Preferences& preferences) {
               {"left_shown", preferences.left_shown},
               {"right_shown", preferences.right_shown},
               {"narrow_side", WordOf(preferences.narrow_side, kSides)},
+              {"four_panes", preferences.four_panes},
               {"tab", WordOf(preferences.tab, kTabs)},
               {"recent_files", preferences.recent_files},
               {"last_folder", preferences.last_folder},
@@ -225,6 +227,7 @@ Preferences WriteChanges(const Preferences& before, const Preferences& after,
   TakeChange(before.left_shown, after.left_shown, written.left_shown);
   TakeChange(before.right_shown, after.right_shown, written.right_shown);
   TakeChange(before.narrow_side, after.narrow_side, written.narrow_side);
+  TakeChange(before.four_panes, after.four_panes, written.four_panes);
   TakeChange(before.plots_shown, after.plots_shown, written.plots_shown);
   TakeChange(before.tab, after.tab, written.tab);
   TakeChange(before.recent_files, after.recent_files, written.recent_files);

@@ -34,6 +34,7 @@ struct Preferences {
   bool right_shown = true;
   // The side that stays where there is room for one only.
   Side narrow_side = Side::kLeft;
+  bool four_panes = false;            // the view and three slices, equal
   std::optional<bool> plots_shown{};  // none: as the height of the window allows
   LeftTab tab = LeftTab::kSurface;
   // Files and folders that were opened last, newest first, as absolute paths of this machine.

@@ -72,13 +72,6 @@ Eigen::Vector2d DragOfPointer() {
           static_cast<double>(io.MouseDelta.y * io.DisplayFramebufferScale.y)};
 }
 
-// When the user has moved the cross-hair, it stops following the stylus.
-void MoveCross(Viewer& viewer, const Vec3& cross_I) {
-  const Vec3 last_I = viewer.feed().volume().lattice()->size.cast<double>() - Vec3::Ones();
-  viewer.state().cross_I = cross_I.cwiseMax(Vec3::Zero()).cwiseMin(last_I);
-  viewer.state().cross_follows_proxy = false;
-}
-
 // From slice to slice: towards left, posterior, superior.
 void TakeWheel(Viewer& viewer, const Pane& pane) {
   const ImGuiIO& io = ImGui::GetIO();
@@ -114,7 +107,7 @@ bool TakeMeasureInPane(Viewer& viewer, const Pane& pane) {
                .at_px = PointerIn(pane.min),
                .clicked = ImGui::IsItemClicked(ImGuiMouseButton_Left) && !ImGui::GetIO().KeyShift,
                .held = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left),
-               .right_clicked = IsRightClicked(viewer.state().screen_scale),
+               .right_clicked = IsClicked(viewer.state().screen_scale, ImGuiMouseButton_Right),
                .point_W = [&]() -> std::optional<Vec3> {
                  return pane.X_WI.Apply(pane.PointUnder(PointerIn(pane.min)));
                },
@@ -128,7 +121,13 @@ void TakeDrag(Viewer& viewer, const Pane& pane) {
   ViewState& state = viewer.state();
   const bool moves = ImGui::GetIO().KeyShift || ImGui::IsMouseDown(ImGuiMouseButton_Middle);
   if (ImGui::IsMouseDown(ImGuiMouseButton_Left) && !moves) {
-    if (state.tool != Tool::kMeasure) MoveCross(viewer, pane.PointUnder(PointerIn(pane.min)));
+    if (state.tool == Tool::kMeasure) return;
+    if (ImGui::GetIO().MouseClickedLastCount[ImGuiMouseButton_Left] >= 2) {
+      state.cross_I = state.cross_before_click_I;
+      return;
+    }
+    if (ImGui::IsItemActivated()) state.cross_before_click_I = state.cross_I;
+    MoveCross(viewer, pane.PointUnder(PointerIn(pane.min)));
     return;
   }
   // The motion to the place where the button was pressed is not part of the drag.
@@ -187,8 +186,14 @@ void DrawCaption(const Pane& pane, const ViewState& state, float scale) {
   const char letter = LetterOf({pane.world_axis, at_mm < 0.0 ? -1 : 1});
   const std::string place =
       has_letter ? fmt::format("{} {:.1f}", letter, std::abs(at_mm)) : fmt::format("{:.1f}", at_mm);
-  const std::string text = fmt::format("{}\n{} mm\n{} = {:.1f}", plane, place, "xyz"[across.axis],
-                                       state.cross_I[across.axis]);
+  // In one line, off the anatomy, where that has room beside the letter.
+  const auto lines = [&](const char* between) {
+    return fmt::format("{}{}{} mm{}{} = {:.1f}", plane, between, place, between, "xyz"[across.axis],
+                       state.cross_I[across.axis]);
+  };
+  const bool is_wide =
+      ImGui::CalcTextSize(lines("  ").c_str()).x < 0.5f * pane.size.x - 24.0f * scale;
+  const std::string text = lines(is_wide ? "  " : "\n");
   DrawLabel(*ImGui::GetWindowDrawList(), {pane.min.x + 6.0f * scale, pane.min.y + 3.0f * scale},
             {.text = text, .color = kCaption}, scale);
 }
@@ -221,6 +226,25 @@ void DrawDistances(const Pane& pane, const ViewState& state, float scale) {
                pointed_W);
 }
 
+// Where the crop box and this slice meet.
+void DrawCrop(const Pane& pane, const SurfaceOptions& surface, const Vec3i& size) {
+  const CropBox& crop = surface.crop;
+  if (crop == CropBox()) return;
+  const auto corner_I = [&](const Vec3& fractions) {
+    return Vec3(fractions.cwiseProduct(size.cast<double>() + Vec3::Ones()) - Vec3::Ones());
+  };
+  const Vec3 min_I = corner_I(crop.min), max_I = corner_I(crop.max);
+  const int across = pane.axes.across.axis;
+  if (pane.position_voxels < min_I[across] || pane.position_voxels > max_I[across]) return;
+  const Eigen::Vector2d a = OnScreen(pane, pane.view.PixelOf(min_I));
+  const Eigen::Vector2d b = OnScreen(pane, pane.view.PixelOf(max_I));
+  const auto at = [](const Eigen::Vector2d& p) {
+    return ImVec2(static_cast<float>(p.x()), static_cast<float>(p.y()));
+  };
+  ImGui::GetWindowDrawList()->AddRect(at(a.cwiseMin(b)), at(a.cwiseMax(b)),
+                                      IM_COL32(120, 190, 255, 220), 0.0f, 0, 1.5f);
+}
+
 void DrawPaneScaleBar(const Pane& pane, float scale) {
   const int axis = pane.axes.right.axis;
   const double voxel_mm = pane.X_WI.linear.col(axis).norm();
@@ -232,6 +256,14 @@ void DrawPaneScaleBar(const Pane& pane, float scale) {
 }
 
 }  // namespace
+
+void MoveCross(Viewer& viewer, const Vec3& cross_I) {
+  const auto& lattice = viewer.feed().volume().lattice();
+  if (!lattice) return;
+  const Vec3 last_I = lattice->size.cast<double>() - Vec3::Ones();
+  viewer.state().cross_I = cross_I.cwiseMax(Vec3::Zero()).cwiseMin(last_I);
+  viewer.state().cross_follows_proxy = false;
+}
 
 void DrawSlicePane(Viewer& viewer, int world_axis, const Area& given, float scale) {
   const Area area = WithoutFractions(given);
@@ -257,6 +289,7 @@ void DrawSlicePane(Viewer& viewer, int world_axis, const Area& given, float scal
   ImGui::GetWindowDrawList()->AddImage(
       reinterpret_cast<ImTextureID>(static_cast<std::uintptr_t>(texture)), area.min, max,
       {0.0f, 1.0f}, {1.0f, 0.0f});
+  DrawCrop(pane, state.surface, viewer.feed().volume().lattice()->size);
   DrawDistances(pane, state, scale);
   DrawBrushInSlice(viewer, pane.view, pane.axes.across, area.min);
   DrawPaneScaleBar(pane, scale);

@@ -15,12 +15,22 @@ constexpr int kViewPicture = 3;  // slices are 0 to 2
 
 }  // namespace
 
-bool IsRightClicked(float scale) {
+bool IsClicked(float scale, ImGuiMouseButton button) {
   const ImGuiIO& io = ImGui::GetIO();
   const float most = static_cast<float>(kClick_px) * scale;
-  return ImGui::IsItemHovered() && ImGui::IsMouseReleased(ImGuiMouseButton_Right) &&
-         io.MouseDragMaxDistanceSqr[ImGuiMouseButton_Right] < most * most;
+  return ImGui::IsItemHovered() && ImGui::IsMouseReleased(button) &&
+         io.MouseDragMaxDistanceSqr[button] < most * most;
 }
+
+namespace {
+
+// An end of a distance that the pointer drags. It stays where there is nothing under the pointer.
+void DragEnd(MeasureState& measure, const DistanceEnd& end, const MeasurePointer& pointer) {
+  if (end.number >= measure.distances.size()) return;
+  if (const auto p_W = pointer.point_W()) measure.distances[end.number].*end.point = *p_W;
+}
+
+}  // namespace
 
 bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
   ViewState& state = viewer.state();
@@ -39,8 +49,17 @@ bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
     }
     return true;
   }
-  if (pointer.clicked) press = MeasurePress{pointer.picture, pointer.at_px};
+  if (pointer.clicked) {
+    press = MeasurePress{
+        pointer.picture, pointer.at_px,
+        EndAt(state.measure.distances, pointer.at_px, kNear_px * scale, pointer.pixel_of)};
+  }
   if (!press || press->picture != pointer.picture) return false;
+  if (press->end) {
+    if (pointer.at_px != press->at_px) DragEnd(state.measure, *press->end, pointer);
+    if (!pointer.held) press.reset();
+    return true;
+  }
   if ((pointer.at_px - press->at_px).norm() > kClick_px * scale) {
     press.reset();
     return false;
@@ -64,13 +83,14 @@ bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer) {
     return p_D ? std::optional(X_DW->Inverse().Apply(*p_D)) : std::nullopt;
   };
   const auto pixel_of = [&](const Vec3& p_W) { return projection.PixelOf(X_DW->Apply(p_W)); };
-  return TakeMeasurePointer(viewer, {.picture = kViewPicture,
-                                     .at_px = pointer.at_px,
-                                     .clicked = pointer.clicked,
-                                     .held = pointer.held,
-                                     .right_clicked = IsRightClicked(viewer.state().screen_scale),
-                                     .point_W = point_W,
-                                     .pixel_of = pixel_of});
+  return TakeMeasurePointer(
+      viewer, {.picture = kViewPicture,
+               .at_px = pointer.at_px,
+               .clicked = pointer.clicked,
+               .held = pointer.held,
+               .right_clicked = IsClicked(viewer.state().screen_scale, ImGuiMouseButton_Right),
+               .point_W = point_W,
+               .pixel_of = pixel_of});
 }
 
 }  // namespace palpate::view

@@ -3,6 +3,8 @@
 // Threads: that of the frames.
 #pragma once
 
+#include <imgui.h>
+
 #include <functional>
 #include <optional>
 
@@ -26,8 +28,7 @@ struct MeasurePointer {
 // as a drag, which may then turn the view.
 bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer);
 
-// Dear ImGui's current item was clicked with the right button, without a drag. `scale`: of the
-// layout.
-bool IsRightClicked(float scale);
+// Dear ImGui's current item was clicked, without a drag. `scale`: of the layout.
+bool IsClicked(float scale, ImGuiMouseButton button = ImGuiMouseButton_Left);
 
 }  // namespace palpate::view

@@ -46,6 +46,7 @@ struct ConnectForm {
 struct MeasurePress {
   int picture = 0;
   Eigen::Vector2d at_px = Eigen::Vector2d::Zero();
+  std::optional<DistanceEnd> end{};  // that it drags
 };
 
 // The surface under the pointer, of that version of the surface.
@@ -88,9 +89,10 @@ struct ViewState {
   // The point where the slices cross.
   bool cross_follows_proxy = false;
   Vec3 cross_I = Vec3::Zero();
-  std::array<SliceZoom, 3> slice_zoom{};  // by axis of W
-  std::optional<int> filling_slice{};     // the axis of the slice that fills the view's place
-  std::optional<int> pointed_slice{};     // the axis of the slice under the pointer
+  Vec3 cross_before_click_I = Vec3::Zero();  // a double click does not move it
+  std::array<SliceZoom, 3> slice_zoom{};     // by axis of W
+  std::optional<int> filling_slice{};        // the axis of the slice that fills the view's place
+  std::optional<int> pointed_slice{};        // the axis of the slice under the pointer
   MeasureState measure{};
   std::optional<MeasurePress> measure_press{};
   PointedSurfaceState pointed_surface{};

@@ -132,17 +132,18 @@ bool NameSelectable(const std::string& name, bool selected, ImGuiSelectableFlags
   return pressed;
 }
 
-void UnitText(const std::string& unit, float kept_px) {
-  if (unit.empty()) return;
-  ImGui::SameLine(0.0f, 5.0f);
-  const float room_px = ImGui::GetContentRegionAvail().x - kept_px;
-  std::size_t bytes = 12;  // "HU", "mg/cm3"
-  std::string line = OneLine(unit, bytes);
-  while (bytes > 0 && ImGui::CalcTextSize(line.c_str()).x > room_px) line = OneLine(unit, --bytes);
-  ImGui::TextUnformatted(line.data(), line.data() + line.size());
-  if (line != unit && ImGui::IsItemHovered()) {
-    ImGui::SetTooltip("%s", OneLine(unit, 200).c_str());
+bool UnitText(const std::string& unit, float kept_px) {
+  if (unit.empty()) return true;
+  const std::string line = OneLine(unit, 200);
+  const float after_px = ImGui::GetItemRectMax().x - ImGui::GetWindowPos().x + 5.0f;
+  const float room_px = ImGui::GetContentRegionMax().x - after_px - kept_px;
+  if (ImGui::CalcTextSize(line.c_str()).x <= room_px) {
+    ImGui::SameLine(0.0f, 5.0f);
+    ImGui::TextUnformatted(line.c_str());
+    return true;
   }
+  WrappedText(kPlain, line);
+  return false;
 }
 
 bool HeldSlider(Viewer& viewer, const char* label, double& value, double least, double most,

@@ -47,9 +47,9 @@ std::string OneLine(std::string_view text, std::size_t most_bytes);
 bool NameButton(const std::string& name);
 bool NameSelectable(const std::string& name, bool selected = false, ImGuiSelectableFlags flags = 0);
 
-// Draws a volume's unit beside the number just drawn, as much of it as fits. Leaves `kept_px` of
-// the line to what comes after.
-void UnitText(const std::string& unit, float kept_px = 0.0f);
+// Draws a volume's unit beside the number just drawn, and leaves `kept_px` of the line to what
+// comes after. A long unit has lines of its own below; then returns false.
+bool UnitText(const std::string& unit, float kept_px = 0.0f);
 
 // Draws a slider for a setting of palpated. Returns true if the user changed it; `value` is then
 // the user's. A typed value changes as in DragDouble.

@@ -59,4 +59,19 @@ std::optional<std::size_t> DistanceAt(const std::vector<Distance>& distances,
   return nearest;
 }
 
+std::optional<DistanceEnd> EndAt(const std::vector<Distance>& distances,
+                                 const Eigen::Vector2d& point_px, double most_px,
+                                 const PixelOfPoint& pixel_of) {
+  std::optional<DistanceEnd> nearest;
+  for (std::size_t n = 0; n < distances.size(); ++n) {
+    for (const auto point : {&Distance::from_W, &Distance::to_W}) {
+      const auto at_px = pixel_of(distances[n].*point);
+      if (!at_px || (point_px - *at_px).norm() > most_px) continue;
+      most_px = (point_px - *at_px).norm();
+      nearest = DistanceEnd{n, point};
+    }
+  }
+  return nearest;
+}
+
 }  // namespace palpate::view

@@ -33,6 +33,12 @@ struct MeasureState {
   void Clear() { *this = {}; }
 };
 
+// One end of one of several distances.
+struct DistanceEnd {
+  std::size_t number = 0;
+  Vec3 Distance::*point = &Distance::from_W;
+};
+
 // "12.3 mm"
 std::string TextOf(const Distance& distance);
 
@@ -46,5 +52,9 @@ using PixelOfPoint = std::function<std::optional<Eigen::Vector2d>(const Vec3& p_
 std::optional<std::size_t> DistanceAt(const std::vector<Distance>& distances,
                                       const Eigen::Vector2d& point_px, double most_px,
                                       const PixelOfPoint& pixel_of);
+// The nearest end, at most `most_px` from the point.
+std::optional<DistanceEnd> EndAt(const std::vector<Distance>& distances,
+                                 const Eigen::Vector2d& point_px, double most_px,
+                                 const PixelOfPoint& pixel_of);
 
 }  // namespace palpate::view

@@ -6,7 +6,6 @@
 namespace palpate::view {
 namespace {
 
-constexpr ValueWindow kSoftTissueAndBone{240.0, 800.0};
 constexpr double kAir = -900.0;
 constexpr double kLeastOfAScanner = -4096.0;
 constexpr double kBone = 300.0;
@@ -27,8 +26,17 @@ ValueWindow WholeRange(const VolumeLattice& lattice) {
   return whole.width > 0.0 ? whole : ValueWindow{whole.level, 1.0};
 }
 
+std::optional<ValueWindow> WindowOfFile(const VolumeLattice& lattice) {
+  const ValueWindow window{lattice.window_level, lattice.window_width};
+  const bool is_one = std::isfinite(window.level) && std::isfinite(window.width) &&
+                      window.width > 0.0 && window.max() > lattice.value_min &&
+                      window.min() < lattice.value_max;
+  return is_one ? std::optional(window) : std::nullopt;
+}
+
 ValueWindow FirstWindow(const VolumeLattice& lattice) {
-  return HasHounsfieldUnits(lattice) ? kSoftTissueAndBone : WholeRange(lattice);
+  if (const auto of_file = WindowOfFile(lattice)) return *of_file;
+  return HasHounsfieldUnits(lattice) ? kWindowPresets[0].window : WholeRange(lattice);
 }
 
 ValueWindow Dragged(const ValueWindow& window, double right_px, double down_px, double picture_px,

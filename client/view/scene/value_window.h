@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string_view>
 
 #include "common/bricks/volume_event.h"
@@ -26,18 +27,22 @@ struct WindowPreset {
   ValueWindow window;
 };
 // For Hounsfield units.
-inline constexpr std::array<WindowPreset, 4> kWindowPresets = {{{"Bone", {400.0, 1800.0}},
-                                                                {"Soft tissue", {40.0, 400.0}},
-                                                                {"Lung", {-600.0, 1500.0}},
-                                                                {"Brain", {40.0, 80.0}}}};
+inline constexpr std::array<WindowPreset, 5> kWindowPresets = {
+    {{"Soft tissue and bone", {240.0, 800.0}},
+     {"Bone", {400.0, 1800.0}},
+     {"Soft tissue", {40.0, 400.0}},
+     {"Lung", {-600.0, 1500.0}},
+     {"Brain", {40.0, 80.0}}}};
 
 // True if the file says so, or if it states no unit and its values look like it: whole numbers from
 // that of air to that of bone.
 bool HasHounsfieldUnits(const VolumeLattice& lattice);
 
 ValueWindow WholeRange(const VolumeLattice& lattice);
-// The window of a volume just loaded: soft tissue and bone at once for Hounsfield units, otherwise
-// the whole range.
+// The window that the file proposes, if any.
+std::optional<ValueWindow> WindowOfFile(const VolumeLattice& lattice);
+// The window of a volume just loaded: the file's. Without one, soft tissue and bone at once for
+// Hounsfield units, otherwise the whole range.
 ValueWindow FirstWindow(const VolumeLattice& lattice);
 
 // A drag over a slice: to the right widens, up raises the level, by the window's width over a drag
