@@ -54,7 +54,7 @@ class Desk(unittest.TestCase):
     def open_page(self):
         window = self.open_window()
         # Keys that come before the window are lost.
-        window.wait_for_title("Palpate: reconnecting")
+        window.wait_for_title("Palpate: not connected")
         return window
 
     def dialog_answers(self, path, code=0):

@@ -372,5 +372,5 @@ class ViewWindowAtItsLimits(unittest.TestCase):
 
     def test_it_ends_in_order_without_a_daemon(self):
         window = self.open(socket="nobody.sock")
-        window.wait_for_title("Palpate: reconnecting")
+        window.wait_for_title("Palpate: not connected")
         self.assertEqual(window.end(), (0, ""))

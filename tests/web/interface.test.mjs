@@ -361,7 +361,11 @@ pageTest("without WebGL2 slices are drawn and moved by keys", {}, async (page) =
     harness.state.emit("picture");
   });
   const slider = "#slices-planes figure:first-child input";
-  await until(page, () => document.querySelector("#slices-planes figure:first-child input").getAttribute("aria-valuetext") === "voxel 19 of 47");
+  const isAt = (voxel) => until(page, (at) =>
+    document.querySelector("#slices-planes figure:first-child input").getAttribute("aria-valuetext") === `voxel ${at} of 47`, voxel);
+  await isAt(24); // in the middle, whatever the proxy does
+  await page.click("#slices-follow");
+  await isAt(19);
   const brightest = () => page.$eval("#slices-planes canvas", (canvas) => {
     const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
     return data.reduce((most, value, at) => (at % 4 === 2 ? Math.max(most, value) : most), 0);
@@ -439,6 +443,89 @@ for (const [width, height] of [[320, 568], [844, 390], [3840, 2160]]) {
     assert.deepEqual(small, []);
   });
 }
+
+// What the page says is judged by the array and the map alone: voxels of 0.7 x 1.5 x 2.5 mm, turned about z and x.
+const kOblique = (() => {
+  const [a, b] = [0.4, 0.3];
+  const turned = [[Math.cos(a), Math.sin(a), 0], [-Math.sin(a) * Math.cos(b), Math.cos(a) * Math.cos(b), Math.sin(b)],
+    [Math.sin(a) * Math.sin(b), -Math.cos(a) * Math.sin(b), Math.cos(b)]];
+  const edges = [0.7, 1.5, 2.5];
+  return { axes: turned, edges, map: [0, 1, 2].flatMap((row) => [...turned.map((axis, n) => axis[row] * edges[n]), 10 * row - 5]) };
+})();
+
+pageTest("over a slice the pointer tells value and place, and the scale bar is as long as it says", {}, async (page) => {
+  await page.evaluate((map) => {
+    harness.connect();
+    Object.assign(harness.state.volume, { world_from_index: map });
+    Object.assign(harness.state.placement, { device_from_index: map });
+    harness.state.emit("placement");
+    harness.state.view.slices = true;
+    harness.state.emit("view");
+  }, kOblique.map);
+  const [i, j, k] = kOblique.axes;
+  for (const n of [1, 2, 3]) {
+    const slice = `#slices-planes figure:nth-child(${n})`;
+    await until(page, (selector) => document.querySelector(`${selector} canvas`).dataset.scaleBar, slice);
+    const told = async (right) => {
+      const { x, y, width, height } = await page.$eval(`${slice} canvas`, (canvas) => canvas.getBoundingClientRect().toJSON());
+      const isHidden = (wanted) => until(page, (selector, is) => document.querySelector(selector).hidden === is, `${slice} .readout`, wanted);
+      await page.mouse.move(x + width / 2, y - 10);
+      await isHidden(true);
+      await page.mouse.move(x + width / 2 + right, y + height / 2);
+      await isHidden(false);
+      const words = (await page.$eval(`${slice} .readout`, (output) => output.textContent)).match(/^(\S+) HU\n([LR]) (\S+) ([PA]) (\S+) ([SI]) (\S+) mm$/);
+      const place = [2, 4, 6].map((at) => Number(words[at + 1]) * ("RAI".includes(words[at]) ? -1 : 1));
+      return { value: Number(words[1].replace("−", "-")), place };
+    };
+    const [mm, px] = (await page.$eval(`${slice} canvas`, (canvas) => canvas.dataset.scaleBar)).split(" ").map(Number);
+    const points = [await told(-20), await told(20)];
+    for (const { value, place } of points) {
+      const from = place.map((at, row) => at - (10 * row - 5));
+      const voxel = [i, j, k].map((axis, at) => axis.reduce((sum, of, row) => sum + of * from[row], 0) / kOblique.edges[at]);
+      const expected = 1000 - 40 * Math.hypot(voxel[0] - 30, voxel[1] - 28, voxel[2] - 24);
+      // The place has one decimal: 0.05 mm is 40 times 0.07 voxels.
+      assert.ok(Math.abs(value - expected) < 9, `${n}: ${value} is not ${expected}`);
+    }
+    const away = Math.hypot(...points[0].place.map((at, row) => at - points[1].place[row]));
+    assert.ok(Math.abs(away - (40 * mm) / px) < 0.2, `${n}: ${away} mm are not 40 of ${px} pixels of ${mm} mm`);
+  }
+});
+
+pageTest("wheel and drags on a slice do what they do in the desktop viewer", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.connect();
+    harness.state.view.slices = true;
+    harness.state.emit("view");
+  });
+  const slice = "#slices-planes figure:first-child";
+  const place = () => page.$eval(`${slice} input`, (input) => input.getAttribute("aria-valuetext"));
+  await until(page, (selector) => document.querySelector(`${selector} canvas`).dataset.scaleBar, slice);
+  const { x, y, width, height } = await page.$eval(`${slice} canvas`, (canvas) => canvas.getBoundingClientRect().toJSON());
+  const [middleX, middleY] = [x + width / 2, y + height / 2];
+  await page.mouse.move(middleX, middleY);
+  await page.mouse.wheel({ deltaY: -100 });
+  await until(page, (selector) => document.querySelector(selector).getAttribute("aria-valuetext") === "voxel 25 of 47", `${slice} input`);
+  const bar = () => page.$eval(`${slice} canvas`, (canvas) => Number(canvas.dataset.scaleBar.split(" ")[1]) / Number(canvas.dataset.scaleBar.split(" ")[0]));
+  const pxPerMm = await bar();
+  await page.keyboard.down("Control");
+  await page.mouse.wheel({ deltaY: -100 });
+  await page.keyboard.up("Control");
+  await until(page, (selector, before) => {
+    const [mm, px] = document.querySelector(selector).dataset.scaleBar.split(" ").map(Number);
+    return Math.abs(px / mm / before - 1.2) < 1e-6;
+  }, `${slice} canvas`, pxPerMm);
+  const corner = () => page.$eval(`${slice} canvas`, (canvas) => canvas.getContext("2d").getImageData(canvas.width / 2 + 20, canvas.height / 2 + 20, 1, 1).data[0]);
+  const gray = await corner();
+  await page.mouse.down({ button: "right" });
+  await page.mouse.move(middleX, middleY - 30, { steps: 3 });
+  await page.mouse.up({ button: "right" });
+  // A higher level is darker, and the cross-hair stays.
+  await until(page, (selector, before) => {
+    const canvas = document.querySelector(selector);
+    return canvas.getContext("2d").getImageData(canvas.width / 2 + 20, canvas.height / 2 + 20, 1, 1).data[0] < before;
+  }, `${slice} canvas`, gray);
+  assert.equal(await place(), "voxel 25 of 47");
+});
 
 test("slices of a patient lie as radiologists see them, whatever the order of the voxels", async () => {
   const { sectionsOf } = await pure("sections");

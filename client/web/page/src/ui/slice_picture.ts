@@ -16,7 +16,27 @@ export interface Level {
   color: [number, number, number];
 }
 
+// The values that are shown from black to white.
+export interface Window {
+  level: number; // the middle
+  width: number;
+}
+
 const kLineHalfPx = 0.7;
+const kSoftTissueAndBone: Window = { level: 240, width: 800 }; // HU
+
+// As the desktop viewer begins.
+export function firstWindow(unit: string, valueMin: number, valueMax: number): Window {
+  return unit === "HU" ? kSoftTissueAndBone : { level: (valueMin + valueMax) / 2, width: valueMax - valueMin || 1 };
+}
+
+// Between the voxels of a plane; the first axis of the volume runs along its rows.
+export function valueOn({ width, height, values }: Plane, first: number, second: number): number {
+  const [a, b] = [Math.min(width - 2, Math.floor(first)), Math.min(height - 2, Math.floor(second))].map((n) => Math.max(0, n));
+  const at = (i: number, j: number) => values[Math.min(height - 1, b + j) * width + Math.min(width - 1, a + i)];
+  const [u, v] = [first - a, second - b];
+  return (1 - v) * ((1 - u) * at(0, 0) + u * at(1, 0)) + v * ((1 - u) * at(0, 1) + u * at(1, 1));
+}
 
 // For each pixel along an axis: the offsets of the voxels on both sides, and the share of the second.
 interface Samples {
@@ -73,12 +93,17 @@ export function paintSlice(
     if (Number.isNaN(value)) continue;
     data[pixel] = data[pixel + 1] = data[pixel + 2] = (value - window[0]) * perGray;
     data[pixel + 3] = 255;
-    // The line's distance in pixels, from how fast the values change. No line where they do not.
+    // The line's distance in pixels, from how fast the values change. No line where no pixel beside this one is
+    // on the other side of the level: next to steep values the distance alone would promise one.
     const beside = values[(at + 1) % width === 0 ? at - 1 : at + 1];
     const slope = Math.hypot((beside - value) || 0, (values[at + width] - value) || 0);
     for (const level of levels) {
       const share = Math.min(1, kLineHalfPx + 0.5 - Math.abs(value - level.value) / slope);
       if (!(share > 0)) continue;
+      const isAbove = value > level.value;
+      const crosses = (other: number) => other > level.value !== isAbove && !Number.isNaN(other);
+      if (!crosses(values[at - 1]) && !crosses(values[at + 1]) && !crosses(values[at - width] ?? NaN)
+        && !crosses(values[at + width] ?? NaN)) continue;
       for (let n = 0; n < 3; ++n) data[pixel + n] += share * (level.color[n] - data[pixel + n]);
     }
   }

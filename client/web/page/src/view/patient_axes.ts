@@ -40,6 +40,16 @@ export function letterOf({ axis, sign }: SignedAxis): string {
   return (sign > 0 ? "LPS" : "RAI")[axis];
 }
 
+// "L 12.3 P 4.5 S 60.1 mm" of a patient, otherwise "x 12.3 y −4.5 z 60.1 mm".
+export function placeText(place: Vec3, isKnown: boolean): string {
+  const words = place.map((mm, axis) => {
+    const rounded = Math.round(10 * mm) / 10 + 0;
+    const letter = letterOf({ axis: axis as Axis, sign: rounded < 0 ? -1 : 1 });
+    return isKnown ? `${letter} ${Math.abs(rounded).toFixed(1)}` : `${"xyz"[axis]} ${rounded.toFixed(1).replace("-", "−")}`;
+  });
+  return `${words.join(" ")} mm`;
+}
+
 // The letters of any direction of P, the greatest component first: "L", "LA".
 export function lettersOf(direction: Vec3): string {
   const unit = normalized(direction);
