@@ -141,7 +141,7 @@ void StopButton(Viewer& viewer, RowFromRight& row, bool wide, float scale) {
   ImGui::PushStyleColor(ImGuiCol_Button, {0.75f, 0.10f, 0.10f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {0.90f, 0.16f, 0.14f, 1.0f});
   ImGui::PushStyleColor(ImGuiCol_ButtonActive, {1.00f, 0.30f, 0.25f, 1.0f});
-  const bool pressed = row.Next(label, ButtonWidth(label) + 12.0f * scale);
+  const bool pressed = row.Next(label, ButtonWidth(label) + (wide ? 12.0f : 24.0f) * scale);
   ImGui::PopStyleColor(4);
   const ImVec2 min = ImGui::GetItemRectMin(), max = ImGui::GetItemRectMax();
   viewer.state().stop_button = {min, {max.x - min.x, max.y - min.y}};
