@@ -491,6 +491,29 @@ pageTest("over a slice the pointer tells value and place, and the scale bar is a
   }
 });
 
+pageTest("keys 1 to 6 look from the patient's sides", {}, async (page) => {
+  // Voxels along L, P and S.
+  await page.evaluate(() => {
+    harness.connect();
+    document.activeElement.blur();
+  });
+  const { Camera, uprightPatient } = await import(`data:text/javascript;base64,${Buffer.from(
+    await bundle('export * from "./src/view/camera";', "esm")).toString("base64")}`);
+  const map = [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1, -24];
+  const sides = [[0, -1, 0], [0, 1, 0], [1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1]];
+  const ups = [[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1], [0, -1, 0], [0, -1, 0]];
+  for (let n = 0; n < 6; ++n) {
+    await page.keyboard.press(String(n + 1));
+    const { target, azimuthDeg, elevationDeg, distanceMm } = await page.evaluate(() => harness.state.view);
+    const camera = new Camera();
+    camera.upright = uprightPatient(map, map);
+    camera.set(target, azimuthDeg, elevationDeg, distanceMm);
+    const [, up, back] = camera.axes();
+    const alike = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    assert.ok(alike(back, sides[n]) > 0.99 && alike(up, ups[n]) > 0.99, `${n + 1}: from ${back}, up ${up}`);
+  }
+});
+
 pageTest("wheel and drags on a slice do what they do in the desktop viewer", {}, async (page) => {
   await page.evaluate(() => {
     harness.connect();
