@@ -14,6 +14,12 @@ namespace {
 constexpr std::chrono::seconds kPagePatience{1};
 constexpr std::string_view kSocketScheme = "unix:";
 
+// False also where this user may not look: palpated may.
+bool IsMissing(const std::string& path) {
+  std::error_code error;
+  return !std::filesystem::exists(path, error) && !error;
+}
+
 bool IsSample(const std::string& source) { return source.starts_with("builtin:"); }
 
 }  // namespace
@@ -39,7 +45,11 @@ void Files::FollowPending() {
   if (IsConnected() && volume) {
     const std::string source = *std::exchange(pending_, std::nullopt);
     // A palpated that was started again may have restored it.
-    if (volume->source != source) viewer_.feed().loader().Load(source, false);
+    if (volume->source != source) {
+      viewer_.feed().loader().Load(source, false);
+    } else {
+      page_kept_ = false;
+    }
   } else if (!daemon_.problem().empty()) {
     // The page and the card show the daemon's problem.
     pending_.reset();
@@ -76,7 +86,8 @@ std::string Files::WhyNotSave() const {
 
 std::filesystem::path Files::StartFolder() const {
   const std::string& last = viewer_.preferences().last_folder;
-  if (!last.empty() && std::filesystem::exists(last)) return last;
+  std::error_code error;
+  if (!last.empty() && std::filesystem::exists(last, error)) return last;
   if (!recent().empty()) return std::filesystem::path(recent().front()).parent_path();
   return VariableOf("HOME");
 }
@@ -115,7 +126,7 @@ void Files::Open(const std::string& source) {
   form_.shown = false;
   if (const std::string why = WhyNotOpen(); !why.empty()) {
     problem_ = "cannot open " + source + ": " + why;
-  } else if (!IsSample(source) && !std::filesystem::exists(source)) {
+  } else if (!IsSample(source) && IsMissing(source)) {
     problem_ = "there is no file or folder " + source;
   } else if (IsConnected()) {
     viewer_.feed().loader().Load(source, false);
@@ -128,10 +139,11 @@ void Files::Open(const std::string& source) {
 }
 
 void Files::StartAgain() {
-  const auto& lattice = viewer_.feed().volume().lattice();
+  // Copied: another connection begins without a volume.
+  const auto lattice = viewer_.feed().volume().lattice();
   problem_.clear();
   StartHere();
-  if (problem_.empty() && lattice) pending_ = lattice->source;
+  if (daemon_.runs() && lattice) pending_ = lattice->source;
 }
 
 void Files::ForgetServer() {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "client/sdk/words.h"
 #include "client/view/app/input.h"
@@ -145,8 +146,8 @@ void StopButton(Viewer& viewer, RowFromRight& row, bool wide, float scale) {
   ImGui::PopStyleColor(4);
   const ImVec2 min = ImGui::GetItemRectMin(), max = ImGui::GetItemRectMax();
   viewer.state().stop_button = {min, {max.x - min.x, max.y - min.y}};
-  // The pointer's press has stopped them already.
-  if (pressed && !ImGui::IsMouseReleased(ImGuiMouseButton_Left)) viewer.feed().StopForces();
+  // The pointer's press has stopped them already, unless the bar moved meanwhile.
+  if (pressed && !std::exchange(viewer.state().stop_was_pressed, false)) viewer.feed().StopForces();
   Tip("emergency stop: no forces until they are enabled again");
 }
 

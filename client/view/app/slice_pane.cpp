@@ -113,6 +113,13 @@ bool TakeMeasureInPane(Viewer& viewer, const Pane& pane) {
                },
                .pixel_of = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
                  return pane.view.PixelOf(pane.X_WI.Inverse().Apply(p_W));
+               },
+               // Not those that lie in other slices.
+               .end_of = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
+                 const Vec3 p_I = pane.X_WI.Inverse().Apply(p_W);
+                 const double away = p_I[pane.axes.across.axis] - pane.position_voxels;
+                 if (std::abs(away) > 0.75) return std::nullopt;
+                 return pane.view.PixelOf(p_I);
                }});
 }
 

@@ -50,13 +50,16 @@ bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
     return true;
   }
   if (pointer.clicked) {
-    press = MeasurePress{
-        pointer.picture, pointer.at_px,
-        EndAt(state.measure.distances, pointer.at_px, kNear_px * scale, pointer.pixel_of)};
+    press = MeasurePress{pointer.picture, pointer.at_px};
+    if (!state.measure.begun_W) {
+      press->end = EndAt(state.measure.distances, pointer.at_px, kNear_px * scale,
+                         pointer.end_of ? pointer.end_of : pointer.pixel_of);
+    }
   }
   if (!press || press->picture != pointer.picture) return false;
   if (press->end) {
-    if (pointer.at_px != press->at_px) DragEnd(state.measure, *press->end, pointer);
+    press->moved |= (pointer.at_px - press->at_px).norm() > kClick_px * scale;
+    if (press->moved) DragEnd(state.measure, *press->end, pointer);
     if (!pointer.held) press.reset();
     return true;
   }

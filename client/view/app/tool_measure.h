@@ -22,6 +22,7 @@ struct MeasurePointer {
   // The point under the pointer, asked for only when needed; none: nothing is there.
   std::function<std::optional<Vec3>()> point_W;
   PixelOfPoint pixel_of;
+  PixelOfPoint end_of{};  // of ends that can be dragged; empty: pixel_of
 };
 
 // Does nothing unless Tool::kMeasure is chosen. Returns true if the pointer is used: until it moves

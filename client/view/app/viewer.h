@@ -47,6 +47,7 @@ struct MeasurePress {
   int picture = 0;
   Eigen::Vector2d at_px = Eigen::Vector2d::Zero();
   std::optional<DistanceEnd> end{};  // that it drags
+  bool moved = false;
 };
 
 // The surface under the pointer, of that version of the surface.
@@ -109,7 +110,8 @@ struct ViewState {
   std::optional<client::Role> headings_opened_for{};
   bool help_shown = false;
   EscapeRule escape{};
-  Area stop_button{};  // a press there stops the forces, whatever is drawn over it
+  Area stop_button{};             // a press there stops the forces, whatever is drawn over it
+  bool stop_was_pressed = false;  // the last press of the left button was there
   FacingForm facing{};
   ConnectForm connect{};
   SessionState session{};

@@ -1,6 +1,7 @@
 // A slice as a picture: grey values between the voxels by linear interpolation, and lines where they equal a
 // level. The time depends on the picture's size alone, not on how many lines there are.
-import type { Plane } from "../volume/copy";
+import type { Plane, VolumeCopy } from "../volume/copy";
+import type { Vec3 } from "../wire/messages";
 import type { Section } from "./sections";
 
 // Where the picture's voxels are, in its pixels. Voxels (0, 0) begin at the corner.
@@ -25,17 +26,20 @@ export interface Window {
 const kLineHalfPx = 0.7;
 const kSoftTissueAndBone: Window = { level: 240, width: 800 }; // HU
 
-// As the desktop viewer begins.
+// As the desktop viewer begins where the file proposes no window.
 export function firstWindow(unit: string, valueMin: number, valueMax: number): Window {
   return unit === "HU" ? kSoftTissueAndBone : { level: (valueMin + valueMax) / 2, width: valueMax - valueMin || 1 };
 }
 
-// Between the voxels of a plane; the first axis of the volume runs along its rows.
-export function valueOn({ width, height, values }: Plane, first: number, second: number): number {
-  const [a, b] = [Math.min(width - 2, Math.floor(first)), Math.min(height - 2, Math.floor(second))].map((n) => Math.max(0, n));
-  const at = (i: number, j: number) => values[Math.min(height - 1, b + j) * width + Math.min(width - 1, a + i)];
-  const [u, v] = [first - a, second - b];
-  return (1 - v) * ((1 - u) * at(0, 0) + u * at(1, 0)) + v * ((1 - u) * at(0, 1) + u * at(1, 1));
+// Of the voxels around a point.
+export function valueBetween(copy: Pick<VolumeCopy, "value">, [i, j, k]: Vec3): number {
+  let sum = 0;
+  for (let corner = 0; corner < 8; ++corner) {
+    const [a, b, c] = [i, j, k].map((at, axis) => Math.floor(at) + ((corner >> axis) & 1));
+    const weight = (1 - Math.abs(i - a)) * (1 - Math.abs(j - b)) * (1 - Math.abs(k - c));
+    if (weight > 0) sum += weight * copy.value(a, b, c);
+  }
+  return sum;
 }
 
 // For each pixel along an axis: the offsets of the voxels on both sides, and the share of the second.
@@ -102,8 +106,9 @@ export function paintSlice(
       if (!(share > 0)) continue;
       const isAbove = value > level.value;
       const crosses = (other: number) => other > level.value !== isAbove && !Number.isNaN(other);
-      if (!crosses(values[at - 1]) && !crosses(values[at + 1]) && !crosses(values[at - width] ?? NaN)
-        && !crosses(values[at + width] ?? NaN)) continue;
+      const column = at % width;
+      const around = [column > 0 ? at - 1 : -1, column < width - 1 ? at + 1 : -1, at - width, at + width];
+      if (!around.some((other) => crosses(values[other] ?? NaN))) continue;
       for (let n = 0; n < 3; ++n) data[pixel + n] += share * (level.color[n] - data[pixel + n]);
     }
   }

@@ -10,7 +10,7 @@ import { beginDrawing, find, font, make, paced, setAttribute, setText } from "./
 import { isovalueOf } from "./histogram";
 import { sectionsOf } from "./sections";
 import type { Section } from "./sections";
-import { firstWindow, paintSlice, valueOn } from "./slice_picture";
+import { firstWindow, paintSlice, valueBetween } from "./slice_picture";
 import type { Frame, Level, Window } from "./slice_picture";
 import { valueText } from "./words";
 
@@ -96,6 +96,7 @@ class SliceView {
 
   // Left: the cross-hair. Right: window and level. With shift, or the middle button: moves the picture.
   private onPointer(event: PointerEvent): void {
+    if (!this.copy.shape) return;
     this.pointer = [event.offsetX, event.offsetY];
     const moves = event.shiftKey || (event.buttons & 4) !== 0;
     if (event.buttons !== 0 && moves) {
@@ -115,6 +116,7 @@ class SliceView {
 
   private onWheel(event: WheelEvent): void {
     event.preventDefault();
+    if (event.deltaY === 0) return;
     const up = event.deltaY < 0;
     if (!event.ctrlKey) {
       this.step(up ? this.section.across.sign : -this.section.across.sign);
@@ -231,9 +233,7 @@ class SliceView {
     if (!isInside || !frame) return;
     const block: Vec3 = [0, 0, 0];
     [block[across.axis], block[right.axis], block[down.axis]] = [index, this.toVoxel(right, x), this.toVoxel(down, y)];
-    const plane = this.copy.plane(across.axis, index);
-    const [first, second] = ([0, 1, 2] as Axis[]).filter((axis) => axis !== across.axis);
-    const value = valueText(valueOn(plane, block[first], block[second]), this.state.volume?.unit);
+    const value = valueText(valueBetween(this.copy, block), this.state.volume?.unit);
     const place = apply(frame.fromIndex, block.map((n) => this.toWhole(n)) as Vec3);
     setText(this.readout, `${this.copy.factor > 1 ? "≈ " : ""}${value}\n${placeText(place, frame.isKnown)}`);
   }
@@ -310,11 +310,14 @@ export function showSlices(root: HTMLElement, state: State, copy: VolumeCopy): v
   // Another volume begins in its middle, with a window of its own.
   const begin = () => {
     const { volume } = state;
-    const name = JSON.stringify([volume?.name, volume?.size]);
-    if (!copy.shape || !volume?.size || begun === name) return;
+    const { shape, factor } = copy;
+    // The copy may still be that of the volume before.
+    if (!shape || !volume?.size || volume.size.some((n, axis) => Math.ceil(n / factor) !== shape.size[axis])) return;
+    const name = JSON.stringify([volume.name, volume.size, volume.unit, shape.valueMin, shape.valueMax]);
+    if (begun === name) return;
     begun = name;
     shared.position = volume.size.map((n) => (n - 1) / 2) as Vec3;
-    shared.window = firstWindow(volume.unit ?? "", copy.shape.valueMin, copy.shape.valueMax);
+    shared.window = firstWindow(volume.unit ?? "", shape.valueMin, shape.valueMax);
   };
   const request = paced(20, () => {
     if (section.hidden || !copy.shape) return;
