@@ -179,7 +179,7 @@ class Layout(DaemonTest):
         window = self.whole()
         place = window.find("Stiffness", within=RIGHT)
         self.conn.recording.start(str(self.daemon.folder / f"{time.time_ns()}.palrec"))
-        window.find("Session", within=RIGHT)
+        window.find("End recording")
         self.assertEqual(window.find("Stiffness", within=RIGHT), place)
         self.conn.recording.stop()
 
