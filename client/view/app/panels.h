@@ -12,7 +12,7 @@ namespace palpate::view {
 
 // Connection, volume, Record, Undo, Redo, people, emergency stop: always visible.
 void DrawTopBar(Viewer& viewer, const Area& area, float scale);
-// Whether forces act, why not, and the button that is allowed: always visible.
+// Whether forces act, why not, and the button that is allowed: visible but on the start page.
 void DrawStateBar(Viewer& viewer, const Area& area, float scale);
 // The picture, with legend and messages.
 void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale);
