@@ -37,6 +37,7 @@ class ViewBrush : public ::testing::Test {
     options_.value = 0.375 * feed_->volume().lattice()->value_max;
     options_.radius_mm = 3.0 * spacing_mm();
     options_.falloff_mm = 0.0;
+    options_.removes = false;
     Frame();
   }
   double spacing_mm() const { return feed_->volume().lattice()->spacing_mm.x(); }
@@ -81,13 +82,11 @@ class ViewBrush : public ::testing::Test {
   void NoteStrokes() {
     for (const Brush::BegunStroke& stroke : brush_.TakeBegun()) {
       newest_ = stroke.number;
-      history_.Add({.name = stroke.name,
-                    .go =
-                        [this, number = stroke.number](bool forward) {
-                          forward ? brush_.Redo(number, feed_->commands(), {})
-                                  : brush_.Undo(number, feed_->commands(), {});
-                        },
-                    .lasts = brush_.LastsOf(stroke.number)});
+      history_.Add(
+          {.name = stroke.name,
+           .go = [this, number = stroke.number](
+                     bool forward) { brush_.Restore(number, forward, feed_->commands(), {}); },
+           .lasts = brush_.LastsOf(stroke.number)});
     }
   }
   bool CanUndo() {
@@ -133,7 +132,7 @@ TEST_F(ViewBrush, AStrokeIsTakenBackByOneUndo) {
   DrawLine(16, 20);
   const Bricks one = Voxels();
   EXPECT_GT(CountDifferent(loaded, one), 300u);
-  EXPECT_EQ(feed_->volume_info()->unsaved_edits, 1u);
+  EXPECT_TRUE(Follow(*feed_, [&] { return feed_->volume_info()->unsaved_edits == 1; }));
   EXPECT_TRUE(CanUndo());
   DrawLine(30, 28);
   const Bricks two = Voxels();
@@ -267,20 +266,20 @@ TEST_F(ViewBrush, AStrokeLastsUntilAnotherClientEdits) {
   EXPECT_TRUE(lasts());
 
   const auto by_ada = [](client::Client&) { return std::string("token ada"); };
-  brush_.Undo(stroke, feed_->commands(), by_ada);
+  brush_.Restore(stroke, /*forward=*/false, feed_->commands(), by_ada);
   ExpectVoxels(loaded);
   EXPECT_TRUE(lasts());
-  brush_.Redo(stroke, feed_->commands(), by_ada);
+  brush_.Restore(stroke, /*forward=*/true, feed_->commands(), by_ada);
   const Bricks redone = Voxels();
   EXPECT_GT(CountDifferent(redone, loaded), 0u);
   // Not the last stroke: nothing is taken back.
-  brush_.Undo(stroke + 100, feed_->commands(), by_ada);
+  brush_.Restore(stroke + 100, /*forward=*/false, feed_->commands(), by_ada);
   ExpectVoxels(redone);
   EXPECT_TRUE(lasts());
 
   ASSERT_TRUE(EditBy(other, 38).changed);
   const Bricks both = Voxels();
-  brush_.Undo(stroke, feed_->commands(), by_ada);
+  brush_.Restore(stroke, /*forward=*/false, feed_->commands(), by_ada);
   ExpectVoxels(both);
   EXPECT_FALSE(lasts());
   EXPECT_NE(feed_->commands().problem().find("token ada"), std::string::npos);
@@ -310,12 +309,12 @@ TEST_F(ViewBrush, OfADaemonThatWasStartedAgainNothingIsTakenBack) {
   // Also before the volume has come again.
   ASSERT_TRUE(Follow(*feed_, [&] { return feed_->losses() > losses; }));
   Frame();
-  brush_.Undo(stroke, feed_->commands(), {});
+  brush_.Restore(stroke, /*forward=*/false, feed_->commands(), {});
   // Until the volume is the new daemon's, whose revisions say the same again.
   ASSERT_TRUE(Follow(*feed_, [&] { return daemon_id() != 0 && daemon_id() != killed; }));
   const Bricks of_other = Voxels();
   EXPECT_FALSE(CanUndo());
-  brush_.Undo(stroke, feed_->commands(), {});
+  brush_.Restore(stroke, /*forward=*/false, feed_->commands(), {});
   ExpectVoxels(of_other);
   EXPECT_NE(feed_->commands().problem(), "");
   DrawLine(16, 20);

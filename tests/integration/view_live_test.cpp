@@ -77,7 +77,7 @@ TEST_F(ViewLive, DisconnectsAndGoesToAnotherDaemon) {
   EXPECT_FALSE(feed.pose());
   ASSERT_TRUE(Follow(feed, [&] { return feed.volume().revision() && feed.pose(); }));
   EXPECT_EQ(feed.volume().lattice()->size, Vec3i(32, 32, 32));
-  ASSERT_TRUE(Eventually([&] { return feed.role() == client::Role::kAdmin; }));
+  ASSERT_TRUE(Follow(feed, [&] { return feed.role() == client::Role::kAdmin; }));
   EXPECT_TRUE(feed.May(client::Role::kOperator));
 }
 
@@ -125,10 +125,10 @@ class ViewQuestions : public ViewLive {
   void Record(const std::string& name) {
     const std::string path = daemon_.folder() / name;
     feed_.DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
-    ASSERT_TRUE(Eventually([&] { return feed_.recording() && feed_.recording()->running; }));
+    ASSERT_TRUE(Follow(feed_, [&] { return feed_.recording() && feed_.recording()->running; }));
     EXPECT_EQ(feed_.recording()->path, path);
     feed_.DoAndAsk("stop", [](client::Client& client) { client.StopRecording(); });
-    ASSERT_TRUE(Eventually([&] { return feed_.recording() && !feed_.recording()->running; }));
+    ASSERT_TRUE(Follow(feed_, [&] { return feed_.recording() && !feed_.recording()->running; }));
     EXPECT_EQ(feed_.commands().problem(), "");
   }
 
@@ -136,13 +136,13 @@ class ViewQuestions : public ViewLive {
 };
 
 TEST_F(ViewQuestions, AreAnsweredInTheBackground) {
-  ASSERT_TRUE(Eventually([&] { return feed_.device() && feed_.recording(); }));
+  ASSERT_TRUE(Follow(feed_, [&] { return feed_.device() && feed_.recording(); }));
   EXPECT_EQ(feed_.device()->device.kind, "simulated");
   EXPECT_FALSE(feed_.series());
   EXPECT_FALSE(feed_.recording()->running);
   Record("a.palrec");
   daemon_.Kill();
-  EXPECT_TRUE(Eventually([&] { return !feed_.device() && !feed_.recording(); }));
+  EXPECT_TRUE(Follow(feed_, [&] { return !feed_.device() && !feed_.recording(); }));
 }
 
 // Of a slider that is moved far faster than the daemon answers. Here it answers when `go` is set.
@@ -352,7 +352,7 @@ class ViewQuestionsTimes : public ViewQuestions {};
 // Each begins when an answer has just come: the next question would come a second later.
 TEST_F(ViewQuestionsTimes, ACommandThatAsksIsAnsweredBeforeTheNextQuestion) {
   const test::StolenShare stolen;
-  ASSERT_TRUE(Eventually([&] { return feed_.recording().has_value(); }));
+  ASSERT_TRUE(Follow(feed_, [&] { return feed_.recording().has_value(); }));
   constexpr int kRecordings = 6;
   const auto begin = std::chrono::steady_clock::now();
   for (int n = 0; n < kRecordings; ++n) Record(std::to_string(n) + ".palrec");

@@ -1,7 +1,9 @@
 """palpate-view for a person with nothing running: from the start page to a volume of their own."""
 
+import contextlib
 import os
 import pathlib
+import signal
 import struct
 import tempfile
 import unittest
@@ -103,6 +105,43 @@ class FromTheStartPage(Desk):
         self.press("CT")
         window.wait_for_title("Palpate: CT")
         self.assertEqual(self.source(), str(series))
+
+    def pid(self):
+        """Of the palpated that the window started."""
+        for link in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
+            with contextlib.suppress(OSError):
+                words = link.read_bytes().split(b"\0")
+                if words[0].endswith(b"palpated") and self.socket.encode() in words:
+                    return int(link.parent.name)
+        self.fail("no palpated")
+
+    def test_a_palpated_that_was_killed_starts_again_with_its_volume(self):
+        series = make_series(self.home / "CT")
+        self.dialog_answers(series)
+        window = self.open_page()
+        self.press("Open a DICOM folder\N{HORIZONTAL ELLIPSIS}")
+        window.wait_for_title("Palpate: CT")
+        with palpate.connect(self.socket) as conn:
+            for value in (100, 200):
+                conn.edit.sphere((6, 6, 6), 2, "set", value)
+        first = self.pid()
+        os.kill(first, signal.SIGKILL)
+        wait_until(lambda: window.shows("signal 9"))
+        self.press("Start again and reopen")
+        wait_until(lambda: not window.shows("Start again and reopen"))
+        wait_until(lambda: window.title() == "Palpate: CT")
+        self.assertNotEqual(self.pid(), first)
+        self.assertEqual(self.source(), str(series))
+        with palpate.connect(self.socket) as conn:
+            self.assertTrue(any("2 edits" in line for line in conn.volume.info().warnings))
+
+    def test_a_folder_without_a_volume_says_so_and_starts_nothing(self):
+        self.dialog_answers(self.home / "nothing")
+        window = self.open_page()
+        self.press("Open a DICOM folder\N{HORIZONTAL ELLIPSIS}")
+        wait_until(lambda: window.shows("nothing"))
+        self.assertTrue(window.shows("Start here"))
+        self.assertRaises(palpate.Unavailable, self.source)
 
 
 class InAWindow(DaemonTest):

@@ -129,7 +129,7 @@ class ViewStroke : public ::testing::TestWithParam<const char*> {
     brush_.Follow(volume(), feed_->losses());
   }
   void UndoTo(const Bricks& loaded) {
-    brush_.Undo(brush_.TakeBegun().back().number, feed_->commands(), {});
+    brush_.Restore(brush_.TakeBegun().back().number, /*forward=*/false, feed_->commands(), {});
     EXPECT_TRUE(Settle(*feed_));
     Frame();
     EXPECT_EQ(feed_->commands().problem(), "");

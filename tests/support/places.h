@@ -22,6 +22,8 @@ extern const char* const kFakeHdMissing;
 extern const char* const kCaptures;
 extern const char* const kCells;
 extern const char* const kFuzzCorpus;
+// What directions of volumes are called.
+extern const char* const kPatientLetters;
 // The configuration that the package installs.
 extern const char* const kExampleConfig;
 

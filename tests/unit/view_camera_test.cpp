@@ -6,8 +6,6 @@
 #include <cmath>
 #include <random>
 
-#include "client/view/scene/projection.h"
-
 namespace palpate::view {
 namespace {
 

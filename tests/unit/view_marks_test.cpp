@@ -6,7 +6,6 @@
 
 #include "client/view/scene/distances.h"
 #include "client/view/scene/readout.h"
-#include "client/view/scene/scale_bar.h"
 #include "client/view/scene/value_window.h"
 
 namespace palpate::view {

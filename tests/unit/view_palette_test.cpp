@@ -1,9 +1,11 @@
 // Texts are readable in both themes.
-#include "client/view/app/palette.h"
-
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+
+#include "client/view/app/theme.h"
 
 namespace palpate::view {
 namespace {
@@ -11,15 +13,29 @@ namespace {
 // Level AA of the Web Content Accessibility Guidelines for text of this size.
 constexpr double kReadable = 4.5;
 
+double Luminance(const ImVec4& color) {
+  const auto linear = [](float channel) {
+    const auto c = static_cast<double>(channel);
+    return c <= 0.03928 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+  };
+  return 0.2126 * linear(color.x) + 0.7152 * linear(color.y) + 0.0722 * linear(color.z);
+}
+
+// As the guidelines define it: 1 to 21. Only for colours without alpha.
+double ContrastOf(const ImVec4& a, const ImVec4& b) {
+  const auto [dark, bright] = std::minmax({Luminance(a), Luminance(b)});
+  return (bright + 0.05) / (dark + 0.05);
+}
+
 TEST(ViewPalette, ContrastIsThatOfTheGuidelines) {
-  const Rgba black{};
-  const Rgba white{1.0f, 1.0f, 1.0f};
+  const ImVec4 black(0.0f, 0.0f, 0.0f, 1.0f);
+  const ImVec4 white(1.0f, 1.0f, 1.0f, 1.0f);
   EXPECT_NEAR(ContrastOf(black, white), 21.0, 1e-6);
   EXPECT_NEAR(ContrastOf(white, black), 21.0, 1e-6);
   EXPECT_NEAR(ContrastOf(white, white), 1.0, 1e-9);
   // The gray that is known as the palest one on white.
   const float gray = 118.0f / 255.0f;
-  EXPECT_NEAR(ContrastOf({gray, gray, gray}, white), 4.54, 0.01);
+  EXPECT_NEAR(ContrastOf({gray, gray, gray, 1.0f}, white), 4.54, 0.01);
 }
 
 TEST(ViewPalette, TextsAreReadableOnAllGrounds) {
@@ -34,15 +50,16 @@ TEST(ViewPalette, TextsAreReadableOnAllGrounds) {
             << "theme " << static_cast<int>(theme) << " text " << text << " ground " << ground;
       }
     }
-    for (const Rgba& control : {palette.header, palette.button, palette.hovered, palette.active})
+    for (const ImVec4& control : {palette.header, palette.button, palette.hovered, palette.active})
       EXPECT_GE(ContrastOf(palette.text, control), kReadable) << static_cast<int>(theme);
     // A line over the picture, be that black or white.
     for (const float behind : {0.0f, 1.0f}) {
       const auto over = [&](float c) {
-        return palette.message.a * c + (1.0f - palette.message.a) * behind;
+        return palette.message.w * c + (1.0f - palette.message.w) * behind;
       };
-      const Rgba ground{over(palette.message.r), over(palette.message.g), over(palette.message.b)};
-      for (const Rgba& text : {palette.text, palette.good, palette.warning, palette.bad})
+      const ImVec4 ground(over(palette.message.x), over(palette.message.y), over(palette.message.z),
+                          1.0f);
+      for (const ImVec4& text : {palette.text, palette.good, palette.warning, palette.bad})
         EXPECT_GE(ContrastOf(text, ground), kReadable) << static_cast<int>(theme) << behind;
     }
   }

@@ -3,12 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
 #include <map>
+#include <sstream>
 #include <string>
 #include <string_view>
 
 #include "client/view/scene/camera.h"
 #include "tests/support/orientations.h"
+#include "tests/support/places.h"
 
 namespace palpate::view {
 namespace {
@@ -154,6 +157,36 @@ TEST(ViewPatientAxes, APlaneIsObliqueIfItsNormalIs) {
     EXPECT_EQ(name(1, pitch), "oblique 31°");
     EXPECT_EQ(name(2, pitch), "oblique 31°");
   }
+}
+
+// The page's test reads the same table.
+TEST(ViewPatientAxes, WindowAndPageCallTheDirectionsOfAVolumeTheSame) {
+  std::ifstream table(test::kPatientLetters);
+  int volumes = 0;
+  for (std::string line; std::getline(table, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    ++volumes;
+    std::istringstream words(line);
+    Mat3 P_from_I;
+    for (int column = 0; column < 3; ++column) {
+      for (int row = 0; row < 3; ++row) words >> P_from_I(row, column);
+    }
+    const auto expect = [&](SignedAxis axis_I) {
+      std::string letters;
+      words >> letters;
+      EXPECT_EQ(LettersOf(axis_I.sign * P_from_I.col(axis_I.axis)), letters) << line;
+    };
+    for (const int axis : {0, 1, 2}) {
+      expect({axis, 1});
+      expect({axis, -1});
+    }
+    for (const int world : {2, 1, 0}) {
+      const SliceAxes slice = SliceInVolume(world, SliceSide::kRadiological, NearestAxes(P_from_I));
+      for (const SignedAxis& right : {-slice.right, slice.right}) expect(right);
+      for (const SignedAxis& down : {-slice.down, slice.down}) expect(down);
+    }
+  }
+  EXPECT_EQ(volumes, 10);
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // What the viewer takes for the end of a recording.
-#include "client/view/live/recording_watch.h"
+#include "client/view/live/session_words.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "client/view/scene/projection.h"
+#include "client/view/scene/camera.h"
 
 namespace palpate::view {
 namespace {

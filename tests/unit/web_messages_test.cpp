@@ -162,6 +162,11 @@ TEST(TopicTexts, TextsOfOthersAreHarmless) {
   EXPECT_EQ(volume["voxel_type"], "int16");
   EXPECT_EQ(volume["background"], -5.0);
   EXPECT_EQ(volume["world_from_index"], (json{1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3}));
+  EXPECT_FALSE(volume.contains("window"));
+  lattice.window_level = 700.0;
+  lattice.window_width = 2600.0;
+  EXPECT_EQ(json::parse(VolumeText(info, lattice))["window"],
+            (json{{"level", 700}, {"width", 2600}}));
   const json placement = json::parse(PlacementText({{}, 7, "RAS\n", true}));
   EXPECT_EQ(placement["patient_axes"], "RAS ");
   EXPECT_EQ(placement["patient_axes_answered"], true);

@@ -20,8 +20,6 @@ bool IsMissing(const std::string& path) {
   return !std::filesystem::exists(path, error) && !error;
 }
 
-bool IsSample(const std::string& source) { return source.starts_with("builtin:"); }
-
 }  // namespace
 
 bool Files::IsConnected() const {
@@ -141,7 +139,6 @@ void Files::Open(const std::string& source) {
 void Files::StartAgain() {
   // Copied: another connection begins without a volume.
   const auto lattice = viewer_.feed().volume().lattice();
-  problem_.clear();
   StartHere();
   if (daemon_.runs() && lattice) pending_ = lattice->source;
 }
@@ -172,11 +169,8 @@ void Files::BeginSave() {
   }
   const std::filesystem::path source(viewer_.feed().volume().lattice()->source);
   std::string name = source.filename().string();
-  for (const char mark : {':', '.'}) {
-    const std::size_t at = mark == ':' ? name.rfind(mark) : name.find(mark);
-    if (at == std::string::npos) continue;
-    name = mark == ':' ? name.substr(at + 1) : name.substr(0, at);
-  }
+  name = name.substr(name.rfind(':') + 1);
+  name = name.substr(0, name.find('.'));
   form_ = {.shown = true,
            .saves = true,
            .path = StartFolder() / (name + "-edited.nrrd"),
@@ -236,6 +230,7 @@ void Files::Dismiss() {
 }
 
 void Files::StartHere() {
+  problem_.clear();
   if (viewer_.feed().is_stopping()) return;
   const std::string& name = viewer_.feed().name();
   try {
@@ -249,7 +244,6 @@ void Files::StartHere() {
 }
 
 void Files::StartHereFromPage() {
-  problem_.clear();
   StartHere();
   page_kept_ = daemon_.runs();
 }

@@ -32,6 +32,8 @@ inline constexpr Sample kSamples[] = {
     {"builtin:cylinder", "Cylinder", "a rod; the isovalue is its radius"},
 };
 
+inline bool IsSample(const std::string& source) { return source.starts_with("builtin:"); }
+
 class Files {
  public:
   enum class Ask { kNothing, kDiscard, kReplace, kClose };
@@ -67,9 +69,8 @@ class Files {
 
   // After the palpated of this window has ended: another one, with the same volume.
   void StartAgain();
-  // Starts a palpated on this machine unless one runs, and connects to it.
-  void StartHere();
-  // The same, and keeps the start page, so that the user can choose what to open.
+  // Starts a palpated on this machine unless one runs, and connects to it. Keeps the start page, so
+  // that the user can choose what to open.
   void StartHereFromPage();
   bool PageShown();
   void ClosePage() { page_kept_ = false; }
@@ -100,6 +101,7 @@ class Files {
  private:
   using Clock = std::chrono::steady_clock;
 
+  void StartHere();
   void TakeAnswer(const FileDialog::Answer& answer);
   void TakeOutcome(const VolumeLoader::Outcome& outcome);
   void FollowPending();

@@ -48,21 +48,18 @@ void ToggleTool(Viewer& viewer, Tool tool) {
   present = present == tool ? Tool::kTurn : tool;
 }
 
-void ChangeFont(Preferences& preferences, int percent) {
-  preferences.font_percent = std::clamp(percent, kLeastFont_percent, kMostFont_percent);
-}
-
 // How the window looks.
 void TakeFrameKey(Viewer& viewer, const KeyPress& press) {
   constexpr int kStep_percent = 10;
   Preferences& preferences = viewer.preferences();
   const bool sides = preferences.left_shown || preferences.right_shown;
   if (press.ctrl) {
-    const int percent = preferences.font_percent;
+    int& percent = preferences.font_percent;
     // Plus is printed on the key of = on many keyboards.
-    if (press.key == "+" || press.key == "=") ChangeFont(preferences, percent + kStep_percent);
-    if (press.key == "-") ChangeFont(preferences, percent - kStep_percent);
-    if (press.key == "0") ChangeFont(preferences, 100);
+    if (press.key == "+" || press.key == "=") percent += kStep_percent;
+    if (press.key == "-") percent -= kStep_percent;
+    if (press.key == "0") percent = 100;
+    percent = std::clamp(percent, kLeastFont_percent, kMostFont_percent);
     return;
   }
   if (press.key == "p") preferences.left_shown = preferences.right_shown = !sides;
@@ -127,16 +124,15 @@ ViewPointer PointerOf(const Viewer& viewer, const ImVec2& min, const ImageSize& 
   return pointer;
 }
 
-// Edits of a stroke that is undone would otherwise go on under its number.
-void EndStroke(Viewer& viewer) {
+// Undoes or redoes (`forward`) the user's last action.
+void Go(Viewer& viewer, bool forward) {
+  // Edits of a stroke that is undone would otherwise go on under its number.
   viewer.stroke().BreakOff();
   viewer.brush().End();
-}
-
-// The slices go to a point of the surface, and stay there.
-void MoveSlicesTo(Viewer& viewer, const std::optional<Vec3>& p_D) {
-  const auto& X_DI = viewer.feed().volume().X_DI();
-  if (p_D && X_DI) MoveCross(viewer, X_DI->Inverse().Apply(*p_D));
+  viewer.held().LetGo();
+  if (const std::string problem = viewer.actions().Go(forward); !problem.empty()) {
+    viewer.Say(problem);
+  }
 }
 
 Open OpenNow(Viewer& viewer) {
@@ -186,9 +182,7 @@ void TakeEscape(Viewer& viewer) {
 void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys) {
   Close(viewer, viewer.state().escape.TakeClosing());
   for (const KeyPress& press : keys) {
-    if (press.key == "f12" || !ImGui::GetIO().WantTextInput) {
-      TakeKey(viewer, press);
-    }
+    if (press.key == "f12" || !ImGui::GetIO().WantTextInput) TakeKey(viewer, press);
   }
 }
 
@@ -196,32 +190,28 @@ void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen
   const ImGuiIO& io = ImGui::GetIO();
   const ImageSize size = PixelsOf(size_on_screen);
   ViewPointer pointer = PointerOf(viewer, min, size);
-  if (TakeCutHandles(viewer, pointer)) {
-    // The tools let go of it.
-    pointer = {.size = size, .at_px = pointer.at_px, .way_px = {}};
-    TakeHand(viewer, pointer);
-    TakeBrush(viewer, pointer);
-    TakeMeasure(viewer, pointer);
-    return;
-  }
+  const bool cuts = TakeCutHandles(viewer, pointer);
+  // The tools let go of it.
+  if (cuts) pointer = {.size = size, .at_px = pointer.at_px, .way_px = {}};
   // All of them, whichever has the pointer.
-  const bool hand = TakeHand(viewer, pointer);
+  const bool hand = viewer.hand().Take(viewer, pointer);
   const bool brush = TakeBrush(viewer, pointer);
   const bool measure = TakeMeasure(viewer, pointer);
-  if (hand || brush || measure) return;
+  if (cuts || hand || brush || measure) return;
   Camera& camera = viewer.state().camera;
   if (pointer.wheel_steps != 0.0) camera.Zoom(std::pow(kZoomPerStep, pointer.wheel_steps));
   if (ImGui::IsItemHovered() && ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left)) {
-    if (const auto p_D = viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), size))
-      camera.LookAt(*p_D);
+    if (const auto p_D = viewer.SurfaceAt(pointer.at_px, size)) camera.LookAt(*p_D);
   }
   if (viewer.state().tool == Tool::kTurn && IsClicked(viewer.state().screen_scale)) {
-    MoveSlicesTo(viewer, viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), size));
+    const auto& X_DI = viewer.feed().volume().X_DI();
+    const auto p_D = viewer.SurfaceAt(pointer.at_px, size);
+    if (p_D && X_DI) MoveCross(viewer, X_DI->Inverse().Apply(*p_D));
   }
   // The motion to the place where the button was pressed is not part of the drag.
   if (!ImGui::IsItemActive() || ImGui::IsItemActivated()) return;
-  const double right_px = static_cast<double>(io.MouseDelta.x);
-  const double down_px = static_cast<double>(io.MouseDelta.y);
+  const double right_px = io.MouseDelta.x;
+  const double down_px = io.MouseDelta.y;
   if (right_px == 0.0 && down_px == 0.0) return;
   // The hand has the left button, so the right one turns.
   const bool leads = viewer.state().tool == Tool::kHand;
@@ -229,21 +219,13 @@ void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen
   if (turns && !io.KeyShift) {
     camera.Orbit(-kOrbit_deg_per_px * right_px, kOrbit_deg_per_px * down_px);
   } else {
-    camera.Pan(right_px * static_cast<double>(io.DisplayFramebufferScale.x),
-               down_px * static_cast<double>(io.DisplayFramebufferScale.y), size);
+    const ImVec2& scale = io.DisplayFramebufferScale;
+    camera.Pan(right_px * scale.x, down_px * scale.y, size);
   }
 }
 
-void UndoEdit(Viewer& viewer) {
-  EndStroke(viewer);
-  viewer.held().LetGo();
-  if (const std::string problem = viewer.actions().Undo(); !problem.empty()) viewer.Say(problem);
-}
+void UndoEdit(Viewer& viewer) { Go(viewer, false); }
 
-void RedoEdit(Viewer& viewer) {
-  EndStroke(viewer);
-  viewer.held().LetGo();
-  if (const std::string problem = viewer.actions().Redo(); !problem.empty()) viewer.Say(problem);
-}
+void RedoEdit(Viewer& viewer) { Go(viewer, true); }
 
 }  // namespace palpate::view

@@ -14,7 +14,6 @@
 #include "client/view/app/layout.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/theme.h"
-#include "client/view/render/frame_target.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -92,8 +91,8 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   DrawView(viewer, PlaceOfView(filling, layout, strip), !filling && !layout.in_four, scale);
   if (layout.notice.size.y > 0.0f) DrawNotice(viewer, layout.notice, scale);
   DrawFileCard(viewer, layout.view, scale);
-  if (layout.left.size.x > 0.0f) DrawLeftPanels(viewer, layout.left, scale);
-  if (layout.right.size.x > 0.0f) DrawRightPanels(viewer, layout.right, scale);
+  if (layout.left.size.x > 0.0f) DrawLeftPanels(viewer, layout.left);
+  if (layout.right.size.x > 0.0f) DrawRightPanels(viewer, layout.right);
   DrawEdges(viewer, layout, scale);
   if (layout.series.size.y > 0.0f) DrawSeriesBar(viewer, layout.series);
   if (layout.slices.size.y > 0.0f) DrawSlices(viewer, strip, layout.view, scale);
@@ -167,7 +166,5 @@ void Interface::DrawFrame(Viewer& viewer, const std::vector<KeyPress>& keys,
   glClear(GL_COLOR_BUFFER_BIT);
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
 }
-
-Image ReadPixels(const ImageSize& size) { return {.size = size, .rgba = ReadRows(size)}; }
 
 }  // namespace palpate::view

@@ -38,7 +38,4 @@ class Interface {
   ImageSize view_pixels_;
 };
 
-// Reads the picture from the framebuffer that is bound for reading.
-Image ReadPixels(const ImageSize& size);
-
 }  // namespace palpate::view

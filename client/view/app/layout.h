@@ -179,16 +179,16 @@ inline SliceStrip LayOutSlices(const Layout& layout, float scale) {
             .slices = {{{{area.min.x, y}, pane}, {{x, area.min.y}, pane}, {{x, y}, pane}}},
             .bar = {{x + pane.x, area.min.y}, {bar, area.size.y - row}}};
   }
-  constexpr float kGap = kPaneGap;
-  const float width = std::max(1.0f, std::floor((area.size.x - bar) / 3.0f - kGap));
+  const float width = std::max(1.0f, std::floor((area.size.x - bar) / 3.0f - kPaneGap));
   const float top = area.min.y + row;
   const float height = std::max(1.0f, area.size.y - row);
   SliceStrip strip;
   strip.row = {area.min, {area.size.x, row}};
   for (std::size_t n = 0; n < strip.slices.size(); ++n) {
-    strip.slices[n] = {{area.min.x + static_cast<float>(n) * (width + kGap), top}, {width, height}};
+    strip.slices[n] = {{area.min.x + static_cast<float>(n) * (width + kPaneGap), top},
+                       {width, height}};
   }
-  const float right = area.min.x + 3.0f * (width + kGap);
+  const float right = area.min.x + 3.0f * (width + kPaneGap);
   strip.bar = {{right, top}, {std::max(1.0f, area.min.x + area.size.x - right), height}};
   return strip;
 }
@@ -203,12 +203,16 @@ inline ImageSize PixelsOf(const ImVec2& size) {
 // The pixel of a point of the screen in the picture that is laid out at `min`.
 inline Eigen::Vector2d PixelIn(const ImVec2& min, const Eigen::Vector2d& at) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
-  return {(at.x() - static_cast<double>(min.x)) * static_cast<double>(scale.x),
-          (at.y() - static_cast<double>(min.y)) * static_cast<double>(scale.y)};
+  return {(at.x() - min.x) * scale.x, (at.y() - min.y) * scale.y};
 }
 inline Eigen::Vector2d PointerIn(const ImVec2& min) {
   const ImVec2 at = ImGui::GetIO().MousePos;
-  return PixelIn(min, {static_cast<double>(at.x), static_cast<double>(at.y)});
+  return PixelIn(min, {at.x, at.y});
+}
+
+// A point of the screen, for Dear ImGui.
+inline ImVec2 ScreenOf(const Eigen::Vector2d& at) {
+  return {static_cast<float>(at.x()), static_cast<float>(at.y())};
 }
 
 }  // namespace palpate::view

@@ -3,13 +3,13 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <optional>
 #include <string>
 
 #include "client/interrupt/interrupt.h"
 #include "client/sdk/calls.h"
-#include "client/view/app/offscreen.h"
 #include "client/view/app/options.h"
-#include "client/view/app/window.h"
+#include "client/view/app/run.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
 
@@ -21,21 +21,14 @@ int Fail(const std::string& message, int exit_code) {
   return exit_code;
 }
 
-void Main(const Options& options) {
-  const Interrupt interrupt;
-  if (options.offscreen) {
-    RunOffscreen(options);
-  } else {
-    RunWindow(options);
-  }
-}
-
 // Returns the program's exit code.
 int Guarded(int argc, char** argv) {
-  int exit_code = 0;
   try {
-    if (const auto options = ParseOptions(argc, argv, exit_code)) Main(*options);
-    return exit_code;
+    const std::optional<Options> options = ParseOptions(argc, argv);
+    if (!options) return 0;
+    const Interrupt interrupt;
+    options->offscreen ? RunOffscreen(*options) : RunWindow(*options);
+    return 0;
   } catch (const arguments::UsageError& error) {
     return Fail(error.what(), kUsageExitCode);
   } catch (const Error& error) {

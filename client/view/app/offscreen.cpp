@@ -1,7 +1,4 @@
-#include "client/view/app/offscreen.h"
-
-// Must come before headers that include OpenGL's own header.
-#include <epoxy/gl.h>
+#include "client/view/app/run.h"
 
 #include <fmt/format.h>
 #include <imgui.h>
@@ -17,6 +14,7 @@
 #include "client/view/app/interface.h"
 #include "client/view/app/png_file.h"
 #include "client/view/app/viewer.h"
+#include "client/view/render/frame_target.h"
 #include "client/view/render/offscreen_context.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
@@ -36,45 +34,9 @@ constexpr std::chrono::seconds kStart(2);
 // After this many frames, Dear ImGui knows the sizes of everything that it lays out.
 constexpr int kPanelFrames = 3;
 
-// A framebuffer that panels are drawn into.
-class PanelTarget {
- public:
-  explicit PanelTarget(const ImageSize& size) : size_(size) {
-    glGenFramebuffers(1, &framebuffer_);
-    glGenTextures(1, &texture_);
-    glBindTexture(GL_TEXTURE_2D, texture_);
-    glTexStorage2D(GL_TEXTURE_2D, 1, GL_RGBA8, size.width, size.height);
-    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
-    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, texture_, 0);
-  }
-  ~PanelTarget() {
-    glDeleteFramebuffers(1, &framebuffer_);
-    glDeleteTextures(1, &texture_);
-  }
-  PanelTarget(const PanelTarget&) = delete;
-  PanelTarget& operator=(const PanelTarget&) = delete;
-
-  void Draw(Interface& interface, Viewer& viewer) {
-    ImGuiIO& io = ImGui::GetIO();
-    io.DisplaySize = {static_cast<float>(size_.width), static_cast<float>(size_.height)};
-    io.DeltaTime = 1.0f / 60.0f;
-    interface.DrawFrame(viewer, {}, size_, framebuffer_);
-  }
-  Image Read() const {
-    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
-    return ReadPixels(size_);
-  }
-
- private:
-  ImageSize size_;
-  unsigned framebuffer_ = 0;
-  unsigned texture_ = 0;
-};
-
-class Cancelled : public Error {
- public:
-  Cancelled() : Error(ErrorKind::kCancelled, "cancelled") {}
-};
+void StopIfInterrupted() {
+  if (Interrupt::IsRaised()) throw Error(ErrorKind::kCancelled, "cancelled");
+}
 
 std::string WhatIsMissing(const Viewer& viewer) {
   const LiveFeed& feed = viewer.feed();
@@ -103,7 +65,7 @@ bool Await(Viewer& viewer, const Condition& holds) {
       said = Clock::now();
       fmt::print(stderr, "palpated: {}\n", status.problem);
     }
-    if (Interrupt::IsRaised()) throw Cancelled();
+    StopIfInterrupted();
     if (Clock::now() > end) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
@@ -146,7 +108,11 @@ class Offscreen {
   Offscreen(const Options& options, Viewer& viewer) : options_(options), viewer_(viewer) {
     if (!options.panels) return;
     interface_ = std::make_unique<Interface>(1.0f);
-    target_ = std::make_unique<PanelTarget>(options.size);
+    target_.Resize(options.size);
+    ImGuiIO& io = ImGui::GetIO();
+    io.DisplaySize = {static_cast<float>(options.size.width),
+                      static_cast<float>(options.size.height)};
+    io.DeltaTime = 1.0f / 60.0f;
   }
 
   void DrawFrames(FrameLog& log) {
@@ -164,9 +130,9 @@ class Offscreen {
   }
 
   Image Read() {
-    if (!target_) return viewer_.renderer().ReadBack();
+    if (!interface_) return viewer_.renderer().ReadBack();
     for (int i = 1; i < kPanelFrames; ++i) DrawFrame();
-    return target_->Read();
+    return {.size = options_.size, .rgba = target_.ReadColors()};
   }
 
  private:
@@ -178,19 +144,19 @@ class Offscreen {
   }
 
   void DrawFrame() {
-    if (!target_) {
+    if (!interface_) {
       viewer_.DrawFine(options_.size);
       return;
     }
     do {
-      target_->Draw(*interface_, viewer_);
+      interface_->DrawFrame(viewer_, {}, options_.size, target_.framebuffer());
     } while (viewer_.TakeUpWanted());
   }
 
   const Options& options_;
   Viewer& viewer_;
-  std::unique_ptr<Interface> interface_;
-  std::unique_ptr<PanelTarget> target_;
+  std::unique_ptr<Interface> interface_;  // null: the view without panels
+  FrameTarget target_;                    // of the panels
 };
 
 }  // namespace
@@ -207,7 +173,7 @@ void RunOffscreen(const Options& options) {
   Offscreen offscreen(options, viewer);
   FrameLog log;
   offscreen.DrawFrames(log);
-  if (Interrupt::IsRaised()) throw Cancelled();
+  StopIfInterrupted();
   fmt::print("{}\n", log.Line(viewer));
   if (const std::string problem = viewer.memory_problem(); !problem.empty()) {
     fmt::print(stderr, "palpate-view: {}\n", problem);

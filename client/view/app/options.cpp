@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -10,7 +11,6 @@
 
 #include "client/options/server_options.h"
 #include "common/arguments/arguments.h"
-#include "common/error/error.h"
 
 namespace palpate::view {
 namespace {
@@ -54,10 +54,9 @@ std::vector<double> Numbers(const std::string& text, std::size_t least, std::siz
 }
 
 bool Within(const std::vector<double>& numbers, double least, double most) {
-  for (const double number : numbers) {
-    if (number < least || number > most) return false;
-  }
-  return !numbers.empty();
+  return !numbers.empty() && std::all_of(numbers.begin(), numbers.end(), [&](double number) {
+    return number >= least && number <= most;
+  });
 }
 
 void TakeSize(const Text& text, Options& options) {
@@ -252,35 +251,27 @@ void AddView(arguments::Command& app, Options& options, Texts& texts) {
       "Ends of the colour map, data units [default: the volume's range]");
   add("--crop", texts.crop, "X0,X1,Y0,Y1,Z0,Z1",
       "Keep this box: shares of the volume along its axes, 0 to 1");
-  app.add_flag("--haptic-surface", options.overlay.haptic_surface,
-               "Wireframe of the surface that is felt, near the proxy")
-      ->group(group);
-  app.add_option("--haptic-surface-radius", options.overlay.haptic_surface_radius_voxels,
-                 "So far from the proxy, in voxels, 1 to 20")
-      ->option_text("VOXELS [default: 5]")
-      ->check(arguments::Range(1.0, 20.0))
-      ->group(group);
-  app.add_flag("--neurological", texts.neurological,
-               "Slices with the patient's left at the left [default: at the right,\n"
-               "as radiologists have it]")
-      ->group(group);
-  app.add_flag("--no-letters", texts.no_letters,
-               "Without L, R, A, P, S, I beside the box and at the slices' edges")
-      ->group(group);
-  app.add_flag("--no-box", texts.no_box, "Without the volume's edges and their letters")
-      ->group(group);
-  app.add_flag("--no-stylus", texts.no_stylus, "Without the stylus")->group(group);
-  app.add_flag("--no-overlay", texts.no_overlay, "Without stylus, points and force")->group(group);
-}
-
-int Fail(const std::string& message) {
-  std::fprintf(stderr, "palpate-view: %s\n", message.c_str());
-  return kUsageExitCode;
+  const auto add_flag = [&](const char* name, bool& given, const char* about) {
+    app.add_flag(name, given, about)->group(group);
+  };
+  add_flag("--haptic-surface", options.overlay.haptic_surface,
+           "Wireframe of the surface that is felt, near the proxy");
+  add("--haptic-surface-radius", options.overlay.haptic_surface_radius_voxels,
+      "VOXELS [default: 5]", "So far from the proxy, in voxels, 1 to 20")
+      ->check(arguments::Range(1.0, 20.0));
+  add_flag("--neurological", texts.neurological,
+           "Slices with the patient's left at the left [default: at the right,\n"
+           "as radiologists have it]");
+  add_flag("--no-letters", texts.no_letters,
+           "Without L, R, A, P, S, I beside the box and at the slices' edges");
+  add_flag("--no-box", texts.no_box, "Without the volume's edges and their letters");
+  add_flag("--no-stylus", texts.no_stylus, "Without the stylus");
+  add_flag("--no-overlay", texts.no_overlay, "Without stylus, points and force");
 }
 
 }  // namespace
 
-std::optional<Options> ParseOptions(int argc, char** argv, int& exit_code) {
+std::optional<Options> ParseOptions(int argc, char** argv) {
   Options options;
   Texts texts;
   arguments::Command app(
@@ -295,14 +286,12 @@ std::optional<Options> ParseOptions(int argc, char** argv, int& exit_code) {
   client::AddServerOptions(app, options.server);
   AddScript(app, options, texts);
   AddView(app, options, texts);
-  exit_code = 0;
   try {
     if (!app.parse(argc, argv)) return {};
     TakeTexts(texts, options);
     RefuseCombinations(options, texts);
   } catch (const arguments::UsageError& error) {
-    exit_code = Fail(std::string(error.what()) + "; see --help");
-    return {};
+    throw arguments::UsageError(std::string(error.what()) + "; see --help");
   }
   return options;
 }

@@ -1,6 +1,6 @@
 // The command line of palpate-view.
 //
-// Threads: plain values. Errors: Error with kInvalidArgument.
+// Threads: plain values. Errors: arguments::UsageError.
 #pragma once
 
 #include <optional>
@@ -51,7 +51,7 @@ struct Options {
   std::optional<SliceSide> slice_side{};  // none: as remembered
 };
 
-// Returns none if the program is done, as after --help; `exit_code` is then its exit code.
-std::optional<Options> ParseOptions(int argc, char** argv, int& exit_code);
+// Returns none if the program is done, as after --help.
+std::optional<Options> ParseOptions(int argc, char** argv);
 
 }  // namespace palpate::view

@@ -1,7 +1,9 @@
+// The orientation cube. Below it, if the file states no orientation: the question where the patient
+// faces.
 #include <array>
 
 #include "client/view/app/overlays.h"
-#include "client/view/app/theme.h"
+#include "client/view/app/widgets.h"
 #include "client/view/scene/orientation_cube.h"
 
 namespace palpate::view {
@@ -39,13 +41,10 @@ std::optional<Cube> CubeOf(const Viewer& viewer, const Area& view, float scale) 
               .of_patient = viewer.state().overlay.letters && PatientFrameOf(volume).is_known};
 }
 
-Eigen::Vector2d InCube(const Cube& cube, const ImVec2& at) {
-  return {static_cast<double>((at.x - cube.middle.x) / cube.radius_px),
-          static_cast<double>((at.y - cube.middle.y) / cube.radius_px)};
-}
-
 std::optional<SignedAxis> FaceUnderPointer(const Cube& cube) {
-  return FaceAt(cube.faces, InCube(cube, ImGui::GetIO().MousePos));
+  const ImVec2 at = ImGui::GetIO().MousePos;
+  return FaceAt(cube.faces, Eigen::Vector2d(at.x - cube.middle.x, at.y - cube.middle.y) /
+                                static_cast<double>(cube.radius_px));
 }
 
 // The frame that standard views keep upright.
@@ -63,6 +62,71 @@ void LookFrom(Viewer& viewer, const Vec3& direction_U) {
   camera.Set(camera.target(), side.azimuth_deg, side.elevation_deg, camera.distance_mm());
 }
 
+// The question below the cube; null: there is nothing to ask. Built-in shapes have no face.
+const char* FacingLine(const Viewer& viewer) {
+  const ViewVolume& volume = viewer.feed().volume();
+  if (volume.axes_are_answered()) return "sides as answered";
+  if (!volume.patient_axes().empty() || IsSample(volume.lattice()->source)) return nullptr;
+  return "which way does it face?";
+}
+
+ImVec2 PlaceOfFacingLine(const Cube& cube, const char* line) {
+  return {cube.middle.x + cube.radius_px - ImGui::CalcTextSize(line).x,
+          cube.middle.y + cube.radius_px};
+}
+
+void ChooseDirection(const char* label, int& choice) {
+  ImGui::PushID(label);
+  ImGui::TextUnformatted(label);
+  for (int n = 0; n < static_cast<int>(client::kWorldDirections.size()); ++n) {
+    if (n > 0) ImGui::SameLine();
+    ImGui::RadioButton(client::kWorldDirections[static_cast<std::size_t>(n)], &choice, n);
+  }
+  ImGui::PopID();
+}
+
+void FacingPopup(Viewer& viewer) {
+  if (!ImGui::BeginPopup("facing")) return;
+  FacingForm& form = viewer.state().facing;
+  if (form.loaded_revision != viewer.feed().volume().lattice()->loaded_revision) {
+    ImGui::CloseCurrentPopup();
+  }
+  BeginAllowed(viewer, client::Role::kEditor);
+  ChooseDirection("The face points to", form.face);
+  ChooseDirection("The head points to", form.head);
+  ImGui::TextColored(kDim, "left and right follow if the file is not mirrored");
+  const bool is_whole = form.face >= 0 && form.head >= 0 && form.face / 2 != form.head / 2;
+  ImGui::BeginDisabled(!is_whole);
+  if (ImGui::Button("Keep for this file")) {
+    const client::PatientFacing facing{
+        client::kWorldDirections[static_cast<std::size_t>(form.face)],
+        client::kWorldDirections[static_cast<std::size_t>(form.head)], form.loaded_revision};
+    viewer.feed().commands().Do("where it faces", [facing](client::Client& palpated) {
+      palpated.Place({.facing = facing});
+    });
+    ImGui::CloseCurrentPopup();
+  }
+  ImGui::EndDisabled();
+  EndAllowed();
+  ImGui::EndPopup();
+}
+
+// The question where the patient faces, or that somebody has answered. A click opens the form.
+void AskFacing(Viewer& viewer, const Cube& cube, float scale) {
+  const char* line = FacingLine(viewer);
+  if (!line) return;
+  const ImVec2 extent = ImGui::CalcTextSize(line);
+  const ImVec2 before = ImGui::GetCursorScreenPos();
+  ImGui::SetCursorScreenPos(PlaceOfFacingLine(cube, line));
+  if (ImGui::InvisibleButton("facing line", {extent.x, extent.y + 2.0f * scale})) {
+    viewer.state().facing = {viewer.feed().volume().lattice()->loaded_revision};
+    ImGui::OpenPopup("facing");
+  }
+  Tip("where face and head point, for everybody and for this file");
+  FacingPopup(viewer);
+  ImGui::SetCursorScreenPos(before);
+}
+
 }  // namespace
 
 void LookFromKey(Viewer& viewer, int key) {
@@ -75,7 +139,7 @@ void LookFromKey(Viewer& viewer, int key) {
 void TakeCube(Viewer& viewer, const Area& view, float scale) {
   const std::optional<Cube> cube = CubeOf(viewer, view, scale);
   if (!cube) return;
-  AskFacing(viewer, {cube->middle.x + cube->radius_px, cube->middle.y + cube->radius_px}, scale);
+  AskFacing(viewer, *cube, scale);
   if (!FaceUnderPointer(*cube)) return;
   const ImVec2 before = ImGui::GetCursorScreenPos();
   ImGui::SetCursorScreenPos({cube->middle.x - cube->radius_px, cube->middle.y - cube->radius_px});
@@ -117,7 +181,9 @@ void DrawCube(const Viewer& viewer, const Area& view, float scale) {
     list.AddText(ImGui::GetFont(), size, {middle.x - 0.5f * extent.x, middle.y - 0.5f * extent.y},
                  IM_COL32(255, 255, 255, 255), text.c_str());
   }
-  DrawFacing(viewer, {cube->middle.x + cube->radius_px, cube->middle.y + cube->radius_px});
+  if (const char* line = FacingLine(viewer)) {
+    list.AddText(PlaceOfFacingLine(*cube, line), kDim.u32(), line);
+  }
 }
 
 }  // namespace palpate::view

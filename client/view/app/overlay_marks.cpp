@@ -1,8 +1,8 @@
 #include <cmath>
 
 #include "client/view/app/overlays.h"
+#include "client/view/scene/camera.h"
 #include "client/view/scene/patient_axes.h"
-#include "client/view/scene/projection.h"
 #include "client/view/scene/readout.h"
 
 namespace palpate::view {
@@ -15,15 +15,11 @@ constexpr float kLongestBar = 140.0f;
 // The surface under the pointer. Asks the graphics card only if the pointer or the picture changed:
 // it would have to finish the frame for each answer.
 std::optional<Vec3> PointedSurface(Viewer& viewer, const Area& view) {
-  const ImVec2 at = ImGui::GetIO().MousePos;
   PointedSurfaceState& known = viewer.state().pointed_surface;
+  const Eigen::Vector2d at_px = PointerIn(view.min);
   const std::uint64_t version = viewer.renderer().surface_version();
-  if (known.x != at.x || known.y != at.y || known.version != version) {
-    const Eigen::Vector2d at_px = PointerIn(view.min);
-    known = {.x = at.x,
-             .y = at.y,
-             .version = version,
-             .p_D = viewer.SurfaceAt(at_px.x(), at_px.y(), PixelsOf(view.size))};
+  if (known.at_px != at_px || known.version != version) {
+    known = {at_px, version, viewer.SurfaceAt(at_px, PixelsOf(view.size))};
   }
   return known.p_D;
 }
@@ -34,12 +30,15 @@ bool IsPointedAt(const Area& view) {
          ImGui::IsMouseHoveringRect(view.min, {view.min.x + view.size.x, view.min.y + view.size.y});
 }
 
+// As a picture that has the pixels of the screen.
+ImageSize OnScreen(const Area& view) {
+  return {static_cast<int>(view.size.x), static_cast<int>(view.size.y)};
+}
+
 void DrawViewScaleBar(const Viewer& viewer, const Area& view, float below, float scale) {
-  const double mm_per_px = viewer.state().camera.MmPerPixel(
-                               {static_cast<int>(view.size.x), static_cast<int>(view.size.y)}) /
-                           DeviceMmPerMm(viewer.feed().volume());
-  const double most_px = static_cast<double>(std::min(kLongestBar * scale, 0.3f * view.size.x));
-  DrawScaleBar(FitScaleBar(mm_per_px, most_px),
+  const double mm_per_px =
+      viewer.state().camera.MmPerPixel(OnScreen(view)) / DeviceMmPerMm(viewer.feed().volume());
+  DrawScaleBar(FitScaleBar(mm_per_px, std::min(kLongestBar * scale, 0.3f * view.size.x)),
                {view.min.x + view.size.x - 14.0f * scale,
                 view.min.y + view.size.y - below - 2.2f * ImGui::GetTextLineHeight()},
                scale);
@@ -47,22 +46,16 @@ void DrawViewScaleBar(const Viewer& viewer, const Area& view, float below, float
 
 void DrawDistancesInView(const Viewer& viewer, const Area& view, const AffineMap& X_DW,
                          const std::optional<Vec3>& pointed_W, float scale) {
-  const Projection projection(viewer.state().camera,
-                              {static_cast<int>(view.size.x), static_cast<int>(view.size.y)});
-  const auto on_screen = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
-    const auto px = projection.PixelOf(X_DW.Apply(p_W));
-    if (!px) return std::nullopt;
-    return Eigen::Vector2d(
-        *px + Eigen::Vector2d(static_cast<double>(view.min.x), static_cast<double>(view.min.y)));
+  const Projection projection(viewer.state().camera, OnScreen(view));
+  const auto on_screen = [&](const Vec3& p_W) {
+    auto px = projection.PixelOf(X_DW.Apply(p_W));
+    if (px) *px += Eigen::Vector2d(view.min.x, view.min.y);
+    return px;
   };
   DrawMeasures(
       viewer.state().measure,
       {.on_screen = on_screen, .strength = [](const Distance&) { return 1.0; }, .scale = scale},
       pointed_W);
-}
-
-ImVec2 ScreenOf(const Eigen::Vector2d& p) {
-  return {static_cast<float>(p.x()), static_cast<float>(p.y())};
 }
 
 void DrawEnd(const Eigen::Vector2d& at, ImU32 color, ImU32 rim, float scale) {

@@ -9,7 +9,7 @@
 
 #include "client/view/app/layout.h"
 #include "client/view/app/viewer.h"
-#include "client/view/scene/scale_bar.h"
+#include "client/view/scene/readout.h"
 
 namespace palpate::view {
 
@@ -24,14 +24,10 @@ ImVec2 SizeOf(const Label& label);  // without the margin
 // `at`: the upper left corner of the text.
 void DrawLabel(ImDrawList& list, const ImVec2& at, const Label& label, float scale);
 
-// The orientation cube. Call TakeCube before the view's own item, because the first item under the
-// pointer has it.
+// The orientation cube, and below it the question where the patient faces. Call TakeCube before the
+// view's own item, because the first item under the pointer has it.
 void TakeCube(Viewer& viewer, const Area& view, float scale);
 void DrawCube(const Viewer& viewer, const Area& view, float scale);
-// Below the cube, if the file states no orientation: the question where the patient faces, or that
-// somebody has answered. A click opens the form. `right_top`: of the line.
-void AskFacing(Viewer& viewer, const ImVec2& right_top, float scale);
-void DrawFacing(const Viewer& viewer, const ImVec2& right_top);
 // Looks from a side of the volume: keys 1 to 6, see SideOfKey.
 void LookFromKey(Viewer& viewer, int key);
 

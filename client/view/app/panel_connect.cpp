@@ -14,11 +14,6 @@
 namespace palpate::view {
 namespace {
 
-constexpr std::size_t kLongestText = 300;  // bytes
-constexpr ImGuiWindowFlags kDialog = ImGuiWindowFlags_NoCollapse |
-                                     ImGuiWindowFlags_NoSavedSettings |
-                                     ImGuiWindowFlags_AlwaysAutoResize;
-
 // Shows the state of the connection, and the reason if it is lost.
 void ShowConnection(const Viewer& viewer) {
   const LiveFeed& feed = viewer.feed();
@@ -55,11 +50,11 @@ void ChooseProfile(Viewer& viewer, float scale) {
     if (ImGui::Button("Connect")) ConnectTo(viewer, {.profile = profile.name});
     ImGui::SameLine();
     ImGui::AlignTextToFramePadding();
-    ImGui::Text("%s", OneLine(profile.name, kLongestText).c_str());
+    ImGui::Text("%s", OneLine(profile.name).c_str());
     ImGui::SameLine(200.0f * scale);
     const bool is_right = !profile.where.empty();
     ImGui::TextColored(is_right ? kDim : kBad, "%s",
-                       is_right ? OneLine(profile.where, kLongestText).c_str() : "is not right");
+                       is_right ? OneLine(profile.where).c_str() : "is not right");
     ImGui::PopID();
   }
 }

@@ -10,7 +10,7 @@ namespace palpate::view {
 namespace {
 
 // A drag moves a face by this share of the volume.
-constexpr double kSharePerPixel = 0.003;
+constexpr float kSharePerPixel = 0.003f;
 
 void EditCrop(CropBox& crop, const ViewVolume& volume) {
   const auto& [of_patient, X_PI] = PatientFrameOf(volume);
@@ -25,8 +25,8 @@ void EditCrop(CropBox& crop, const ViewVolume& volume) {
     const auto begin = static_cast<float>(ruler.begin_mm);
     const auto end = static_cast<float>(ruler.end_mm);
     if (ImGui::DragFloatRange2(of_patient ? kOfPatient[n] : kOfOthers[n], &low, &high,
-                               static_cast<float>(kSharePerPixel) * (end - begin), begin, end,
-                               "%.1f mm", "%.1f mm", ImGuiSliderFlags_AlwaysClamp)) {
+                               kSharePerPixel * (end - begin), begin, end, "%.1f mm", "%.1f mm",
+                               ImGuiSliderFlags_AlwaysClamp)) {
       SetFacesOnRuler({static_cast<double>(low), static_cast<double>(high)}, ruler, crop);
     }
     Tip(of_patient ? "shows the volume from here to there; negative: right, anterior, inferior"
@@ -58,11 +58,8 @@ void EditOffset(ClipPlane& plane, const VolumeLattice& lattice) {
     return DistanceOfPlane(offset_voxels, plane.normal_I, lattice.X_WI, lattice.size);
   };
   const auto [least_voxels, most_voxels] = OffsetRange(plane.normal_I, lattice.size);
-  const double least_mm = mm(least_voxels);
-  const double most_mm = mm(most_voxels);
   double offset_mm = mm(plane.offset_voxels);
-  if (ImGui::SliderScalar("Offset", ImGuiDataType_Double, &offset_mm, &least_mm, &most_mm,
-                          "%.1f mm")) {
+  if (SliderDouble("Offset", offset_mm, mm(least_voxels), mm(most_voxels), "%.1f mm")) {
     plane.offset_voxels =
         std::clamp(OffsetOfPlane(offset_mm, plane.normal_I, lattice.X_WI, lattice.size),
                    least_voxels, most_voxels);
@@ -107,8 +104,8 @@ void EditPlane(Viewer& viewer, std::size_t number, const VolumeLattice& lattice)
 
 }  // namespace
 
-void CutsPanel(Viewer& viewer) {
-  if (!ImGui::CollapsingHeader("Crop and cut")) return;
+void CutTab(Viewer& viewer) {
+  if (!ImGui::CollapsingHeader("Crop and cut", ImGuiTreeNodeFlags_DefaultOpen)) return;
   const auto& lattice = viewer.feed().volume().lattice();
   if (!lattice) return;
   viewer.state().cuts.panel_frame = ImGui::GetFrameCount();

@@ -4,7 +4,7 @@
 
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
-#include "client/view/live/setting_control.h"
+#include "client/view/live/setting_change.h"
 
 namespace palpate::view {
 namespace {
@@ -15,23 +15,20 @@ struct Control {
   Viewer& viewer;
   const client::Setting& setting;
   double& value;
+  const char* label = setting.label.data();  // ends with \0, as all texts of the list
 
-  // Labels end with \0, as all texts of the list.
   bool operator()(const client::NumberSetting& number) const {
-    return HeldSlider(viewer, setting.label.data(), value, number.minimum, number.maximum,
+    return HeldSlider(viewer, label, value, number.minimum, number.maximum,
                       SliderFormat(setting).c_str());
   }
   bool operator()(const client::FlagSetting& /*flag*/) const {
     bool on = value > 0.5;
-    const bool changed = HeldCheckbox(viewer, setting.label.data(), on);
+    const bool changed = HeldCheckbox(viewer, label, on);
     value = on ? 1.0 : 0.0;
     return changed;
   }
   bool operator()(const client::ChoiceSetting& choice) const {
-    auto place = static_cast<std::size_t>(value);
-    const bool changed = HeldChoice(viewer, setting.label.data(), place, choice.words);
-    value = static_cast<double>(place);
-    return changed;
+    return HeldChoice(viewer, label, value, choice.words);
   }
 };
 
@@ -55,6 +52,17 @@ void FeelPanel(Viewer& viewer) {
     if (IsShown(setting, *settings)) EditSetting(viewer, setting, *settings);
   }
   EndAllowed();
+}
+
+void DevicePanel(Viewer& viewer) {
+  if (!ImGui::CollapsingHeader(kDeviceHeading)) return;
+  const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
+  if (!daemon) return;
+  ImGui::TextWrapped("%s", daemon->device.model.c_str());
+  if (!daemon->hand_led_by.empty()) {
+    ImGui::TextWrapped("in the hand of %s", OneLine(daemon->hand_led_by, 200).c_str());
+  }
+  if (!daemon->health.problem.empty()) WrappedText(kBad, daemon->health.problem);
 }
 
 }  // namespace palpate::view

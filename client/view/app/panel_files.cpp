@@ -15,8 +15,6 @@ namespace palpate::view {
 namespace {
 
 constexpr std::size_t kLongestPath = 200;  // bytes
-constexpr ImGuiWindowFlags kCard = ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoSavedSettings |
-                                   ImGuiWindowFlags_AlwaysAutoResize;
 
 // A grey item's tooltip says why it is grey.
 bool Item(const char* label, const char* keys, const std::string& why_not, const char* tip) {
@@ -67,9 +65,7 @@ void SaveItems(Viewer& viewer, Files& files) {
     files.BeginSave();
   }
   std::string why = files.WhyNotSave();
-  if (why.empty() && !viewer.feed().May(client::Role::kEditor)) {
-    why = "needs the role editor; yours is " + client::NameOf(viewer.feed().role());
-  }
+  if (why.empty()) why = WhyNot(viewer, client::Role::kEditor);
   if (Item("Revert", "", why, "the volume as it was loaded, for everyone; ctrl+Z takes it back")) {
     files.Revert();
   }
@@ -82,8 +78,6 @@ void ConnectionItems(Viewer& viewer, Files& files) {
   if (ImGui::MenuItem("Keep palpated running", nullptr, &kept)) files.daemon().Keep(kept);
   Tip("this window started it; otherwise it ends with this window");
 }
-
-float BarWidth() { return ImGui::GetContentRegionAvail().x; }
 
 void ShowRunning(Files& files, VolumeLoader& loader) {
   if (files.pending()) {
@@ -98,7 +92,7 @@ void ShowRunning(Files& files, VolumeLoader& loader) {
   WrappedText(kPlain, running->what + (progress.stage.empty() ? "" : ": " + progress.stage) +
                           (progress.detail.empty() ? "" : " " + progress.detail));
   const float cancel = ButtonWidth("Cancel") + ImGui::GetStyle().ItemSpacing.x;
-  ImGui::ProgressBar(static_cast<float>(progress.fraction), {BarWidth() - cancel, 0.0f});
+  ImGui::ProgressBar(static_cast<float>(progress.fraction), {-cancel, 0.0f});
   ImGui::SameLine();
   if (ImGui::Button("Cancel")) loader.Cancel();
   Tip("the volume that is felt stays");
@@ -151,17 +145,14 @@ std::string WhyOld(const Viewer& viewer) {
   const client::VolumeStatus status = feed.volume_status();
   if (status.is_loading) return status.problem;
   const client::Connection connection = feed.connection();
-  if (connection.state != client::ConnectionState::kLost) return {};
-  return connection.why;
+  return connection.state == client::ConnectionState::kLost ? connection.why : "";
 }
 
 void ShowOld(Viewer& viewer) {
   const std::string why = WhyOld(viewer);
   if (why.empty()) return;
   WrappedText(kWarning, "This picture is old. " + why);
-  if (const auto fraction = FractionIn(why)) {
-    ImGui::ProgressBar(static_cast<float>(*fraction), {BarWidth(), 0.0f});
-  }
+  if (const auto fraction = FractionIn(why)) ImGui::ProgressBar(static_cast<float>(*fraction));
   Files& files = viewer.files();
   if (files.daemon().problem().empty()) return;
   WrappedText(kBad, files.daemon().problem());
@@ -226,18 +217,19 @@ void ShowFileCard(Viewer& viewer) {
 void DrawNotice(Viewer& viewer, const Area& area, float scale) {
   Files& files = viewer.files();
   const std::vector<std::string>& warnings = files.warnings();
-  BeginPanel("notice", area, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
+  BeginPanel("notice", area, ImGuiWindowFlags_NoScrollWithMouse);
   const float gap = 8.0f * scale, button = ButtonWidth("Understood");
   ImGui::SetCursorPos({gap, 0.5f * (area.size.y - ImGui::GetFrameHeight())});
   const ImVec2 max{area.min.x + area.size.x - button - 2.0f * gap, area.min.y + area.size.y};
   ImGui::PushClipRect(area.min, max, true);
   ImGui::AlignTextToFramePadding();
-  std::string all;
-  for (const std::string& warning : warnings) all += (all.empty() ? "" : "\n") + warning;
   const std::string count =
       warnings.size() > 1 ? fmt::format("(1 of {}) ", warnings.size()) : std::string();
-  ImGui::TextColored(kWarning, "%s%s", count.c_str(), OneLine(warnings.front(), 300).c_str());
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("the import assumed or left out:\n%s", all.c_str());
+  ImGui::TextColored(kWarning, "%s%s", count.c_str(), OneLine(warnings.front()).c_str());
+  if (ImGui::IsItemHovered()) {
+    const std::string all = fmt::format("{}", fmt::join(warnings, "\n"));
+    ImGui::SetTooltip("the import assumed or left out:\n%s", all.c_str());
+  }
   ImGui::PopClipRect();
   ImGui::SameLine();
   ImGui::SetCursorPosX(area.size.x - button - gap);
@@ -252,9 +244,7 @@ void DrawFileCard(Viewer& viewer, const Area& area, float scale) {
   ImGui::SetNextWindowPos({area.min.x + 0.5f * area.size.x, area.min.y + 40.0f * scale},
                           ImGuiCond_Always, {0.5f, 0.0f});
   ImGui::SetNextWindowSizeConstraints({width, 0.0f}, {width, area.size.y});
-  ImGui::Begin("##files", nullptr,
-               kCard | ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoMove |
-                   ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::Begin("##files", nullptr, kCard);
   ShowFileCard(viewer);
   ImGui::End();
 }
@@ -266,7 +256,7 @@ void DrawPathForm(Viewer& viewer, float scale) {
   const ImVec2 screen = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({0.5f * screen.x, 0.4f * screen.y}, ImGuiCond_Appearing, {0.5f, 0.5f});
   ImGui::Begin(form.saves ? "Save the volume###path form" : "Open a path###path form", &form.shown,
-               kCard);
+               kDialog);
   if (form.saves && !viewer.feed().is_here()) {
     const bool here = form.where == SaveWhere::kHere;
     if (ImGui::RadioButton("to this machine", here)) form.where = SaveWhere::kHere;

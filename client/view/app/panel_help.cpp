@@ -68,9 +68,7 @@ void DrawHelp(Viewer& viewer, const Layout& layout, float scale) {
   const float top = layout.state.min.y + layout.state.size.y;
   ImGui::SetNextWindowPos({0.5f * screen.x, top}, ImGuiCond_Always, {0.5f, 0.0f});
   ImGui::SetNextWindowSizeConstraints({0.0f, 0.0f}, {screen.x, screen.y - top});
-  ImGui::Begin("Help", &shown,
-               ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_AlwaysAutoResize |
-                   ImGuiWindowFlags_NoSavedSettings);
+  ImGui::Begin("Help", &shown, kDialog);
   for (const Line& line : kLines) {
     if (!line.does) {
       ImGui::Separator();

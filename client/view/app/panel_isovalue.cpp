@@ -84,12 +84,10 @@ double Snapped(const std::vector<client::SuggestedIsovalue>& suggestions, const 
 }
 
 // Returns true while the user drags.
-bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
+bool DragOnHistogram(Viewer& viewer, double& isovalue) {
   const Histogram& histogram = viewer.feed().volume().histogram();
-  const Scale scale{
-      histogram.min(),
-      histogram.max(),
-      {ImGui::GetCursorScreenPos(), {ImGui::GetContentRegionAvail().x, 96.0f * scale_of_screen}}};
+  const ImVec2 size{ImGui::GetContentRegionAvail().x, 96.0f * viewer.state().screen_scale};
+  const Scale scale{histogram.min(), histogram.max(), {ImGui::GetCursorScreenPos(), size}};
   ImGui::InvisibleButton("histogram", scale.area.size);
   // The keyboard can choose it, too, while the pointer is anywhere.
   const bool held = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left);
@@ -100,9 +98,8 @@ bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
     if (held) isovalue = snapped;
     ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
   }
-  ImGui::GetWindowDrawList()->AddRectFilled(
-      scale.area.min, {scale.area.min.x + scale.area.size.x, scale.area.min.y + scale.area.size.y},
-      ThemeColor(&Palette::histogram).u32());
+  ImGui::GetWindowDrawList()->AddRectFilled(scale.area.min, MaxOf(scale.area),
+                                            ThemeColor(&Palette::histogram).u32());
   const SurfaceOptions& surface = viewer.state().surface;
   DrawBars(histogram, scale, isovalue, surface.free_above);
   if (surface.veil.shown) {
@@ -115,12 +112,11 @@ bool DragOnHistogram(Viewer& viewer, float scale_of_screen, double& isovalue) {
   return held;
 }
 
-void EditIsovalue(Viewer& viewer, float scale, const VolumeLattice& lattice,
-                  const client::Settings& settings) {
+void EditIsovalue(Viewer& viewer, const VolumeLattice& lattice, const client::Settings& settings) {
   constexpr unsigned kControl = Viewer::kIsovalueControl;
   const double before = viewer.held().Shown(kControl, settings.isovalue);
   double isovalue = before;
-  bool held = DragOnHistogram(viewer, scale, isovalue);
+  bool held = DragOnHistogram(viewer, isovalue);
   const double range = lattice.value_max - lattice.value_min;
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x * 0.4f);
   DragDouble("##isovalue", isovalue, range / 1000.0, lattice.value_min, lattice.value_max, "%.6g");
@@ -141,9 +137,8 @@ void EditIsovalue(Viewer& viewer, float scale, const VolumeLattice& lattice,
 
 }  // namespace
 
-void IsovaluePanel(Viewer& viewer, float scale) {
-  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
-  if (!ImGui::CollapsingHeader("Isovalue")) return;
+void SurfaceTab(Viewer& viewer) {
+  if (!ImGui::CollapsingHeader("Isovalue", ImGuiTreeNodeFlags_DefaultOpen)) return;
   const auto& lattice = viewer.feed().volume().lattice();
   const auto& settings = viewer.feed().settings();
   if (!lattice || !settings) {
@@ -151,7 +146,7 @@ void IsovaluePanel(Viewer& viewer, float scale) {
     return;
   }
   BeginAllowed(viewer, client::Role::kEditor);
-  EditIsovalue(viewer, scale, *lattice, *settings);
+  EditIsovalue(viewer, *lattice, *settings);
   EndAllowed();
 }
 

@@ -16,31 +16,24 @@ struct Plotted {
   Plot plot;
   const char* name;
   const char* unit;
-  const char* format;  // printf's, of a number
+  int digits;  // after the point
   const char* tip;
 };
 
 constexpr std::array<Plotted, kPlots> kPlotted = {{
-    {Plot::kForce_n, "Force", "N", "%.2f", "the force on the hand, its length"},
-    {Plot::kPenetration_mm, "Depth", "mm", "%.2f",
+    {Plot::kForce_n, "Force", "N", 2, "the force on the hand, its length"},
+    {Plot::kPenetration_mm, "Depth", "mm", 2,
      "how far the stylus tip (HIP) is from the proxy (SCP_H), in contact"},
-    {Plot::kUpdate_us, "Update", "\xC2\xB5s", "%.1f",
+    {Plot::kUpdate_us, "Update", "\xC2\xB5s", 1,
      "the time that the haptic loop computes in a tick, of 1000 \xC2\xB5s"},
-    {Plot::kMissedTicks, "Missed ticks", "", "%.0f",
-     "ticks that came too late, since the last pose"},
-    {Plot::kStreamAge_ms, "Stream age", "ms", "%.1f", "how old a pose is when it comes here"},
+    {Plot::kMissedTicks, "Missed ticks", "", 0, "ticks that came too late, since the last pose"},
+    {Plot::kStreamAge_ms, "Stream age", "ms", 1, "how old a pose is when it comes here"},
 }};
-
-std::string Formatted(const char* format, double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), format, value);
-  return text.data();
-}
 
 // If no poses come any more, there is no present value.
 std::string NewestOf(const Viewer& viewer, const Plotted& plotted) {
   if (viewer.feed().silent_s()) return "\xE2\x80\x93";
-  return Formatted(plotted.format, static_cast<double>(viewer.feed().plots().Newest(plotted.plot)));
+  return fmt::format("{:.{}f}", viewer.feed().plots().Newest(plotted.plot), plotted.digits);
 }
 
 // Draws the last 10 seconds by the clock. While no poses came, there is no line.
@@ -48,7 +41,7 @@ void DrawCurve(const PlotHistory& plots, Plot plot, std::int64_t end_ns, float t
                const Area& area) {
   constexpr std::int64_t kGap_ns = 250'000'000;
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};
+  const ImVec2 max = MaxOf(area);
   const std::span<const float> values = plots.Values(plot);
   const std::span<const std::int64_t> times_ns = plots.Times_ns();
   std::vector<ImVec2> line;
@@ -73,7 +66,7 @@ void TextAt(const ImVec2& at, const std::string& text, ImU32 color) {
 // Draws lines at 0, half and the end of the scale, and the numbers beside them.
 void DrawAxes(const Area& area, float top) {
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};
+  const ImVec2 max = MaxOf(area);
   const ImU32 grid = ImGui::GetColorU32(ImGuiCol_Header);
   const float height = ImGui::GetTextLineHeight();
   list.AddRectFilled(area.min, max, ImGui::GetColorU32(ImGuiCol_FrameBg));
@@ -118,7 +111,7 @@ void DrawPlot(const Viewer& viewer, const Plotted& plotted, const ImVec2& size, 
 void DrawBar(Viewer& viewer, const Layout& layout, bool shown) {
   const Area& area = layout.drawer_bar;
   const float gap = ImGui::GetStyle().ItemSpacing.x;
-  BeginPanel("plots bar", area, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
+  BeginPanel("plots bar", area, ImGuiWindowFlags_NoScrollWithMouse);
   ImGui::SetCursorPos({gap, 0.5f * (area.size.y - ImGui::GetFrameHeight())});
   if (ImGui::Button(shown ? "Hide plots (D)" : "Show plots (D)"))
     viewer.preferences().plots_shown = !shown;
@@ -147,7 +140,7 @@ void DrawPlots(Viewer& viewer, const Layout& layout, float scale) {
   const bool shown = area.size.y > 0.0f;
   DrawBar(viewer, layout, shown);
   if (!shown) return;
-  BeginPanel("plots", area, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
+  BeginPanel("plots", area, ImGuiWindowFlags_NoScrollWithMouse);
   const float gap = 6.0f * scale;
   const ImVec2 room = ImGui::GetContentRegionAvail();
   const float width = (room.x - gap * (kPlots - 1)) / kPlots;

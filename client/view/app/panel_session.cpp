@@ -1,8 +1,10 @@
+#include <fmt/format.h>
 #include <imgui.h>
 #include <imgui_stdlib.h>
 
 #include <algorithm>
 #include <array>
+#include <cfloat>
 #include <cmath>
 #include <ctime>
 #include <memory>
@@ -22,7 +24,8 @@ constexpr std::size_t kLongestText = 200;  // bytes
 constexpr int kRowsOfList = 6;
 
 // One line, always with its room: what comes below it never moves. The tooltip has all of it.
-void FixedLine(const std::string& text, const ImVec4& color) {
+void FixedLine(const std::string& whole, const ImVec4& color) {
+  const std::string text = OneLine(whole, kLongestText);
   const ImVec2 p = ImGui::GetCursorScreenPos();
   const ImVec2 room{std::max(1.0f, ImGui::GetContentRegionAvail().x),
                     ImGui::GetTextLineHeightWithSpacing()};
@@ -31,37 +34,6 @@ void FixedLine(const std::string& text, const ImVec4& color) {
   ImGui::PopClipRect();
   ImGui::Dummy(room);
   if (!text.empty() && ImGui::IsItemHovered()) ImGui::SetTooltip("%s", text.c_str());
-}
-
-bool IsRecording(const Viewer& viewer) {
-  const auto recording = viewer.feed().recording();
-  return recording && recording->running;
-}
-
-// The line below the name: why it cannot be taken, or how the last recording ended.
-void NameLine(Viewer& viewer, const client::RecordingState& recording,
-              const client::RecordingList& list, const std::string& problem) {
-  SessionState& session = viewer.state().session;
-  if (recording.running || problem.empty()) {
-    const bool is_bad = !recording.error.empty();
-    FixedLine(OneLine(is_bad ? recording.error : recording.left_out, kLongestText),
-              is_bad ? kBad : kWarning);
-    return;
-  }
-  const std::string next = FreeName(session.name, list);
-  if (session.name.empty() || next == session.name || list.folder.empty()) {
-    FixedLine(problem, kWarning);
-    return;
-  }
-  const ImVec2 p = ImGui::GetCursorPos();
-  FixedLine(OneLine(problem, kLongestText), kWarning);
-  const ImVec2 after = ImGui::GetCursorPos();
-  const std::string use = "Use " + OneLine(next, 30) + "###use";
-  const float width = ImGui::CalcTextSize(use.c_str(), nullptr, true).x;
-  ImGui::SetCursorPos({std::max(p.x, ImGui::GetContentRegionMax().x - width - 10.0f), p.y});
-  if (ImGui::SmallButton(use.c_str())) session.name = next;
-  Tip("the next free name");
-  ImGui::SetCursorPos(after);
 }
 
 // What there is to record to.
@@ -87,7 +59,7 @@ Record RecordOf(const Viewer& viewer) {
 }
 
 void NameField(SessionState& session, const Record& record) {
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  ImGui::SetNextItemWidth(-FLT_MIN);
   if (record.state.running) {
     std::string name = RecordingName(record.state.path);
     ImGui::InputText("##running", &name, ImGuiInputTextFlags_ReadOnly);
@@ -102,18 +74,38 @@ void NameField(SessionState& session, const Record& record) {
 void RecordedSoFar(const client::RecordingState& recording) {
   if (!recording.running) {
     ImGui::TextColored(kDim, "not recording");
-  } else if (recording.lost_ticks > 0) {
-    ImGui::TextColored(kBad, "%s, %llu ticks lost", TimeText(recording.ticks).c_str(),
-                       static_cast<unsigned long long>(recording.lost_ticks));
-  } else {
-    ImGui::TextColored(kBad, "%s, %s", TimeText(recording.ticks).c_str(),
-                       SizeText(recording.size_bytes).c_str());
+    return;
   }
+  const std::string size = recording.lost_ticks > 0
+                               ? fmt::format("{} ticks lost", recording.lost_ticks)
+                               : SizeText(recording.size_bytes);
+  ImGui::TextColored(kBad, "%s, %s", TimeText(recording.ticks).c_str(), size.c_str());
 }
 
-void MarkerLine(Viewer& viewer, bool runs, float gap) {
+// The line below the name: why it cannot be taken, or how the last recording ended.
+void NameLine(SessionState& session, const Record& record) {
+  if (record.state.running || record.problem.empty()) {
+    const bool is_bad = !record.state.error.empty();
+    FixedLine(is_bad ? record.state.error : record.state.left_out, is_bad ? kBad : kWarning);
+    return;
+  }
+  const ImVec2 p = ImGui::GetCursorPos();
+  FixedLine(record.problem, kWarning);
+  const std::string next = FreeName(session.name, record.known());
+  if (session.name.empty() || next == session.name || record.known().folder.empty()) return;
+  const ImVec2 after = ImGui::GetCursorPos();
+  const std::string use = "Use " + OneLine(next, 30) + "###use";
+  const float width = ImGui::CalcTextSize(use.c_str(), nullptr, true).x;
+  ImGui::SetCursorPos({std::max(p.x, ImGui::GetContentRegionMax().x - width - 10.0f), p.y});
+  if (ImGui::SmallButton(use.c_str())) session.name = next;
+  Tip("the next free name");
+  ImGui::SetCursorPos(after);
+}
+
+void MarkerLine(Viewer& viewer, bool runs) {
   ImGui::BeginDisabled(!runs);
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x - ButtonWidth("Mark") - gap);
+  const float gap = 8.0f * viewer.state().screen_scale;
+  ImGui::SetNextItemWidth(-ButtonWidth("Mark") - gap);
   const bool entered =
       ImGui::InputTextWithHint("##marker", "what happened", &viewer.state().session.marker,
                                ImGuiInputTextFlags_EnterReturnsTrue);
@@ -124,13 +116,12 @@ void MarkerLine(Viewer& viewer, bool runs, float gap) {
   ImGui::EndDisabled();
 }
 
-void RecordPart(Viewer& viewer, float scale) {
+void RecordPart(Viewer& viewer) {
   const Record record = RecordOf(viewer);
-  const float gap = 8.0f * scale;
   NameField(viewer.state().session, record);
   RecordedSoFar(record.state);
-  NameLine(viewer, record.state, record.known(), record.problem);
-  MarkerLine(viewer, record.state.running, gap);
+  NameLine(viewer.state().session, record);
+  MarkerLine(viewer, record.state.running);
 }
 
 std::string DayText(std::int64_t modified_s) {
@@ -142,43 +133,43 @@ std::string DayText(std::int64_t modified_s) {
   return text.data();
 }
 
-void ListPart(Viewer& viewer, float scale) {
-  LiveFeed& feed = viewer.feed();
-  SessionState& session = viewer.state().session;
+void ListLine(Viewer& viewer, const client::RecordedFile& file) {
+  std::string& chosen = viewer.state().session.chosen;
+  ImGui::PushID(file.path.c_str());
+  if (NameSelectable(OneLine(RecordingName(file.path), 60), chosen == file.path,
+                     ImGuiSelectableFlags_AllowDoubleClick)) {
+    chosen = file.path;
+    if (ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left) && !IsRecording(viewer)) {
+      viewer.feed().replayer().Play(file.path);
+    }
+  }
+  ImGui::PopID();
+  const std::string day = DayText(file.modified_s);
+  if (ImGui::IsItemHovered()) {
+    ImGui::SetTooltip("%s\n%s, %s; double click: replay", OneLine(file.path, kLongestText).c_str(),
+                      day.c_str(), SizeText(file.size_bytes).c_str());
+  }
+  ImGui::SameLine(ImGui::GetContentRegionMax().x - ImGui::CalcTextSize(day.c_str()).x);
+  ImGui::TextColored(kDim, "%s", day.c_str());
+}
+
+void ListPart(Viewer& viewer) {
+  Replayer& replayer = viewer.feed().replayer();
   ImGui::AlignTextToFramePadding();
   ImGui::TextUnformatted("Recordings");
   ImGui::SameLine(ImGui::GetContentRegionMax().x - ButtonWidth("Refresh"));
-  if (ImGui::Button("Refresh")) feed.replayer().Refresh();
+  if (ImGui::Button("Refresh")) replayer.Refresh();
   Tip("ask palpated for its recordings again");
-  ImGui::BeginChild("recordings",
-                    {0.0f, kRowsOfList * ImGui::GetTextLineHeightWithSpacing() + 6.0f * scale},
-                    true);
-  const auto list = feed.replayer().list();
+  const float height =
+      kRowsOfList * ImGui::GetTextLineHeightWithSpacing() + 6.0f * viewer.state().screen_scale;
+  ImGui::BeginChild("recordings", {0.0f, height}, true);
+  const auto list = replayer.list();
   if (list && list->recordings.empty()) ImGui::TextColored(kDim, "none yet");
   ImGuiListClipper clipper;
   clipper.Begin(list ? static_cast<int>(list->recordings.size()) : 0);
   while (clipper.Step()) {
     for (int n = clipper.DisplayStart; n < clipper.DisplayEnd; ++n) {
-      const client::RecordedFile& file = list->recordings[static_cast<std::size_t>(n)];
-      ImGui::PushID(file.path.c_str());
-      const bool pressed =
-          NameSelectable(OneLine(RecordingName(file.path), 60), session.chosen == file.path,
-                         ImGuiSelectableFlags_AllowDoubleClick);
-      ImGui::PopID();
-      if (pressed) {
-        session.chosen = file.path;
-        if (ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left) && !IsRecording(viewer)) {
-          feed.replayer().Play(file.path);
-        }
-      }
-      if (ImGui::IsItemHovered()) {
-        ImGui::SetTooltip("%s\n%s, %s; double click: replay",
-                          OneLine(file.path, kLongestText).c_str(),
-                          DayText(file.modified_s).c_str(), SizeText(file.size_bytes).c_str());
-      }
-      const std::string day = DayText(file.modified_s);
-      ImGui::SameLine(ImGui::GetContentRegionMax().x - ImGui::CalcTextSize(day.c_str()).x);
-      ImGui::TextColored(kDim, "%s", day.c_str());
+      ListLine(viewer, list->recordings[static_cast<std::size_t>(n)]);
     }
   }
   ImGui::EndChild();
@@ -220,7 +211,7 @@ void Timeline(Viewer& viewer, const ReplayPosition& position) {
   const std::uint64_t first = 0;
   const std::uint64_t last = std::max<std::uint64_t>(position.total_ticks, 2) - 1;
   const std::string format = TimeText(tick);
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  ImGui::SetNextItemWidth(-FLT_MIN);
   ImGui::SliderScalar("##timeline", ImGuiDataType_U64, &tick, &first, &last, format.c_str(),
                       ImGuiSliderFlags_AlwaysClamp | ImGuiSliderFlags_NoInput);
   if (ImGui::IsItemActive()) session.sought = tick;
@@ -235,19 +226,18 @@ void Timeline(Viewer& viewer, const ReplayPosition& position) {
 
 void SpeedChoice(Viewer& viewer, const ReplayPosition& position) {
   constexpr std::array<double, 7> kSpeeds = {0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 10.0};
-  constexpr std::array<const char*, 7> kNames = {"\xC3\x97 0.1", "\xC3\x97 0.25", "\xC3\x97 0.5",
-                                                 "\xC3\x97 1",   "\xC3\x97 2",    "\xC3\x97 4",
-                                                 "\xC3\x97 10"};
+  constexpr std::array<std::string_view, 7> kNames = {
+      "\xC3\x97 0.1", "\xC3\x97 0.25", "\xC3\x97 0.5", "\xC3\x97 1",
+      "\xC3\x97 2",   "\xC3\x97 4",    "\xC3\x97 10"};
   const auto* const found = std::find(kSpeeds.begin(), kSpeeds.end(), position.speed);
-  int choice = found == kSpeeds.end() ? 3 : static_cast<int>(found - kSpeeds.begin());
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  if (Choose("##speed", choice, kNames.data(), static_cast<int>(kNames.size()))) {
-    viewer.feed().replayer().SetSpeed(kSpeeds[static_cast<std::size_t>(choice)]);
-  }
+  std::size_t choice =
+      found == kSpeeds.end() ? 3 : static_cast<std::size_t>(found - kSpeeds.begin());
+  ImGui::SetNextItemWidth(-FLT_MIN);
+  if (Choose("##speed", choice, kNames)) viewer.feed().replayer().SetSpeed(kSpeeds[choice]);
   Tip("multiple of real time");
 }
 
-void ReplayPart(Viewer& viewer, float scale) {
+void ReplayPart(Viewer& viewer) {
   Replayer& replayer = viewer.feed().replayer();
   const std::string& chosen = viewer.state().session.chosen;
   const auto playing = replayer.position();
@@ -263,21 +253,22 @@ void ReplayPart(Viewer& viewer, float scale) {
   Tip("shows the recording to all viewers, with forces off; the recorded volume must be loaded");
   ImGui::EndDisabled();
   ImGui::BeginDisabled(!playing);
-  ImGui::SameLine(0.0f, 8.0f * scale);
+  const float gap = 8.0f * viewer.state().screen_scale;
+  ImGui::SameLine(0.0f, gap);
   if (ImGui::Button("Live again")) replayer.End();
   Tip("ends the replay: voxels, place and forces are as before");
-  ImGui::SameLine(0.0f, 8.0f * scale);
+  ImGui::SameLine(0.0f, gap);
   SpeedChoice(viewer, position);
   Timeline(viewer, position);
   ImGui::EndDisabled();
   if (playing) {
     FixedLine(TimeText(position.tick) + " of " + TimeText(position.total_ticks) + ", " +
-                  OneLine(RecordingName(position.path), kLongestText),
+                  RecordingName(position.path),
               kWarning);
   } else if (others) {
     FixedLine("somebody else replays", kWarning);
   } else {
-    const std::string problem = OneLine(replayer.problem(), kLongestText);
+    const std::string problem = replayer.problem();
     // While the connection is lost, nothing shown is live.
     const bool is_live = viewer.feed().connection().state == client::ConnectionState::kConnected &&
                          !viewer.feed().silent_s();
@@ -303,6 +294,11 @@ std::string BannerOf(const LiveFeed& feed) {
 }
 
 }  // namespace
+
+bool IsRecording(const Viewer& viewer) {
+  const auto recording = viewer.feed().recording();
+  return recording && recording->running;
+}
 
 // Asks for the list at the beginning and after each recording. Then the next name is free, too.
 void FollowSession(Viewer& viewer) {
@@ -359,13 +355,12 @@ void PutMarker(Viewer& viewer) {
   viewer.Say("marked: " + OneLine(text, kLongestText));
 }
 
-void SessionPanel(Viewer& viewer, float scale) {
-  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
-  if (!ImGui::CollapsingHeader("Session")) return;
+void SessionPanel(Viewer& viewer) {
+  if (!ImGui::CollapsingHeader("Session", ImGuiTreeNodeFlags_DefaultOpen)) return;
   BeginAllowed(viewer, client::Role::kOperator);
-  RecordPart(viewer, scale);
-  ReplayPart(viewer, scale);
-  ListPart(viewer, scale);
+  RecordPart(viewer);
+  ReplayPart(viewer);
+  ListPart(viewer);
   EndAllowed();
 }
 
@@ -374,7 +369,7 @@ void DrawReplayBanner(const Viewer& viewer, const Area& area, float scale) {
   if (line.empty()) return;
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImU32 color = ImGui::GetColorU32(kWarning);
-  const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};
+  const ImVec2 max = MaxOf(area);
   const float edge = 3.0f * scale;
   list.AddRect({area.min.x + 0.5f * edge, area.min.y + 0.5f * edge},
                {max.x - 0.5f * edge, max.y - 0.5f * edge}, color, 0.0f, 0, edge);

@@ -11,24 +11,8 @@ struct Tab {
   LeftTab tab;
   const char* label;
   const char* tip;
-  void (*draw)(Viewer& viewer, float scale);
+  void (*draw)(Viewer& viewer);
 };
-
-void SurfaceTab(Viewer& viewer, float scale) { IsovaluePanel(viewer, scale); }
-void LookTab(Viewer& viewer, float /*scale*/) {
-  LookPanel(viewer);
-  WindowPanel(viewer);
-  MeasurePanel(viewer);
-  SavedViewsPanel(viewer);
-}
-void CutTab(Viewer& viewer, float /*scale*/) {
-  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
-  CutsPanel(viewer);
-}
-void EditTab(Viewer& viewer, float /*scale*/) {
-  BrushPanel(viewer);
-  FilterPanel(viewer);
-}
 
 constexpr std::array<Tab, 4> kTabs = {{
     {LeftTab::kSurface, "Surface", "the surface that is seen and felt", SurfaceTab},
@@ -38,10 +22,10 @@ constexpr std::array<Tab, 4> kTabs = {{
 }};
 
 // The tabs stay, and what is below them scrolls.
-void DrawTab(Viewer& viewer, const Tab& tab, float scale) {
+void DrawTab(Viewer& viewer, const Tab& tab) {
   ImGui::BeginChild(tab.label, {0.0f, 0.0f}, false, ImGuiWindowFlags_NavFlattened);
   ImGui::PushItemWidth(0.58f * ImGui::GetContentRegionAvail().x);
-  tab.draw(viewer, scale);
+  tab.draw(viewer);
   ImGui::PopItemWidth();
   ImGui::EndChild();
 }
@@ -70,9 +54,8 @@ void DragEdge(const char* name, const Area& area, float shown_width, float towar
   const bool held = ImGui::IsItemActive();
   if (held || ImGui::IsItemHovered()) {
     ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
-    ImGui::GetWindowDrawList()->AddRectFilled(
-        area.min, {area.min.x + area.size.x, area.min.y + area.size.y},
-        ImGui::GetColorU32(held ? ImGuiCol_ButtonActive : ImGuiCol_ButtonHovered));
+    const ImU32 color = ImGui::GetColorU32(held ? ImGuiCol_ButtonActive : ImGuiCol_ButtonHovered);
+    ImGui::GetWindowDrawList()->AddRectFilled(area.min, MaxOf(area), color);
   }
   Tip("drag to resize");
   const float moved = toward * ImGui::GetIO().MouseDelta.x;
@@ -86,7 +69,7 @@ void DragEdge(const char* name, const Area& area, float shown_width, float towar
 
 }  // namespace
 
-void DrawLeftPanels(Viewer& viewer, const Area& area, float scale) {
+void DrawLeftPanels(Viewer& viewer, const Area& area) {
   BeginPanel("left", area);
   LeftTab& chosen = viewer.preferences().tab;
   bool& is_first = viewer.state().tab_wanted;
@@ -98,7 +81,7 @@ void DrawLeftPanels(Viewer& viewer, const Area& area, float scale) {
       Tip(tab.tip);
       if (!open) continue;
       if (!is_first) chosen = tab.tab;
-      DrawTab(viewer, tab, scale);
+      DrawTab(viewer, tab);
       ImGui::EndTabItem();
     }
     is_first = false;
@@ -107,13 +90,13 @@ void DrawLeftPanels(Viewer& viewer, const Area& area, float scale) {
   ImGui::End();
 }
 
-void DrawRightPanels(Viewer& viewer, const Area& area, float scale) {
+void DrawRightPanels(Viewer& viewer, const Area& area) {
   BeginPanel("right", area);
   OpenForRole(viewer);
   ImGui::PushItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
   FeelPanel(viewer);
   DevicePanel(viewer);
-  SessionPanel(viewer, scale);
+  SessionPanel(viewer);
   ImGui::PopItemWidth();
   ImGui::End();
 }

@@ -45,7 +45,7 @@ void ShowStatus(Viewer& viewer) {
   const Status status = StatusOf(viewer);
   WrappedText(status.color, status.text);
   if (const auto fraction = FractionIn(status.text)) {
-    ImGui::ProgressBar(static_cast<float>(*fraction), {ImGui::GetContentRegionAvail().x, 0.0f});
+    ImGui::ProgressBar(static_cast<float>(*fraction));
   }
   if (viewer.files().is_page_kept() && viewer.feed().volume().lattice()) {
     if (ImGui::Button("Show the sample")) viewer.files().ClosePage();
@@ -63,8 +63,7 @@ bool WideButton(const char* label, const char* tip) {
 }
 
 void TypedPath(Files& files) {
-  const float open = ButtonWidth("Open") + ImGui::GetStyle().ItemSpacing.x;
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x - open);
+  ImGui::SetNextItemWidth(-ButtonWidth("Open") - ImGui::GetStyle().ItemSpacing.x);
   const bool entered = ImGui::InputTextWithHint("##typed", "or type a path", &files.form().path,
                                                 ImGuiInputTextFlags_EnterReturnsTrue);
   ImGui::SameLine();
@@ -177,10 +176,7 @@ void DrawStartPage(Viewer& viewer, const Area& area, float scale) {
   ImGui::SetNextWindowPos({area.min.x + 0.5f * area.size.x, area.min.y + 0.5f * area.size.y},
                           ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowSizeConstraints({width, 0.0f}, {width, area.size.y - 8.0f * scale});
-  ImGui::Begin("##start", nullptr,
-               ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoMove |
-                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_AlwaysAutoResize |
-                   ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::Begin("##start", nullptr, kCard);
   ImGui::SetWindowFontScale(zoom);
   if (ImGui::IsWindowAppearing()) ReadProfiles(viewer);
   ShowStatus(viewer);

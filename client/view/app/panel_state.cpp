@@ -1,3 +1,4 @@
+#include <array>
 #include <optional>
 #include <string>
 
@@ -33,19 +34,9 @@ KnownState KnownOf(Viewer& viewer, const std::optional<client::DaemonInfo>& daem
   return known;
 }
 
-ImU32 GroundOf(Tone tone) {
-  switch (tone) {
-    case Tone::kActing:
-      return IM_COL32(22, 92, 48, 255);
-    case Tone::kIdle:
-      return IM_COL32(52, 58, 68, 255);
-    case Tone::kCaution:
-      return IM_COL32(140, 88, 12, 255);
-    case Tone::kAlarm:
-      return IM_COL32(140, 26, 24, 255);
-  }
-  return IM_COL32(52, 58, 68, 255);
-}
+// In the order of Tone. They are dark in both themes.
+constexpr std::array<ImU32, 4> kGrounds = {IM_COL32(22, 92, 48, 255), IM_COL32(52, 58, 68, 255),
+                                           IM_COL32(140, 88, 12, 255), IM_COL32(140, 26, 24, 255)};
 
 // A shape for each tone, for those who do not tell the colours apart: disc, ring, triangle, square.
 void DrawSign(Tone tone) {
@@ -121,13 +112,12 @@ void EditForces(Viewer& viewer, ForceAction action, const char* label,
 void DrawStateBar(Viewer& viewer, const Area& area, float scale) {
   const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
   const StateLine state = StateOf(KnownOf(viewer, daemon));
-  // The grounds are dark in both themes.
   const ThemeScope dark(Theme::kDark);
-  BeginPanel("state", area, ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
-  const ImVec2 max{area.min.x + area.size.x, area.min.y + area.size.y};
+  BeginPanel("state", area, ImGuiWindowFlags_NoScrollWithMouse);
+  const ImVec2 max = MaxOf(area);
   ImDrawList& list = *ImGui::GetWindowDrawList();
   list.PushClipRect(area.min, max);
-  list.AddRectFilled(area.min, max, GroundOf(state.tone));
+  list.AddRectFilled(area.min, max, kGrounds[static_cast<std::size_t>(state.tone)]);
   list.PopClipRect();
   const char* label = LabelOf(state.action, area.size.x > 420.0f * scale);
   const float gap = 8.0f * scale;
@@ -143,7 +133,7 @@ void DrawStateBar(Viewer& viewer, const Area& area, float scale) {
   ImGui::SetCursorPosY(y);
   ImGui::AlignTextToFramePadding();
   const bool warns = viewer.state().escape.Warns(EscapeRule::Clock::now());
-  const std::string line = warns ? "Esc again stops the forces" : OneLine(state.text, 300);
+  const std::string line = warns ? "Esc again stops the forces" : OneLine(state.text);
   ImGui::TextUnformatted(line.c_str());
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", line.c_str());
   ImGui::PopClipRect();

@@ -2,73 +2,70 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "client/sdk/words.h"
 #include "client/view/app/input.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
+#include "client/view/live/shared_things.h"
 
 namespace palpate::view {
 namespace {
 
-constexpr std::size_t kLongestLine = 300;  // bytes
-constexpr std::size_t kLongestName = 60;
+constexpr std::size_t kLongestName = 60;  // bytes
+constexpr std::size_t kShownChanges = 6;
 
-void Dot(const ImVec4& color) {
+void Dot(const ThemeColor& color) {
   const float height = ImGui::GetTextLineHeight();
   const ImVec2 p = ImGui::GetCursorScreenPos();
   ImGui::GetWindowDrawList()->AddCircleFilled({p.x + 0.5f * height, p.y + 0.5f * height + 3.0f},
-                                              0.35f * height,
-                                              ImGui::ColorConvertFloat4ToU32(color));
+                                              0.35f * height, color.u32());
   ImGui::Dummy({height, height});
   ImGui::SameLine();
 }
 
-// Begins the button that shows the state in this colour and opens the dialog of the connection.
-void BeginState(Viewer& viewer, const ImVec4& color) {
-  Dot(color);
-  if (ImGui::Button("Connect\xE2\x80\xA6")) OpenConnectDialog(viewer);
-  Tip("to which palpated, and as whom (ctrl+K)");
-  ImGui::SameLine();
+struct ConnectionText {
+  ThemeColor color;
+  std::string text;
+  bool is_good = false;
+};
+
+ConnectionText TextOfConnection(Viewer& viewer) {
+  const LiveFeed& feed = viewer.feed();
+  const client::Connection connection = feed.connection();
+  if (feed.is_disconnected()) return {kDim, "not connected"};
+  switch (connection.state) {
+    case client::ConnectionState::kConnected:
+      break;
+    case client::ConnectionState::kConnecting:
+      return {kWarning, "connecting to " + feed.name()};
+    case client::ConnectionState::kLost:
+      // The start page says more.
+      if (viewer.files().PageShown()) return {kDim, "not connected"};
+      return {kBad, "reconnecting: " + OneLine(connection.why)};
+  }
+  const auto silent_s = feed.silent_s();
+  if (silent_s) return {kBad, fmt::format("no poses for {:.1f} s", *silent_s)};
+  return {kGood, "connected", true};
 }
 
 void ConnectionState(Viewer& viewer) {
-  const client::Connection connection = viewer.feed().connection();
-  const std::string& name = viewer.feed().name();
+  const ConnectionText state = TextOfConnection(viewer);
   ImGui::AlignTextToFramePadding();
-  // The start page says more.
-  const bool is_new =
-      connection.state == client::ConnectionState::kLost && viewer.files().PageShown();
-  if (viewer.feed().is_disconnected() || is_new) {
-    BeginState(viewer, kDim);
-    ImGui::TextColored(kDim, "not connected");
-    return;
-  }
-  switch (connection.state) {
-    case client::ConnectionState::kConnected:
-      if (const auto silent_s = viewer.feed().silent_s()) {
-        BeginState(viewer, kBad);
-        ImGui::TextColored(kBad, "no poses for %.1f s", *silent_s);
-        break;
-      }
-      BeginState(viewer, kGood);
-      ImGui::Text("connected");
-      if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", name.c_str());
-      if (!viewer.feed().May(client::Role::kAdmin)) {
-        ImGui::SameLine();
-        ImGui::TextColored(kDim, "as %s", client::NameOf(viewer.feed().role()).c_str());
-      }
-      break;
-    case client::ConnectionState::kConnecting:
-      BeginState(viewer, kWarning);
-      ImGui::TextColored(kWarning, "connecting to %s", name.c_str());
-      break;
-    case client::ConnectionState::kLost:
-      BeginState(viewer, kBad);
-      ImGui::TextColored(kBad, "reconnecting: %s", OneLine(connection.why, kLongestLine).c_str());
-      break;
-  }
+  Dot(state.color);
+  if (ImGui::Button("Connect\xE2\x80\xA6")) OpenConnectDialog(viewer);
+  Tip("to which palpated, and as whom (ctrl+K)");
+  ImGui::SameLine();
+  ImGui::TextColored(state.is_good ? kPlain : state.color, "%s", state.text.c_str());
+  if (!state.is_good) return;
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", viewer.feed().name().c_str());
+  if (viewer.feed().May(client::Role::kAdmin)) return;
+  ImGui::SameLine();
+  ImGui::TextColored(kDim, "as %s", client::NameOf(viewer.feed().role()).c_str());
 }
 
 void VolumeState(const Viewer& viewer) {
@@ -80,7 +77,7 @@ void VolumeState(const Viewer& viewer) {
   if (!problem.empty() && connected) {
     ImGui::SameLine();
     ImGui::TextColored(status.is_loading ? kWarning : kBad, "%s%s",
-                       status.is_loading ? "" : "volume: ", OneLine(problem, kLongestLine).c_str());
+                       status.is_loading ? "" : "volume: ", OneLine(problem).c_str());
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", problem.c_str());
     return;
   }
@@ -88,9 +85,7 @@ void VolumeState(const Viewer& viewer) {
   ImGui::SameLine(0.0f, 24.0f);
   const std::string name = std::filesystem::path(lattice->source).filename().string();
   ImGui::Text("%s", OneLine(name, kLongestName).c_str());
-  if (ImGui::IsItemHovered()) {
-    ImGui::SetTooltip("%s", OneLine(lattice->source, kLongestLine).c_str());
-  }
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", OneLine(lattice->source).c_str());
   ImGui::SameLine();
   ImGui::TextColored(kDim, "%d \xC3\x97 %d \xC3\x97 %d", lattice->size.x(), lattice->size.y(),
                      lattice->size.z());
@@ -112,6 +107,64 @@ void States(const Viewer& viewer) {
     ImGui::SameLine(0.0f, 24.0f);
     ImGui::TextColored(kWarning, "%s", client::UnsavedInWords(volume->unsaved_edits).c_str());
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("save them: ctrl+S");
+  }
+}
+
+// One person, however many programs of theirs are connected.
+struct Person {
+  client::ConnectedCaller caller;  // the first, with what holds for any of them
+  std::size_t programs = 1;
+};
+
+std::vector<Person> PeopleOf(const client::Activity& activity) {
+  std::vector<Person> people;
+  for (const client::ConnectedCaller& caller : activity.callers) {
+    const auto known = std::find_if(people.begin(), people.end(), [&](const Person& person) {
+      return person.caller.identity == caller.identity;
+    });
+    if (known == people.end()) {
+      people.push_back({caller});
+      continue;
+    }
+    ++known->programs;
+    known->caller.is_you |= caller.is_you;
+    known->caller.watches |= caller.watches;
+    known->caller.role = std::max(known->caller.role, caller.role);
+  }
+  return people;
+}
+
+void ShowPerson(const Person& person) {
+  const client::ConnectedCaller& caller = person.caller;
+  ImGui::TableNextRow();
+  ImGui::TableNextColumn();
+  ImGui::TextColored(caller.is_you ? kGood : kPlain, "%s%s",
+                     OneLine(caller.identity, kLongestName).c_str(), caller.is_you ? " (you)" : "");
+  if (ImGui::IsItemHovered()) {
+    const std::string from = caller.peer.empty()
+                                 ? "programs on palpated's machine, by its local socket"
+                                 : "from " + OneLine(caller.peer, kLongestName);
+    ImGui::SetTooltip("%s\nhere for %s", from.c_str(), AgeInWords(caller.connected_s).c_str());
+  }
+  ImGui::TableNextColumn();
+  ImGui::TextUnformatted(client::NameOf(caller.role).c_str());
+  ImGui::TableNextColumn();
+  const std::string programs =
+      person.programs > 1 ? fmt::format("{} programs ", person.programs) : std::string();
+  ImGui::TextColored(kDim, "%s%s", programs.c_str(), caller.watches ? "watches" : "");
+  if (caller.watches) Tip("receives the poses of the stylus");
+}
+
+void ShowChanges(const Viewer& viewer, const client::Activity& activity) {
+  const std::size_t count = std::min(activity.changes.size(), kShownChanges);
+  for (std::size_t n = 0; n < count; ++n) {
+    const std::string& what = activity.changes[n].what;
+    const auto change = viewer.feed().shared().Of(what);
+    if (!change) continue;
+    const std::string by = change->is_own ? "you" : OneLine(change->by, kLongestName);
+    ImGui::PushStyleColor(ImGuiCol_Text, change->is_fresh ? kWarning : kDim);
+    ImGui::TextUnformatted((NameOfThing(what) + " by " + ByAndAge(by, change->age_s)).c_str());
+    ImGui::PopStyleColor();
   }
 }
 
@@ -164,9 +217,8 @@ void UndoRedo(Viewer& viewer, RowFromRight& row) {
   if (button("Undo", actions.undo_name(), "ctrl+Z")) UndoEdit(viewer);
 }
 
-void Record(Viewer& viewer, RowFromRight& row, bool wide) {
-  const auto recording = viewer.feed().recording();
-  const bool runs = recording && recording->running;
+void RecordButton(Viewer& viewer, RowFromRight& row, bool wide) {
+  const bool runs = IsRecording(viewer);
   const std::string why = WhyNotRecord(viewer);
   const char* begin = wide ? "Record" : "Rec";
   const char* end = wide ? "End recording" : "End rec";
@@ -175,6 +227,28 @@ void Record(Viewer& viewer, RowFromRight& row, bool wide) {
   if (runs) ImGui::PopStyleColor();
   Tip(why.empty() ? "every tick and every change, as the file that Session names" : why.c_str());
   if (pressed) ToggleRecording(viewer);
+}
+
+void PeopleButton(Viewer& viewer, RowFromRight& row, bool wide) {
+  const std::optional<client::Activity>& activity = viewer.feed().activity();
+  const std::vector<Person> people = activity ? PeopleOf(*activity) : std::vector<Person>();
+  const char* noun = people.size() == 1 ? " person" : " people";
+  const std::string label = fmt::format("{}{}###people", people.size(), wide ? noun : "");
+  if (row.Next(label.c_str(), ButtonWidth(wide ? "99 people" : "99"))) {
+    ImGui::OpenPopup("who is here");
+  }
+  Tip("who is here, and who changed what");
+  if (!ImGui::BeginPopup("who is here")) return;
+  if (!activity) {
+    ImGui::TextColored(kDim, "not known");
+  } else {
+    if (ImGui::BeginTable("people", 3)) {
+      for (const Person& person : people) ShowPerson(person);
+      ImGui::EndTable();
+    }
+    ShowChanges(viewer, *activity);
+  }
+  ImGui::EndPopup();
 }
 
 // Always in the same place. Returns where the row begins. In a narrow window the texts are shorter,
@@ -187,21 +261,9 @@ float Row(Viewer& viewer, float scale) {
   const char* help = wide ? "Help (F1)" : "?";
   if (row.Next(help, ButtonWidth(help))) viewer.state().help_shown ^= true;
   Tip("keys and what the pointer does (F1)");
-  const std::size_t people = CountPeople(viewer);
-  const std::string label = fmt::format("{}{}", people,
-                                        !wide         ? ""
-                                        : people == 1 ? " person"
-                                                      : " people");
-  if (row.Next((label + "###people").c_str(), ButtonWidth(wide ? "99 people" : "99"))) {
-    ImGui::OpenPopup("who is here");
-  }
-  Tip("who is here, and who changed what");
-  if (ImGui::BeginPopup("who is here")) {
-    ShowPeople(viewer);
-    ImGui::EndPopup();
-  }
+  PeopleButton(viewer, row, wide);
   UndoRedo(viewer, row);
-  Record(viewer, row, wide);
+  RecordButton(viewer, row, wide);
   return row.left();
 }
 

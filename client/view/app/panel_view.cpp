@@ -13,10 +13,6 @@
 namespace palpate::view {
 namespace {
 
-ImTextureID TextureId(unsigned name) {
-  return reinterpret_cast<ImTextureID>(static_cast<std::uintptr_t>(name));
-}
-
 enum class Shape { kBall, kCube, kOctahedron, kArrow };
 
 // The shapes of scene/overlay.h.
@@ -148,10 +144,10 @@ void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale) {
                              ImGuiButtonFlags_MouseButtonMiddle);
   TakePointer(viewer, area.min, area.size);
   viewer.Draw(PixelsOf(area.size));
+  const std::uintptr_t texture = viewer.renderer().DrawnTexture();
   // OpenGL's first row is the bottom.
-  ImGui::GetWindowDrawList()->AddImage(TextureId(viewer.renderer().DrawnTexture()), area.min,
-                                       {area.min.x + area.size.x, area.min.y + area.size.y},
-                                       {0.0f, 1.0f}, {1.0f, 0.0f});
+  ImGui::GetWindowDrawList()->AddImage(reinterpret_cast<ImTextureID>(texture), area.min,
+                                       MaxOf(area), {0.0f, 1.0f}, {1.0f, 0.0f});
   DrawCube(viewer, area, scale);
   DrawViewMarks(viewer, area, hand, scale);
   if (has_legend) DrawLegend(viewer, area, scale);

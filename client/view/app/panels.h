@@ -6,7 +6,6 @@
 
 #include "client/view/app/layout.h"
 #include "client/view/app/viewer.h"
-#include "client/view/scene/slice_view.h"
 
 namespace palpate::view {
 
@@ -23,9 +22,9 @@ std::string WhyNot(const Viewer& viewer, Tool tool);
 // How the pointer leads the hand, at the view's lower edge, while it does. Returns its height.
 float DrawHandStrip(Viewer& viewer, const Area& view, float scale);
 // The tabs Surface, Look, Cut, Edit.
-void DrawLeftPanels(Viewer& viewer, const Area& area, float scale);
+void DrawLeftPanels(Viewer& viewer, const Area& area);
 // The headings Feel, Device, Session.
-void DrawRightPanels(Viewer& viewer, const Area& area, float scale);
+void DrawRightPanels(Viewer& viewer, const Area& area);
 // The edges that drag the widths of the sides.
 void DrawEdges(Viewer& viewer, const Layout& layout, float scale);
 // The last 10 seconds: the bar is always visible.
@@ -37,9 +36,6 @@ void DrawReplayBanner(const Viewer& viewer, const Area& area, float scale);
 void DrawSeriesBar(Viewer& viewer, const Area& area);
 // A slice that fills the view is in `view`; the view is in that slice's place then.
 void DrawSlices(Viewer& viewer, const SliceStrip& strip, const Area& view, float scale);
-// The brush in a slice that was just drawn at `min`.
-void DrawBrushInSlice(const Viewer& viewer, const SliceView& view, const SignedAxis& across,
-                      const ImVec2& min);
 void DrawHelp(Viewer& viewer, const Layout& layout, float scale);
 // Opens the dialog for palpated's address and our credentials. It stays until the user closes it.
 void OpenConnectDialog(Viewer& viewer);
@@ -61,34 +57,25 @@ void DrawFileCard(Viewer& viewer, const Area& area, float scale);
 // The window for typing a path, to open or to save.
 void DrawPathForm(Viewer& viewer, float scale);
 
-// Shows a side, or hides it. Where there is room for one side only, the shown one has it.
-void ShowSide(Preferences& preferences, Side side, bool shown);
-
-// In the tabs on the left.
-void IsovaluePanel(Viewer& viewer, float scale);
-void LookPanel(Viewer& viewer);
-void WindowPanel(Viewer& viewer);
-void CutsPanel(Viewer& viewer);
-void MeasurePanel(Viewer& viewer);
-void SavedViewsPanel(Viewer& viewer);
-void BrushPanel(Viewer& viewer);
-void FilterPanel(Viewer& viewer);
-// Headings on the right.
+// The tabs on the left.
+void SurfaceTab(Viewer& viewer);
+void LookTab(Viewer& viewer);
+void CutTab(Viewer& viewer);
+void EditTab(Viewer& viewer);
+// The headings on the right.
 inline constexpr const char* kFeelHeading = "Feel, for everyone";
 inline constexpr const char* kDeviceHeading = "Device";
+void FeelPanel(Viewer& viewer);
 void DevicePanel(Viewer& viewer);
+// Recordings: made here, listed and replayed.
+void SessionPanel(Viewer& viewer);
 // Keeps the session's state true while its panel is hidden, too. Call it once per frame.
 void FollowSession(Viewer& viewer);
-// Recordings: made here, listed and replayed.
-void SessionPanel(Viewer& viewer, float scale);
+bool IsRecording(const Viewer& viewer);
 // Why a recording can neither begin nor end here; empty: it can.
 std::string WhyNotRecord(const Viewer& viewer);
 void ToggleRecording(Viewer& viewer);
 // Puts a marker with the panel's text into the recording that runs.
 void PutMarker(Viewer& viewer);
-void FeelPanel(Viewer& viewer);
-// Who is connected, one line each, and who changed what.
-std::size_t CountPeople(const Viewer& viewer);
-void ShowPeople(Viewer& viewer);
 
 }  // namespace palpate::view

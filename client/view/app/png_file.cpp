@@ -9,22 +9,12 @@
 #include <ios>
 
 namespace palpate::view {
-namespace {
-
-std::vector<std::uint8_t> WithoutAlpha(const Image& image) {
-  std::vector<std::uint8_t> rgb;
-  rgb.reserve(image.rgba.size() / 4 * 3);
-  for (std::size_t i = 0; i + 3 < image.rgba.size(); i += 4) {
-    rgb.insert(rgb.end(), image.rgba.begin() + static_cast<std::ptrdiff_t>(i),
-               image.rgba.begin() + static_cast<std::ptrdiff_t>(i) + 3);
-  }
-  return rgb;
-}
-
-}  // namespace
 
 void WritePng(const Image& image, const std::string& path, IfThere if_there) {
-  const std::vector<std::uint8_t> rgb = WithoutAlpha(image);
+  using Colors = Eigen::Matrix<std::uint8_t, 3, Eigen::Dynamic>;
+  using ColorsWithAlpha = Eigen::Matrix<std::uint8_t, 4, Eigen::Dynamic>;
+  const auto pixels = static_cast<Eigen::Index>(image.rgba.size() / 4);
+  const Colors rgb = Eigen::Map<const ColorsWithAlpha>(image.rgba.data(), 4, pixels).topRows<3>();
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   png.width = static_cast<png_uint_32>(image.size.width);

@@ -34,61 +34,89 @@ fs::path FolderOf(const char* variable) {
   return folder.is_absolute() ? folder : fs::path();
 }
 
-const Json* Find(const Json& all, const char* name) {
-  const auto found = all.find(name);
-  return found == all.end() ? nullptr : &*found;
+using ViewsBySource = std::map<std::string, std::vector<SavedView>>;
+
+// Calls each(name, member, allowed...) for every value of the file. `allowed`: the words of a
+// choice, or the least and the greatest number.
+template <class Each>
+void ForEachValue(const Each& each) {
+  each("theme", &Preferences::theme, kThemes);
+  each("font_percent", &Preferences::font_percent, kLeastFont_percent, kMostFont_percent);
+  each("left_width_px", &Preferences::left_width_px, kLeastSide_px, kMostSide_px);
+  each("right_width_px", &Preferences::right_width_px, kLeastSide_px, kMostSide_px);
+  each("left_shown", &Preferences::left_shown);
+  each("right_shown", &Preferences::right_shown);
+  each("narrow_side", &Preferences::narrow_side, kSides);
+  each("four_panes", &Preferences::four_panes);
+  each("plots_shown", &Preferences::plots_shown);
+  each("tab", &Preferences::tab, kTabs);
+  each("recent_files", &Preferences::recent_files);
+  each("last_folder", &Preferences::last_folder);
+  each("slice_side", &Preferences::slice_side, kSliceSides);
+  each("saved_views", &Preferences::saved_views);
 }
 
-void Take(const Json& all, const char* name, bool& value) {
-  if (const Json* read = Find(all, name); read && read->is_boolean()) value = read->get<bool>();
+// A flag or a text.
+template <class Value>
+void Take(const Json& read, Value& value) {
+  if (read.type() == Json(value).type()) value = read.get<Value>();
 }
 
-void Take(const Json& all, const char* name, std::string& value) {
-  if (const Json* read = Find(all, name); read && read->is_string())
-    value = read->get<std::string>();
+void Take(const Json& read, std::optional<bool>& value) {
+  if (read.is_boolean()) value = read.get<bool>();
 }
 
 template <class Number>
-void Take(const Json& all, const char* name, Number least, Number most, Number& value) {
-  const Json* read = Find(all, name);
-  if (!read || !read->is_number()) return;
-  const auto number = read->get<double>();
-  if (number >= static_cast<double>(least) && number <= static_cast<double>(most))
-    value = static_cast<Number>(number);
+void Take(const Json& read, Number& value, Number least, Number most) {
+  if (!read.is_number()) return;
+  const auto number = read.get<double>();
+  if (number >= least && number <= most) value = static_cast<Number>(number);
 }
 
 template <class Choice, std::size_t kCount>
-void Take(const Json& all, const char* name, const std::array<std::string_view, kCount>& words,
-          Choice& value) {
-  const Json* read = Find(all, name);
-  if (!read || !read->is_string()) return;
-  const auto word = std::find(words.begin(), words.end(), read->get_ref<const std::string&>());
+void Take(const Json& read, Choice& value, const std::array<std::string_view, kCount>& words) {
+  if (!read.is_string()) return;
+  const auto word = std::find(words.begin(), words.end(), read.get_ref<const std::string&>());
   if (word != words.end()) value = static_cast<Choice>(word - words.begin());
 }
 
-void Take(const Json& all, const char* name, std::vector<std::string>& paths) {
-  const Json* read = Find(all, name);
-  if (!read || !read->is_array()) return;
-  for (const Json& path : *read) {
+void Take(const Json& read, std::vector<std::string>& paths) {
+  if (!read.is_array()) return;
+  for (const Json& path : read) {
     if (paths.size() < kMostRecentFiles && path.is_string()) {
       paths.push_back(path.get<std::string>());
     }
   }
 }
 
-template <class Choice, std::size_t kCount>
-std::string WordOf(Choice value, const std::array<std::string_view, kCount>& words) {
-  return std::string(words[static_cast<std::size_t>(value)]);
-}
-
-void Take(const Json& all, const char* name, std::map<std::string, std::vector<SavedView>>& value) {
-  const Json* read = Find(all, name);
-  if (!read || !read->is_object()) return;
-  for (const auto& [source, views] : read->items()) {
+void Take(const Json& read, ViewsBySource& value) {
+  if (!read.is_object()) return;
+  for (const auto& [source, views] : read.items()) {
     if (std::vector<SavedView> usable = ViewsOf(views.dump()); !usable.empty()) {
       value[source] = std::move(usable);
     }
   }
+}
+
+// ToJson returns null for what is not written.
+template <class Value, class... Allowed>
+Json ToJson(const Value& value, const Allowed&...) {
+  return value;
+}
+
+template <class Choice, std::size_t kCount>
+Json ToJson(const Choice& value, const std::array<std::string_view, kCount>& words) {
+  return std::string(words[static_cast<std::size_t>(value)]);
+}
+
+Json ToJson(const std::optional<bool>& value) { return value ? Json(*value) : Json(); }
+
+Json ToJson(const ViewsBySource& all) {
+  Json written;
+  for (const auto& [source, views] : all) {
+    if (!views.empty()) written[source] = Json::parse(JsonOf(views));
+  }
+  return written;
 }
 
 Json Parse(const fs::path& file) {
@@ -102,46 +130,22 @@ Json Parse(const fs::path& file) {
 Preferences Read(const Json& all) {
   Preferences read;
   if (!all.is_object()) return read;
-  Take(all, "theme", kThemes, read.theme);
-  Take(all, "font_percent", kLeastFont_percent, kMostFont_percent, read.font_percent);
-  Take(all, "left_width_px", kLeastSide_px, kMostSide_px, read.left_width_px);
-  Take(all, "right_width_px", kLeastSide_px, kMostSide_px, read.right_width_px);
-  Take(all, "left_shown", read.left_shown);
-  Take(all, "right_shown", read.right_shown);
-  Take(all, "narrow_side", kSides, read.narrow_side);
-  Take(all, "four_panes", read.four_panes);
-  Take(all, "tab", kTabs, read.tab);
-  Take(all, "recent_files", read.recent_files);
-  Take(all, "last_folder", read.last_folder);
-  Take(all, "slice_side", kSliceSides, read.slice_side);
-  Take(all, "saved_views", read.saved_views);
-  if (const Json* plots = Find(all, "plots_shown"); plots && plots->is_boolean())
-    read.plots_shown = plots->get<bool>();
+  ForEachValue([&](const char* name, auto member, const auto&... allowed) {
+    const auto found = all.find(name);
+    if (found != all.end()) Take(*found, read.*member, allowed...);
+  });
   return read;
 }
 
 std::string TextOf(const Preferences& preferences) {
-  Json all = {{"theme", WordOf(preferences.theme, kThemes)},
-              {"font_percent", preferences.font_percent},
-              {"left_width_px", preferences.left_width_px},
-              {"right_width_px", preferences.right_width_px},
-              {"left_shown", preferences.left_shown},
-              {"right_shown", preferences.right_shown},
-              {"narrow_side", WordOf(preferences.narrow_side, kSides)},
-              {"four_panes", preferences.four_panes},
-              {"tab", WordOf(preferences.tab, kTabs)},
-              {"recent_files", preferences.recent_files},
-              {"last_folder", preferences.last_folder},
-              {"slice_side", WordOf(preferences.slice_side, kSliceSides)}};
-  for (const auto& [source, views] : preferences.saved_views) {
-    if (!views.empty()) all["saved_views"][source] = Json::parse(JsonOf(views));
-  }
-  if (preferences.plots_shown) all["plots_shown"] = *preferences.plots_shown;
+  Json all;
+  ForEachValue([&](const char* name, auto member, const auto&... allowed) {
+    const Json value = ToJson(preferences.*member, allowed...);
+    if (!value.is_null()) all[name] = value;
+  });
   // Names of files in it may not be UTF-8.
   return all.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
-
-using ViewsBySource = std::map<std::string, std::vector<SavedView>>;
 
 std::int64_t NewestOf(const std::vector<SavedView>& views) {
   std::int64_t newest_s = 0;
@@ -220,20 +224,9 @@ Preferences WriteChanges(const Preferences& before, const Preferences& after,
                          const fs::path& file) {
   const Json there = Parse(file);
   Preferences written = there.is_object() ? Read(there) : after;
-  TakeChange(before.theme, after.theme, written.theme);
-  TakeChange(before.font_percent, after.font_percent, written.font_percent);
-  TakeChange(before.left_width_px, after.left_width_px, written.left_width_px);
-  TakeChange(before.right_width_px, after.right_width_px, written.right_width_px);
-  TakeChange(before.left_shown, after.left_shown, written.left_shown);
-  TakeChange(before.right_shown, after.right_shown, written.right_shown);
-  TakeChange(before.narrow_side, after.narrow_side, written.narrow_side);
-  TakeChange(before.four_panes, after.four_panes, written.four_panes);
-  TakeChange(before.plots_shown, after.plots_shown, written.plots_shown);
-  TakeChange(before.tab, after.tab, written.tab);
-  TakeChange(before.recent_files, after.recent_files, written.recent_files);
-  TakeChange(before.last_folder, after.last_folder, written.last_folder);
-  TakeChange(before.slice_side, after.slice_side, written.slice_side);
-  TakeChange(before.saved_views, after.saved_views, written.saved_views);
+  ForEachValue([&](const char*, auto member, const auto&...) {
+    TakeChange(before.*member, after.*member, written.*member);
+  });
   WritePreferences(written, file);
   return written;
 }

@@ -10,6 +10,7 @@
 #include "client/view/app/overlays.h"
 #include "client/view/app/tool_measure.h"
 #include "client/view/app/widgets.h"
+#include "client/view/scene/cut_handles.h"
 #include "client/view/scene/orientation_cube.h"
 #include "client/view/scene/slice_view.h"
 #include "client/view/scene/value_window.h"
@@ -20,7 +21,7 @@ namespace {
 // Of the panes; what they show may be oblique.
 constexpr std::array<const char*, 3> kPlanes = {"sagittal", "coronal", "axial"};
 constexpr ImU32 kCaption = IM_COL32(255, 235, 120, 255);
-constexpr double kZoomPerStep = 1.2;
+constexpr double kSliceZoomPerStep = 1.2;
 
 struct Pane {
   int world_axis;
@@ -68,8 +69,8 @@ Area WithoutFractions(const Area& area) {
 
 Eigen::Vector2d DragOfPointer() {
   const ImGuiIO& io = ImGui::GetIO();
-  return {static_cast<double>(io.MouseDelta.x * io.DisplayFramebufferScale.x),
-          static_cast<double>(io.MouseDelta.y * io.DisplayFramebufferScale.y)};
+  return {io.MouseDelta.x * io.DisplayFramebufferScale.x,
+          io.MouseDelta.y * io.DisplayFramebufferScale.y};
 }
 
 // From slice to slice: towards left, posterior, superior.
@@ -78,8 +79,8 @@ void TakeWheel(Viewer& viewer, const Pane& pane) {
   if (!ImGui::IsItemHovered() || io.MouseWheel == 0.0f) return;
   ViewState& state = viewer.state();
   if (io.KeyCtrl) {
-    const double factor = std::pow(kZoomPerStep, static_cast<double>(io.MouseWheel));
-    pane.Zoom(state) = pane.view.ZoomedAt(PointerIn(pane.min), factor);
+    pane.Zoom(state) =
+        pane.view.ZoomedAt(PointerIn(pane.min), std::pow(kSliceZoomPerStep, io.MouseWheel));
     return;
   }
   const SignedAxis& across = pane.axes.across;
@@ -107,7 +108,6 @@ bool TakeMeasureInPane(Viewer& viewer, const Pane& pane) {
                .at_px = PointerIn(pane.min),
                .clicked = ImGui::IsItemClicked(ImGuiMouseButton_Left) && !ImGui::GetIO().KeyShift,
                .held = ImGui::IsItemActive() && ImGui::IsMouseDown(ImGuiMouseButton_Left),
-               .right_clicked = IsClicked(viewer.state().screen_scale, ImGuiMouseButton_Right),
                .point_W = [&]() -> std::optional<Vec3> {
                  return pane.X_WI.Apply(pane.PointUnder(PointerIn(pane.min)));
                },
@@ -205,10 +205,10 @@ void DrawCaption(const Pane& pane, const ViewState& state, float scale) {
             {.text = text, .color = kCaption}, scale);
 }
 
-Eigen::Vector2d OnScreen(const Pane& pane, const Eigen::Vector2d& at_px) {
+Eigen::Vector2d OnScreen(const Pane& pane, const Vec3& p_I) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
-  return {static_cast<double>(pane.min.x) + at_px.x() / static_cast<double>(scale.x),
-          static_cast<double>(pane.min.y) + at_px.y() / static_cast<double>(scale.y)};
+  const Eigen::Vector2d at_px = pane.view.PixelOf(p_I);
+  return {pane.min.x + at_px.x() / scale.x, pane.min.y + at_px.y() / scale.y};
 }
 
 // Distances in this slice; those that pass through it are faint, others are not shown.
@@ -223,7 +223,7 @@ void DrawDistances(const Pane& pane, const ViewState& state, float scale) {
     return from * to <= 0.0 || std::min(std::abs(from), std::abs(to)) <= 0.75 ? 0.35 : 0.0;
   };
   const auto on_screen = [&](const Vec3& p_W) -> std::optional<Eigen::Vector2d> {
-    return OnScreen(pane, pane.view.PixelOf(X_IW.Apply(p_W)));
+    return OnScreen(pane, X_IW.Apply(p_W));
   };
   std::optional<Vec3> pointed_W;
   if (ImGui::IsItemHovered() && state.tool == Tool::kMeasure) {
@@ -237,28 +237,48 @@ void DrawDistances(const Pane& pane, const ViewState& state, float scale) {
 void DrawCrop(const Pane& pane, const SurfaceOptions& surface, const Vec3i& size) {
   const CropBox& crop = surface.crop;
   if (crop == CropBox()) return;
-  const auto corner_I = [&](const Vec3& fractions) {
-    return Vec3(fractions.cwiseProduct(size.cast<double>() + Vec3::Ones()) - Vec3::Ones());
-  };
-  const Vec3 min_I = corner_I(crop.min), max_I = corner_I(crop.max);
+  const Vec3 min_I = PointOfFractions(crop.min, size);
+  const Vec3 max_I = PointOfFractions(crop.max, size);
   const int across = pane.axes.across.axis;
   if (pane.position_voxels < min_I[across] || pane.position_voxels > max_I[across]) return;
-  const Eigen::Vector2d a = OnScreen(pane, pane.view.PixelOf(min_I));
-  const Eigen::Vector2d b = OnScreen(pane, pane.view.PixelOf(max_I));
-  const auto at = [](const Eigen::Vector2d& p) {
-    return ImVec2(static_cast<float>(p.x()), static_cast<float>(p.y()));
-  };
-  ImGui::GetWindowDrawList()->AddRect(at(a.cwiseMin(b)), at(a.cwiseMax(b)),
+  const Eigen::Vector2d a = OnScreen(pane, min_I);
+  const Eigen::Vector2d b = OnScreen(pane, max_I);
+  ImGui::GetWindowDrawList()->AddRect(ScreenOf(a.cwiseMin(b)), ScreenOf(a.cwiseMax(b)),
                                       IM_COL32(120, 190, 255, 220), 0.0f, 0, 1.5f);
+}
+
+// The circle in which the slice cuts a ball around the brush's place.
+void DrawBallCut(const Pane& pane, const Vec3& center_I, double radius_mm, ImU32 color) {
+  const int across = pane.axes.across.axis;
+  const int along = (across + 1) % 3;
+  const Vec3 voxel_mm = pane.X_WI.linear.colwise().norm();
+  const double aside_mm = (pane.position_voxels - center_I[across]) * voxel_mm[across];
+  const double cut_mm = std::sqrt(radius_mm * radius_mm - aside_mm * aside_mm);
+  if (!(cut_mm > 0.0)) return;  // also of no number
+  const Eigen::Vector2d center = OnScreen(pane, center_I);
+  const Vec3 edge_I = center_I + cut_mm / voxel_mm[along] * Vec3::Unit(along);
+  const double radius = (OnScreen(pane, edge_I) - center).norm();
+  ImGui::GetWindowDrawList()->AddCircle(ScreenOf(center), static_cast<float>(radius), color, 48,
+                                        1.5f);
+}
+
+void DrawBrush(const Pane& pane, const Viewer& viewer) {
+  const ViewState& state = viewer.state();
+  const std::optional<AffineMap>& X_DI = viewer.feed().volume().X_DI();
+  if (!state.brush_at_D || !X_DI) return;
+  const Vec3 center_I = X_DI->Inverse().Apply(*state.brush_at_D);
+  const BrushOptions& brush = state.brush;
+  DrawBallCut(pane, center_I, brush.radius_mm, IM_COL32(170, 240, 255, 255));
+  if (brush.falloff_mm <= 0.0) return;
+  DrawBallCut(pane, center_I, brush.radius_mm + brush.falloff_mm, IM_COL32(170, 240, 255, 110));
 }
 
 void DrawPaneScaleBar(const Pane& pane, float scale) {
   const int axis = pane.axes.right.axis;
   const double voxel_mm = pane.X_WI.linear.col(axis).norm();
-  const double px_per_voxel = std::abs(pane.view.px_per_voxel().x()) /
-                              static_cast<double>(ImGui::GetIO().DisplayFramebufferScale.x);
-  DrawScaleBar(FitScaleBar(voxel_mm / px_per_voxel,
-                           static_cast<double>(std::min(0.3f * pane.size.x, 140.0f * scale))),
+  const double px_per_voxel =
+      std::abs(pane.view.px_per_voxel().x()) / ImGui::GetIO().DisplayFramebufferScale.x;
+  DrawScaleBar(FitScaleBar(voxel_mm / px_per_voxel, std::min(0.3f * pane.size.x, 140.0f * scale)),
                {pane.min.x + pane.size.x - 10.0f * scale, pane.min.y + 4.0f * scale}, scale);
 }
 
@@ -298,7 +318,7 @@ void DrawSlicePane(Viewer& viewer, int world_axis, const Area& given, float scal
       {0.0f, 1.0f}, {1.0f, 0.0f});
   DrawCrop(pane, state.surface, viewer.feed().volume().lattice()->size);
   DrawDistances(pane, state, scale);
-  DrawBrushInSlice(viewer, pane.view, pane.axes.across, area.min);
+  DrawBrush(pane, viewer);
   DrawPaneScaleBar(pane, scale);
   DrawCaption(pane, state, scale);
   if (state.overlay.letters) DrawLetters(pane, scale);

@@ -33,10 +33,10 @@ struct ViewPointer {
   double wheel_steps = 0.0;
 };
 
-// Each returns true if the tool has used the pointer, so that it does not turn or zoom the view.
+// Each, and HandTool::Take, returns true if the tool has used the pointer, so that it does not turn
+// or zoom the view.
 // Call them in each frame, also for the tools that are not chosen: a tool lets go of the pointer
 // when another tool was chosen.
-bool TakeHand(Viewer& viewer, const ViewPointer& pointer);
 bool TakeBrush(Viewer& viewer, const ViewPointer& pointer);
 bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer);
 

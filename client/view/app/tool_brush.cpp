@@ -24,13 +24,11 @@ bool TakeStroke(Viewer& viewer, const ViewPointer& pointer) {
     return false;
   }
   if (state.tool != Tool::kBrush) stroke.BreakOff();
-  const PointerStroke::Sink sink = {.draw =
-                                        [&viewer](const Vec3& p_D) {
-                                          viewer.brush().Stroke(viewer.state().brush, p_D,
-                                                                viewer.feed().volume(),
-                                                                viewer.feed().commands());
-                                        },
-                                    .lift = [&viewer] { viewer.brush().Lift(); }};
+  const auto draw = [&viewer](const Vec3& p_D) {
+    viewer.brush().Stroke(viewer.state().brush, p_D, viewer.feed().volume(),
+                          viewer.feed().commands());
+  };
+  const PointerStroke::Sink sink = {.draw = draw, .lift = [&viewer] { viewer.brush().Lift(); }};
   if (stroke.has_pointer()) {
     for (const Eigen::Vector2d& at_px : pointer.way_px) stroke.MoveTo(at_px, pointer.size, sink);
     return true;
@@ -51,7 +49,7 @@ std::optional<Vec3> PlaceOfBrush(Viewer& viewer, const ViewPointer& pointer) {
   if (viewer.state().tool != Tool::kBrush) return std::nullopt;
   if (viewer.stroke().has_pointer()) return viewer.stroke().at_D();
   if (!pointer.hovered) return std::nullopt;
-  return viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), pointer.size);
+  return viewer.SurfaceAt(pointer.at_px, pointer.size);
 }
 
 }  // namespace

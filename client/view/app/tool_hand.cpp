@@ -39,10 +39,6 @@ std::string Obstacle(const LiveFeed& feed) {
 
 }  // namespace
 
-bool TakeHand(Viewer& viewer, const ViewPointer& pointer) {
-  return viewer.hand().Take(viewer, pointer);
-}
-
 std::optional<Vec3> HandTool::target_D() const {
   return leads_ ? std::optional<Vec3>(aim_.target_D()) : std::nullopt;
 }
@@ -93,18 +89,8 @@ bool HandTool::Goes(Viewer& viewer) {
   const client::HandLead* hand = viewer.feed().hand();
   if (hand && hand->state() != client::HandLeadState::kEnded) return true;
   viewer.Say(hand ? "the stylus is given back: " + hand->problem() : "the stylus is given back");
-  End(viewer);
-  viewer.state().tool = Tool::kTurn;
+  GiveBack(viewer);
   return false;
-}
-
-// Reads the surface of the last picture, if it is another one. It costs more than a frame in which
-// the surface stays.
-void HandTool::Look(const Viewer& viewer) {
-  const std::uint64_t version = viewer.renderer().surface_version();
-  if (version == seen_version_ && seen_.size.width > 0) return;
-  seen_ = viewer.seen_surface();
-  seen_version_ = version;
 }
 
 bool HandTool::Lead(Viewer& viewer, const ViewPointer& pointer) {
@@ -120,10 +106,14 @@ bool HandTool::Lead(Viewer& viewer, const ViewPointer& pointer) {
     else
       aim_.Push(kPushPerStep_mm * pointer.wheel_steps, viewer.state().camera);
   }
-  Look(viewer);
-  const double scale = static_cast<double>(io.DisplayFramebufferScale.x);
-  const Eigen::Vector2d at = {static_cast<double>(io.MousePos.x),
-                              static_cast<double>(io.MousePos.y)};
+  // Read only if it is another one: that costs more than a frame in which the surface stays.
+  const std::uint64_t version = viewer.renderer().surface_version();
+  if (version != seen_version_ || seen_.size.width == 0) {
+    seen_ = viewer.seen_surface();
+    seen_version_ = version;
+  }
+  const double scale = io.DisplayFramebufferScale.x;
+  const Eigen::Vector2d at(io.MousePos.x, io.MousePos.y);
   following_ = {.view_min = at - pointer.at_px / scale,
                 .px_per_unit = scale,
                 .view = pointer.size,

@@ -17,7 +17,7 @@ class LiveFeed;
 
 class HandTool {
  public:
-  // As TakeHand in tool.h.
+  // As the tools in tool.h.
   bool Take(Viewer& viewer, const ViewPointer& pointer);
   // The pointer is there now, in pixels of the screen. Called from within its event.
   void PointerMoved(const Eigen::Vector2d& at, LiveFeed& feed);
@@ -39,13 +39,12 @@ class HandTool {
   void Begin(Viewer& viewer);
   void End(Viewer& viewer);
   bool Goes(Viewer& viewer);
-  void Look(const Viewer& viewer);
   bool Lead(Viewer& viewer, const ViewPointer& pointer);
   void Aim(const Eigen::Vector2d& at_px, LiveFeed& feed);
   void GoAround(LiveFeed& feed);
 
   HandAim aim_;
-  SeenSurface seen_;
+  SeenSurface seen_;  // the surface of the last picture
   std::uint64_t seen_version_ = 0;
   bool leads_ = false;
   Vec3 sent_D_ = Vec3::Zero();

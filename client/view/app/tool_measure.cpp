@@ -3,7 +3,7 @@
 #include <imgui.h>
 
 #include "client/view/app/tool.h"
-#include "client/view/scene/projection.h"
+#include "client/view/scene/camera.h"
 
 namespace palpate::view {
 namespace {
@@ -12,6 +12,12 @@ namespace {
 constexpr double kClick_px = 4.0;
 constexpr double kNear_px = 8.0;
 constexpr int kViewPicture = 3;  // slices are 0 to 2
+
+// An end of a distance that the pointer drags. It stays where there is nothing under the pointer.
+void DragEnd(MeasureState& measure, const DistanceEnd& end, const MeasurePointer& pointer) {
+  if (end.number >= measure.distances.size()) return;
+  if (const auto p_W = pointer.point_W()) measure.distances[end.number].*end.point = *p_W;
+}
 
 }  // namespace
 
@@ -22,16 +28,6 @@ bool IsClicked(float scale, ImGuiMouseButton button) {
          io.MouseDragMaxDistanceSqr[button] < most * most;
 }
 
-namespace {
-
-// An end of a distance that the pointer drags. It stays where there is nothing under the pointer.
-void DragEnd(MeasureState& measure, const DistanceEnd& end, const MeasurePointer& pointer) {
-  if (end.number >= measure.distances.size()) return;
-  if (const auto p_W = pointer.point_W()) measure.distances[end.number].*end.point = *p_W;
-}
-
-}  // namespace
-
 bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
   ViewState& state = viewer.state();
   std::optional<MeasurePress>& press = state.measure_press;
@@ -40,7 +36,7 @@ bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer) {
     press.reset();
     return false;
   }
-  if (pointer.right_clicked) {
+  if (IsClicked(state.screen_scale, ImGuiMouseButton_Right)) {
     if (const auto number = DistanceAt(state.measure.distances, pointer.at_px, kNear_px * scale,
                                        pointer.pixel_of)) {
       state.measure.Remove(*number);
@@ -82,18 +78,16 @@ bool TakeMeasure(Viewer& viewer, const ViewPointer& pointer) {
   if (!X_DW || pointer.shift) return false;
   const Projection projection(viewer.state().camera, pointer.size);
   const auto point_W = [&]() -> std::optional<Vec3> {
-    const auto p_D = viewer.SurfaceAt(pointer.at_px.x(), pointer.at_px.y(), pointer.size);
+    const auto p_D = viewer.SurfaceAt(pointer.at_px, pointer.size);
     return p_D ? std::optional(X_DW->Inverse().Apply(*p_D)) : std::nullopt;
   };
   const auto pixel_of = [&](const Vec3& p_W) { return projection.PixelOf(X_DW->Apply(p_W)); };
-  return TakeMeasurePointer(
-      viewer, {.picture = kViewPicture,
-               .at_px = pointer.at_px,
-               .clicked = pointer.clicked,
-               .held = pointer.held,
-               .right_clicked = IsClicked(viewer.state().screen_scale, ImGuiMouseButton_Right),
-               .point_W = point_W,
-               .pixel_of = pixel_of});
+  return TakeMeasurePointer(viewer, {.picture = kViewPicture,
+                                     .at_px = pointer.at_px,
+                                     .clicked = pointer.clicked,
+                                     .held = pointer.held,
+                                     .point_W = point_W,
+                                     .pixel_of = pixel_of});
 }
 
 }  // namespace palpate::view

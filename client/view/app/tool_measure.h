@@ -16,9 +16,8 @@ namespace palpate::view {
 struct MeasurePointer {
   int picture = 0;  // tells pictures apart: where the button went down, it must go up
   Eigen::Vector2d at_px;
-  bool clicked = false;        // the left button went down
-  bool held = false;           // it is down since
-  bool right_clicked = false;  // the right button was pressed and released without a drag
+  bool clicked = false;  // the left button went down
+  bool held = false;     // it is down since
   // The point under the pointer, asked for only when needed; none: nothing is there.
   std::function<std::optional<Vec3>()> point_W;
   PixelOfPoint pixel_of;

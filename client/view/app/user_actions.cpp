@@ -25,13 +25,14 @@ std::string VoxelsChangedBy(client::Client& client) {
 
 // Runs on the commands' thread.
 void Restore(client::Client& client, const SettingChange& change, bool forward) {
-  RestoreSetting(change, forward,
-                 {.get = [&] { return client.GetSettings(); },
-                  .set = [&](const client::SettingsUpdate& update) { client.Set(update); },
-                  .changed_by =
-                      [&] {
-                        return ChangedBy(client, {change.setting->key, "volume"});
-                      }});
+  const SettingAccess access = {
+      .get = [&] { return client.GetSettings(); },
+      .set = [&](const client::SettingsUpdate& update) { client.Set(update); },
+      .changed_by =
+          [&] {
+            return ChangedBy(client, {change.setting->key, "volume"});
+          }};
+  RestoreSetting(change, forward, access);
 }
 
 }  // namespace
@@ -46,35 +47,29 @@ void UserActions::Set(const client::Setting& setting, double before, double afte
 void UserActions::Add(const SettingChange& change) {
   const std::string name(change.setting->name);
   const auto lasts = std::make_shared<std::atomic<bool>>(true);
-  history_.Add({.name = name,
-                .go =
-                    [this, change, name, lasts](bool forward) {
-                      feed_.shared().NoteOwn(change.setting->key);
-                      feed_.commands().Do((forward ? "redo of " : "undo of ") + name,
-                                          [change, lasts, forward](client::Client& client) {
-                                            try {
-                                              Restore(client, change, forward);
-                                            } catch (const Error&) {
-                                              *lasts = false;
-                                              throw;
-                                            }
-                                          });
-                    },
-                .lasts = [lasts] { return lasts->load(); }});
+  const auto go = [this, change, name, lasts](bool forward) {
+    feed_.shared().NoteOwn(change.setting->key);
+    const auto restore = [change, lasts, forward](client::Client& client) {
+      try {
+        Restore(client, change, forward);
+      } catch (const Error&) {
+        *lasts = false;
+        throw;
+      }
+    };
+    feed_.commands().Do((forward ? "redo of " : "undo of ") + name, restore);
+  };
+  history_.Add({.name = name, .go = go, .lasts = [lasts] { return lasts->load(); }});
 }
 
 void UserActions::AddStrokes() {
   for (const Brush::BegunStroke& stroke : brush_.TakeBegun()) {
-    const std::uint64_t number = stroke.number;
     feed_.shared().NoteOwn("voxels");
-    history_.Add({.name = stroke.name,
-                  .go =
-                      [this, number](bool forward) {
-                        feed_.shared().NoteOwn("voxels");
-                        forward ? brush_.Redo(number, feed_.commands(), VoxelsChangedBy)
-                                : brush_.Undo(number, feed_.commands(), VoxelsChangedBy);
-                      },
-                  .lasts = brush_.LastsOf(number)});
+    const auto go = [this, number = stroke.number](bool forward) {
+      feed_.shared().NoteOwn("voxels");
+      brush_.Restore(number, forward, feed_.commands(), VoxelsChangedBy);
+    };
+    history_.Add({.name = stroke.name, .go = go, .lasts = brush_.LastsOf(stroke.number)});
   }
 }
 
@@ -95,36 +90,22 @@ void UserActions::AddCuts() {
                 .go = [show, before, after](bool forward) { show(forward ? after : before); }});
 }
 
-void UserActions::EndDrag() {
-  if (const auto ended = drag_.End()) Add(*ended);
-}
-
 void UserActions::EndFrame(bool in_hand) {
   AddStrokes();
   if (brush_.is_waiting()) feed_.shared().NoteOwn("voxels");
   if (in_hand) return;
-  EndDrag();
+  if (const auto ended = drag_.End()) Add(*ended);
   AddCuts();
 }
 
-std::string UserActions::Prepare() {
-  AddStrokes();
-  EndDrag();
-  AddCuts();
-  const bool connected = feed_.connection().state == client::ConnectionState::kConnected;
-  return connected ? "" : "not connected: nothing can be undone or redone now";
-}
-
-std::string UserActions::Undo() {
-  const std::string problem = Prepare();
-  if (!problem.empty()) return problem;
-  return history_.Undo() ? "" : "nothing to undo";
-}
-
-std::string UserActions::Redo() {
-  const std::string problem = Prepare();
-  if (!problem.empty()) return problem;
-  return history_.Redo() ? "" : "nothing to redo";
+std::string UserActions::Go(bool forward) {
+  // What is in hand counts as done.
+  EndFrame(false);
+  if (feed_.connection().state != client::ConnectionState::kConnected) {
+    return "not connected: nothing can be undone or redone now";
+  }
+  if (forward ? history_.Redo() : history_.Undo()) return {};
+  return forward ? "nothing to redo" : "nothing to undo";
 }
 
 void UserActions::Forget() {

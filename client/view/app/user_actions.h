@@ -27,9 +27,8 @@ class UserActions {
   // Call it at the end of each frame. `in_hand`: the user holds a control or drags in the view.
   void EndFrame(bool in_hand);
 
-  // Returns why nothing was done; empty: it was.
-  std::string Undo();
-  std::string Redo();
+  // Undoes the last step, or redoes one (`forward`). Returns why nothing was done; empty: it was.
+  std::string Go(bool forward);
   // What would be undone or redone; empty: nothing.
   std::string undo_name() { return history_.undo_name(); }
   std::string redo_name() { return history_.redo_name(); }
@@ -38,11 +37,8 @@ class UserActions {
 
  private:
   void AddStrokes();
-  void EndDrag();
   void Add(const SettingChange& change);
   void AddCuts();
-  // Before the user undoes or redoes: what is in hand counts as done.
-  std::string Prepare();
 
   LiveFeed& feed_;
   Brush& brush_;

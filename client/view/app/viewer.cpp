@@ -91,7 +91,7 @@ void Viewer::Update(std::chrono::milliseconds brick_time) {
   const bool has_overview = feed_.volume().has_overview();
   if (has_overview && !had_overview_) last_cast_ms_ = kUnknownCast_ms;
   had_overview_ = has_overview;
-  TakeUp(brick_time);
+  TakeUpUntil(Clock::now() + brick_time);
   FollowSettings();
   FollowProxy();
 }
@@ -123,8 +123,7 @@ std::string Viewer::volume_problem() const {
   return lattice && lattice->size == refused_size_ ? refused_ : std::string();
 }
 
-void Viewer::TakeUp(std::chrono::milliseconds brick_time) {
-  const auto end = Clock::now() + brick_time;
+void Viewer::TakeUpUntil(Clock::time_point end) {
   do {
     bricks_left_ = !TakeUpSome();
   } while (bricks_left_ && Clock::now() < end);
@@ -132,9 +131,7 @@ void Viewer::TakeUp(std::chrono::milliseconds brick_time) {
 
 bool Viewer::TakeUpWanted() {
   const std::uint64_t before = renderer_.volume_version();
-  do {
-    bricks_left_ = !TakeUpSome();
-  } while (bricks_left_);
+  TakeUpUntil(Clock::time_point::max());
   return renderer_.volume_version() != before;
 }
 
@@ -154,17 +151,16 @@ bool Viewer::TakeUpSome() {
 void Viewer::BeginVolumeIfNew() {
   const ViewVolume& volume = feed_.volume();
   if (!volume.lattice() || !volume.X_DI()) return;
-  // The same volume again, as after a reconnection, keeps the view.
-  if (begun_ && SameVolume(*begun_, *volume.lattice())) return;
   const VolumeLattice& lattice = *volume.lattice();
+  // The same volume again, as after a reconnection, keeps the view.
+  if (begun_ && SameVolume(*begun_, lattice)) return;
   SurfaceOptions& surface = state_.surface;
   const double range = lattice.value_max - lattice.value_min;
   const ValueWindow window = FirstWindow(lattice);
-  if (!begun_) CheckVeil(lattice);
-  if (!begun_) CheckCamera();
+  if (!begun_) CheckOptions(lattice);
   surface.window_min = options_.window ? options_.window->x() : window.min();
   surface.window_max = options_.window ? options_.window->y() : window.max();
-  if (begun_ || !options_.surface.veil.shown || !veil_problem_.empty()) {
+  if (begun_ || !options_.surface.veil.shown) {
     surface.veil.shown = false;
     surface.veil.isovalue = lattice.value_min + 0.25 * range;
   }
@@ -188,13 +184,23 @@ void Viewer::BeginVolumeIfNew() {
   Aim();
 }
 
-void Viewer::CheckVeil(const VolumeLattice& lattice) {
-  const Veil& veil = options_.surface.veil;
-  const bool is_within = veil.isovalue >= lattice.value_min && veil.isovalue <= lattice.value_max;
-  if (!veil.shown || is_within) return;
-  veil_problem_ = fmt::format("--veil {:.6g} is not within {:.6g} to {:.6g}, the volume's range",
-                              veil.isovalue, lattice.value_min, lattice.value_max);
-  Say(veil_problem_ + ": the veil is not shown");
+// The first volume says whether it can have the veil and the camera of the options.
+void Viewer::CheckOptions(const VolumeLattice& lattice) {
+  Veil& veil = options_.surface.veil;
+  if (veil.shown && !(veil.isovalue >= lattice.value_min && veil.isovalue <= lattice.value_max)) {
+    veil.shown = false;
+    option_problem_ =
+        fmt::format("--veil {:.6g} is not within {:.6g} to {:.6g}, the volume's range",
+                    veil.isovalue, lattice.value_min, lattice.value_max);
+    Say(option_problem_ + ": the veil is not shown");
+  }
+  if (options_.camera && options_.camera->of_patient && !PatientFrameOf(feed_.volume()).is_known) {
+    const std::string problem =
+        "--camera names a side of the patient, and the file states no orientation: answer where "
+        "the patient faces ('palpate place --face=-y --head=+z')";
+    if (option_problem_.empty()) option_problem_ = problem;
+    Say(problem);
+  }
 }
 
 // Those of the surface, if it is known: the box of a scan may have much air. A camera of the
@@ -205,14 +211,10 @@ std::optional<Bounds> Viewer::VolumeBounds() const {
     if (const auto bounds = SurfaceBounds(volume, feed_.settings()->isovalue)) return bounds;
   }
   if (!volume.lattice() || !volume.X_DI()) return {};
-  const Vec3 last_I = volume.lattice()->size.cast<double>() - Vec3::Ones();
-  Eigen::AlignedBox3d box;
-  for (int corner = 0; corner < 8; ++corner) {
-    const Vec3 p_I(corner & 1 ? last_I.x() : 0.0, corner & 2 ? last_I.y() : 0.0,
-                   corner & 4 ? last_I.z() : 0.0);
-    box.extend(volume.X_DI()->Apply(p_I));
-  }
-  return Bounds{.min_mm = box.min(), .max_mm = box.max()};
+  const Vec3 half_I = 0.5 * (volume.lattice()->size.cast<double>() - Vec3::Ones());
+  const Vec3 middle_D = volume.X_DI()->Apply(half_I);
+  const Vec3 half_D = volume.X_DI()->linear.cwiseAbs() * half_I;
+  return Bounds{.min_mm = middle_D - half_D, .max_mm = middle_D + half_D};
 }
 
 // None: the camera's own.
@@ -336,15 +338,6 @@ void Viewer::Draw(const ImageSize& size) {
   }
 }
 
-void Viewer::CheckCamera() {
-  if (!options_.camera || !options_.camera->of_patient) return;
-  if (PatientFrameOf(feed_.volume()).is_known) return;
-  camera_problem_ =
-      "--camera names a side of the patient, and the file states no orientation: answer where the "
-      "patient faces ('palpate place --face=-y --head=+z')";
-  Say(camera_problem_);
-}
-
 // The size at which a cast is quick enough.
 ImageSize Viewer::CoarseSize(const ImageSize& size) const {
   const double pixels = std::clamp(last_cast_ms_ / kCoarseCast_ms, 4.0, kMostPixelsPerCoarsePixel);
@@ -405,9 +398,9 @@ void Viewer::AddTools(const ImageSize& view, Overlay& overlay) const {
   }
 }
 
-std::optional<Vec3> Viewer::SurfaceAt(double x_px, double y_px, const ImageSize& size) const {
-  const int x = static_cast<int>(std::floor(x_px * drawn_size_.width / size.width));
-  const int y = static_cast<int>(std::floor(y_px * drawn_size_.height / size.height));
+std::optional<Vec3> Viewer::SurfaceAt(const Eigen::Vector2d& at_px, const ImageSize& size) const {
+  const int x = static_cast<int>(std::floor(at_px.x() * drawn_size_.width / size.width));
+  const int y = static_cast<int>(std::floor(at_px.y() * drawn_size_.height / size.height));
   if (x < 0 || y < 0 || x >= drawn_size_.width || y >= drawn_size_.height) return {};
   return renderer_.SurfaceAt(x, y);
 }
@@ -420,14 +413,12 @@ SeenSurface Viewer::seen_surface() const {
 unsigned Viewer::Slice(const SliceRequest& request) {
   const std::uint64_t version = renderer_.volume_version();
   DrawnSlice& drawn = slices_[static_cast<std::size_t>(request.picture)];
-  const SliceRequest& before = drawn.request;
-  const bool same_but_place = drawn.texture != 0 && before.axes == request.axes &&
-                              before.size == request.size && before.surface == request.surface &&
-                              before.zoom == request.zoom;
+  SliceRequest moved = drawn.request;
+  moved.position_voxels = request.position_voxels;
+  moved.cross_I = request.cross_I;
+  const bool same_but_place = drawn.texture != 0 && moved == request;
   const bool same_voxels = drawn.version == version;
-  const bool same_place =
-      before.position_voxels == request.position_voxels && before.cross_I == request.cross_I;
-  if (same_but_place && same_place && same_voxels) return drawn.texture;
+  if (same_but_place && same_voxels && drawn.request == request) return drawn.texture;
   const bool its_turn = frame_ % slices_.size() == static_cast<std::size_t>(request.picture);
   const bool may_wait = !awaits_whole_ && !state_.window_picture_wanted &&
                         (state_.cross_follows_proxy || !same_voxels);

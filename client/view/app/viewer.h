@@ -27,7 +27,7 @@
 #include "client/view/app/user_actions.h"
 #include "client/view/live/brush.h"
 #include "client/view/live/live_feed.h"
-#include "client/view/live/recording_watch.h"
+#include "client/view/live/session_words.h"
 #include "client/view/render/frame_renderer.h"
 #include "client/view/scene/distances.h"
 
@@ -52,8 +52,7 @@ struct MeasurePress {
 
 // The surface under the pointer, of that version of the surface.
 struct PointedSurfaceState {
-  float x = 0.0f;
-  float y = 0.0f;
+  Eigen::Vector2d at_px = Eigen::Vector2d::Zero();
   std::uint64_t version = 0;
   std::optional<Vec3> p_D{};
 };
@@ -141,9 +140,7 @@ class Viewer {
   std::string memory_problem() const;
   // Why the first volume cannot have the veil or the camera of the options; empty: it can, or none
   // is known.
-  const std::string& option_problem() const {
-    return veil_problem_.empty() ? camera_problem_ : veil_problem_;
-  }
+  const std::string& option_problem() const { return option_problem_; }
   // Turns the camera as the options say.
   void Aim();
 
@@ -159,7 +156,7 @@ class Viewer {
     feed_.AwaitWhole();
   }
   // Returns the surface under a point of the view, which has the size `size`, in D.
-  std::optional<Vec3> SurfaceAt(double x_px, double y_px, const ImageSize& size) const;
+  std::optional<Vec3> SurfaceAt(const Eigen::Vector2d& at_px, const ImageSize& size) const;
 
   // Returns the whole surface of the last picture.
   SeenSurface seen_surface() const;
@@ -197,7 +194,6 @@ class Viewer {
   Files& files() { return files_; }
   const Files& files() const { return files_; }
   HandTool& hand() { return hand_; }
-  double last_cast_ms() const { return last_cast_ms_; }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -220,12 +216,11 @@ class Viewer {
     friend bool operator==(const Felt&, const Felt&) = default;
   };
 
-  void TakeUp(std::chrono::milliseconds brick_time);
+  void TakeUpUntil(Clock::time_point end);
   bool TakeUpSome();
   void BeginVolumeIfNew();
   void ForgetActionsIfRestarted();
-  void CheckVeil(const VolumeLattice& lattice);
-  void CheckCamera();
+  void CheckOptions(const VolumeLattice& lattice);
   void FollowSettings();
   void FollowProxy();
   void UpdateHapticLines(const Vec3& p_I);
@@ -255,8 +250,7 @@ class Viewer {
   bool aimed_at_whole_ = false;  // when no part of the volume was missing
   Camera aimed_camera_;          // that the last Aim has set
   std::string aimed_axes_;       // the patient's, then
-  std::string veil_problem_;
-  std::string camera_problem_;
+  std::string option_problem_;
   bool bricks_left_ = true;
   std::string refused_;  // why the renderer refused the volume; empty: it did not
   Vec3i refused_size_ = Vec3i::Zero();

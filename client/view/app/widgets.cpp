@@ -1,10 +1,12 @@
 #include "client/view/app/widgets.h"
 
+#include <fmt/format.h>
 #include <imgui_internal.h>
 
 #include <algorithm>
 
 #include "client/sdk/words.h"
+#include "client/view/live/shared_things.h"
 #include "common/error/one_line.h"
 
 namespace palpate::view {
@@ -55,6 +57,27 @@ bool EditNumber(const char* label, double& value, const Draw& draw) {
   return changed;
 }
 
+void DrawName(const std::string& name, const ImVec2& inset) {
+  const ImVec2 min = ImGui::GetItemRectMin();
+  ImGui::GetWindowDrawList()->AddText({min.x + inset.x, min.y + inset.y},
+                                      ImGui::GetColorU32(ImGuiCol_Text), name.c_str());
+}
+
+// Two people: heads and shoulders, one behind the other.
+void DrawPeople(const ImVec2& at, float size, ImU32 color) {
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const auto one = [&](float x, float grow) {
+    const float head = 0.17f * size * grow;
+    const float y = at.y + 0.5f * size;
+    list.AddCircleFilled({x, y - 0.20f * size * grow}, head, color, 12);
+    // Half a disc, flat below.
+    list.PathArcTo({x, y + 0.38f * size * grow}, 0.30f * size * grow, 3.14159f, 6.28319f, 12);
+    list.PathFillConvex(color);
+  };
+  one(at.x + 0.72f * size, 0.85f);
+  one(at.x + 0.30f * size, 1.0f);
+}
+
 }  // namespace
 
 void BeginPanel(const char* name, const Area& area, ImGuiWindowFlags more) {
@@ -74,22 +97,18 @@ bool DragDouble(const char* label, double& value, double speed, double least, do
   });
 }
 
+bool SliderDouble(const char* label, double& value, double least, double most, const char* format) {
+  return ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &least, &most, format);
+}
+
 void WrappedText(const ImVec4& color, std::string_view text) {
-  constexpr std::size_t kMost = 300;  // bytes
   ImGui::PushStyleColor(ImGuiCol_Text, color);
-  ImGui::TextWrapped("%s", OneLine(text, kMost).c_str());
+  ImGui::TextWrapped("%s", OneLine(text).c_str());
   ImGui::PopStyleColor();
 }
 
 float ButtonWidth(const char* label) {
   return ImGui::CalcTextSize(label).x + 2.0f * ImGui::GetStyle().FramePadding.x;
-}
-
-void SameLineIfFits(const char* label) {
-  ImGui::SameLine();
-  const float width =
-      ImGui::GetFrameHeight() + ImGui::GetStyle().ItemInnerSpacing.x + ImGui::CalcTextSize(label).x;
-  if (ImGui::GetContentRegionAvail().x < width) ImGui::NewLine();
 }
 
 std::string OneLine(std::string_view text, std::size_t most_bytes) {
@@ -103,16 +122,6 @@ std::string OneLine(std::string_view text, std::size_t most_bytes) {
   const std::string line = palpate::OneLine(text);
   return is_cut ? line + "\xE2\x80\xA6" : line;
 }
-
-namespace {
-
-void DrawName(const std::string& name, const ImVec2& inset) {
-  const ImVec2 min = ImGui::GetItemRectMin();
-  ImGui::GetWindowDrawList()->AddText({min.x + inset.x, min.y + inset.y},
-                                      ImGui::GetColorU32(ImGuiCol_Text), name.c_str());
-}
-
-}  // namespace
 
 bool NameButton(const std::string& name) {
   const ImVec2 inset = ImGui::GetStyle().FramePadding;
@@ -146,6 +155,18 @@ bool UnitText(const std::string& unit, float kept_px) {
   return false;
 }
 
+bool Choose(const char* label, std::size_t& place, std::span<const std::string_view> names) {
+  const std::size_t before = place;
+  if (ImGui::BeginCombo(label, std::string(names[place]).c_str())) {
+    for (std::size_t n = 0; n < names.size(); ++n) {
+      if (ImGui::Selectable(std::string(names[n]).c_str(), n == before)) place = n;
+      if (n == before) ImGui::SetItemDefaultFocus();
+    }
+    ImGui::EndCombo();
+  }
+  return place != before;
+}
+
 bool HeldSlider(Viewer& viewer, const char* label, double& value, double least, double most,
                 const char* format) {
   const ImGuiID id = ImGui::GetID(label);
@@ -166,20 +187,13 @@ bool HeldCheckbox(Viewer& viewer, const char* label, bool& value) {
   return changed;
 }
 
-bool HeldChoice(Viewer& viewer, const char* label, std::size_t& place,
+bool HeldChoice(Viewer& viewer, const char* label, double& value,
                 std::span<const std::string_view> words) {
   const ImGuiID id = ImGui::GetID(label);
-  place = static_cast<std::size_t>(viewer.held().Shown(id, static_cast<double>(place)));
-  bool changed = false;
-  if (ImGui::BeginCombo(label, std::string(words[place]).c_str())) {
-    for (std::size_t n = 0; n < words.size(); ++n) {
-      if (!ImGui::Selectable(std::string(words[n]).c_str(), n == place)) continue;
-      changed = n != place;
-      place = n;
-    }
-    ImGui::EndCombo();
-  }
-  viewer.held().Update(id, static_cast<double>(place), changed, false);
+  auto place = static_cast<std::size_t>(viewer.held().Shown(id, value));
+  const bool changed = Choose(label, place, words);
+  value = static_cast<double>(place);
+  viewer.held().Update(id, value, changed, false);
   return changed;
 }
 
@@ -198,8 +212,25 @@ void BeginAllowed(const Viewer& viewer, client::Role least) {
 
 void EndAllowed() { ImGui::EndDisabled(); }
 
-bool Choose(const char* label, int& choice, const char* const* names, int count) {
-  return ImGui::Combo(label, &choice, names, count);
+void SharedSign(Viewer& viewer, std::string_view what) {
+  const std::optional<SharedThings::Change> change = viewer.feed().shared().Of(what);
+  ImGui::SameLine(0.0f, 5.0f);
+  const float size = ImGui::GetTextLineHeight();
+  ImGui::Dummy({size, ImGui::GetFrameHeight()});
+  const ImVec2 corner = ImGui::GetItemRectMin();
+  const bool is_fresh = change && change->is_fresh;
+  const ImU32 color = (is_fresh ? kWarning : kDim).u32();
+  DrawPeople({corner.x, corner.y + ImGui::GetStyle().FramePadding.y}, size, color);
+  if (is_fresh) {
+    ImGui::GetWindowDrawList()->AddRect(corner, ImGui::GetItemRectMax(), color, 3.0f);
+  }
+  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) return;
+  std::string tip = "for everyone who is connected";
+  if (change) {
+    const std::string by = change->by + (change->is_own ? " (you)" : "");
+    tip += fmt::format("\n{} by {}", NameOfThing(what), ByAndAge(by, change->age_s));
+  }
+  ImGui::SetTooltip("%s", tip.c_str());
 }
 
 void Tip(const char* text) {
@@ -215,10 +246,6 @@ void Tip(const char* text) {
   place = min;
   frame = ImGui::GetFrameCount();
   if (ImGui::GetTime() - since_s >= kRest_s) ImGui::SetTooltip("%s", text);
-}
-
-ImVec4 ColorOf(const std::array<std::uint8_t, 4>& rgba) {
-  return ImGui::ColorConvertU32ToFloat4(IM_COL32(rgba[0], rgba[1], rgba[2], rgba[3]));
 }
 
 }  // namespace palpate::view

@@ -1,4 +1,4 @@
-#include "client/view/app/window.h"
+#include "client/view/app/run.h"
 
 // Must come before headers that include OpenGL's own header.
 #include <epoxy/gl.h>
@@ -24,6 +24,7 @@
 #include "client/view/app/viewer.h"
 #include "client/view/app/widgets.h"
 #include "client/view/app/window_input.h"
+#include "client/view/render/frame_target.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -86,19 +87,10 @@ float ScaleOf(GLFWwindow* window) {
   return std::max({1.0f, x, y});
 }
 
-// Saves the picture that is about to be shown.
-std::string SaveWindow(const ImageSize& pixels) {
-  glBindFramebuffer(GL_FRAMEBUFFER, 0);
-  glReadBuffer(GL_BACK);
+// Returns the file's name.
+std::string Save(const Image& picture) {
   const std::string name = NewPictureName();
-  WritePng(ReadPixels(pixels), name, IfThere::kRefuse);
-  return name;
-}
-
-std::string SaveView(Viewer& viewer, const ImageSize& view) {
-  viewer.DrawFine(view);
-  const std::string name = NewPictureName();
-  WritePng(viewer.renderer().ReadBack(), name, IfThere::kRefuse);
+  WritePng(picture, name, IfThere::kRefuse);
   return name;
 }
 
@@ -109,8 +101,16 @@ void SavePictures(Viewer& viewer, const ImageSize& pixels, const ImageSize& view
   if (!of_window && !of_view) return;
   try {
     std::string names;
-    if (of_window) names = SaveWindow(pixels);
-    if (of_view) names += (of_window ? " and " : "") + SaveView(viewer, view);
+    if (of_window) {
+      // The picture that is about to be shown.
+      glBindFramebuffer(GL_FRAMEBUFFER, 0);
+      glReadBuffer(GL_BACK);
+      names = Save({.size = pixels, .rgba = ReadRows(pixels)});
+    }
+    if (of_view) {
+      viewer.DrawFine(view);
+      names += (of_window ? " and " : "") + Save(viewer.renderer().ReadBack());
+    }
     viewer.Say("saved " + names);
   } catch (const Error& error) {
     viewer.Say(error.what());
@@ -198,12 +198,6 @@ Clock::time_point EndOf(const Options& options) {
                             std::chrono::duration<double>(options.seconds));
 }
 
-ImageSize FramebufferSize(GLFWwindow* window) {
-  ImageSize size;
-  glfwGetFramebufferSize(window, &size.width, &size.height);
-  return size;
-}
-
 // True if the window is to be closed. While the user is asked about edits, it stays.
 bool Closes(GLFWwindow* window, Viewer& viewer) {
   if (viewer.files().closes()) return true;
@@ -221,23 +215,15 @@ void RunWindow(const Options& options) {
   Interface interface(ScaleOf(window.get()));
   Viewer viewer(options);
   KeptPreferences kept(viewer);
-  WindowInput input(window.get(), {.escape = [&viewer] { TakeEscape(viewer); },
-                                   .pressed =
-                                       [&viewer](const Eigen::Vector2d& at) {
-                                         if (viewer.state().stop_button.Holds(at))
-                                           viewer.feed().StopForces();
-                                       },
-                                   .moved =
-                                       [&viewer](const Eigen::Vector2d& at) {
-                                         viewer.hand().PointerMoved(at, viewer.feed());
-                                       }});
+  WindowInput input(window.get(), viewer);
   FrameLog log;
   std::string title;
   const auto end = EndOf(options);
   while (!Closes(window.get(), viewer) && !Interrupt::IsRaised() && Clock::now() < end) {
     const auto frame = Clock::now();
     viewer.Update(kBrickTime);
-    const ImageSize pixels = FramebufferSize(window.get());
+    ImageSize pixels;
+    glfwGetFramebufferSize(window.get(), &pixels.width, &pixels.height);
     if (pixels.width == 0 || pixels.height == 0) {  // iconified
       viewer.hand().GiveBack(viewer);
       RestUntil(frame + kLongestRest, input);
@@ -249,8 +235,6 @@ void RunWindow(const Options& options) {
     }
     if (options.seconds > 0.0 && (log.frames() > 0 || viewer.complete())) log.Add(viewer);
     input.BeginFrame();
-    viewer.files().Drop(input.TakeDropped());
-    viewer.state().pointer_way = input.way();
     interface.DrawFrame(viewer, input.TakeKeys(), pixels, 0);
     SavePictures(viewer, pixels, interface.view_pixels());
     kept.KeepAtRest();

@@ -6,17 +6,20 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 namespace palpate::view {
 namespace {
 
 constexpr float kDoubleClick_s = 0.3f;
+// Keys with another name than what is printed on them.
+constexpr std::array<std::pair<int, const char*>, 4> kNamedKeys = {
+    {{GLFW_KEY_F1, "f1"}, {GLFW_KEY_F6, "f6"}, {GLFW_KEY_F12, "f12"}, {GLFW_KEY_DELETE, "delete"}}};
 
 }  // namespace
 
-WindowInput::WindowInput(GLFWwindow* window, Events events)
-    : window_(window), events_(std::move(events)) {
+WindowInput::WindowInput(GLFWwindow* window, Viewer& viewer) : window_(window), viewer_(viewer) {
   glfwSetWindowUserPointer(window, this);
   glfwGetCursorPos(window, &newest_.x, &newest_.y);
   // Installed before Dear ImGui's callbacks, which then call these.
@@ -45,7 +48,8 @@ void WindowInput::BeginFrame() {
   io.MouseDoubleClickTime = std::max(kDoubleClick_s, 5.0f * io.DeltaTime);
   bool moved = false;
   bool clicked = false;
-  way_.clear();
+  std::vector<Eigen::Vector2d>& way = viewer_.state().pointer_way;
+  way.clear();
   while (!waiting_.empty()) {
     const PointerEvent event = waiting_.front();
     const bool changes = event.down != down_;
@@ -56,7 +60,7 @@ void WindowInput::BeginFrame() {
     io.MousePos = {static_cast<float>(event.x), static_cast<float>(event.y)};
     down_ = event.down;
     if (changes) io.KeyCtrl = event.ctrl;
-    way_.emplace_back(event.x, event.y);
+    way.emplace_back(event.x, event.y);
     clicked = changes;
     if (changes) break;
     moved = true;
@@ -64,6 +68,7 @@ void WindowInput::BeginFrame() {
   if (!clicked) ShowTyped();
   for (std::size_t button = 0; button < down_.size(); ++button)
     io.MouseDown[button] = down_[button];
+  viewer_.files().Drop(std::exchange(dropped_, {}));
 }
 
 // Keys are as they are, but for those whose press still waits.
@@ -128,36 +133,26 @@ void WindowInput::OnKey(GLFWwindow* window, int key, int scancode, int action, i
     const bool is_ctrl = key == GLFW_KEY_LEFT_CONTROL || key == GLFW_KEY_RIGHT_CONTROL;
     Of(window).Wait({.key = key, .ctrl = ctrl || is_ctrl});
   }
-  KeyPress press{.key = {}, .ctrl = ctrl};
-  switch (key) {
-    case GLFW_KEY_ESCAPE:
-      Of(window).events_.escape();
-      return;
-    case GLFW_KEY_F1:
-      press.key = "f1";
-      break;
-    case GLFW_KEY_F6:
-      press.key = "f6";
-      break;
-    case GLFW_KEY_F12:
-      press.key = "f12";
-      break;
-    case GLFW_KEY_DELETE:
-      press.key = "delete";
-      break;
-    default:
-      if (const char* name = glfwGetKeyName(key, scancode)) press.key = name;
-      // Some keyboards print digits for the shift key only.
-      if (key >= GLFW_KEY_1 && key <= GLFW_KEY_6 && !press.ctrl) {
-        const bool is_digit = press.key.size() == 1 && press.key >= "0" && press.key <= "9";
-        if (!is_digit) press.key = static_cast<char>('1' + (key - GLFW_KEY_1));
-      }
-  }
   WindowInput& input = Of(window);
+  if (key == GLFW_KEY_ESCAPE) {
+    TakeEscape(input.viewer_);
+    return;
+  }
+  KeyPress press{.key = {}, .ctrl = ctrl};
+  const auto named = std::find_if(kNamedKeys.begin(), kNamedKeys.end(),
+                                  [key](const auto& each) { return each.first == key; });
+  if (named != kNamedKeys.end()) {
+    press.key = named->second;
+  } else if (const char* name = glfwGetKeyName(key, scancode)) {
+    press.key = name;
+  }
+  // Some keyboards print digits for the shift key only.
+  if (key >= GLFW_KEY_1 && key <= GLFW_KEY_6 && !press.ctrl) {
+    const bool is_digit = press.key.size() == 1 && press.key >= "0" && press.key <= "9";
+    if (!is_digit) press.key = static_cast<char>('1' + (key - GLFW_KEY_1));
+  }
   input.keys_.push_back({press, input.shown_ + input.waiting_.size()});
 }
-
-std::vector<std::string> WindowInput::TakeDropped() { return std::exchange(dropped_, {}); }
 
 void WindowInput::OnDrop(GLFWwindow* window, int count, const char** paths) {
   std::vector<std::string>& dropped = Of(window).dropped_;
@@ -176,7 +171,8 @@ void WindowInput::OnButton(GLFWwindow* window, int button, int action, int modif
   // The pointer's place at the last event. GLFW's present place may already be farther.
   input.waiting_.push_back(input.newest_);
   if (button == GLFW_MOUSE_BUTTON_LEFT && action == GLFW_PRESS) {
-    input.events_.pressed({input.newest_.x, input.newest_.y});
+    const bool stops = input.viewer_.state().stop_button.Holds({input.newest_.x, input.newest_.y});
+    if (stops) input.viewer_.feed().StopForces();
   }
 }
 
@@ -184,7 +180,7 @@ void WindowInput::OnMove(GLFWwindow* window, double x, double y) {
   WindowInput& input = Of(window);
   input.newest_.x = x;
   input.newest_.y = y;
-  input.events_.moved({x, y});
+  input.viewer_.hand().PointerMoved({x, y}, input.viewer_.feed());
   input.waiting_.push_back(input.newest_);
 }
 

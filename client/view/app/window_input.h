@@ -2,16 +2,16 @@
 //
 // Dear ImGui sees only the state at each frame. In a slow frame it would lose a click that begins
 // and ends within the frame, and the motion before the click. So each change of a button gets a
-// frame of its own here, after the frame with the motion.
+// frame of its own here, after the frame with the motion. Only Esc, the button that stops the
+// forces, and the hand that the pointer leads do not wait for a frame.
 //
-// Threads: main. Ownership: the window and Dear ImGui's context must outlive it. Uses the window's
-// user pointer.
+// Threads: main. Ownership: the window, the viewer and Dear ImGui's context must outlive it. Uses
+// the window's user pointer.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <deque>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -23,27 +23,17 @@ namespace palpate::view {
 
 class WindowInput {
  public:
-  // Called from within the events, independent of frames. Places in pixels of the screen.
-  struct Events {
-    std::function<void()> escape;
-    std::function<void(const Eigen::Vector2d&)> pressed;  // the left button
-    std::function<void(const Eigen::Vector2d&)> moved;
-  };
-  WindowInput(GLFWwindow* window, Events events);
+  WindowInput(GLFWwindow* window, Viewer& viewer);
   ~WindowInput();
   WindowInput(const WindowInput&) = delete;
   WindowInput& operator=(const WindowInput&) = delete;
 
-  // Gives Dear ImGui the input of the next frame.
+  // Gives Dear ImGui and the viewer the input of the next frame, except for keys.
   void BeginFrame();
   // True if a change of a button or a key waits for its frame.
   bool is_urgent() const;
   // Returns the keys since the last call; none while earlier clicks still wait.
   std::vector<KeyPress> TakeKeys();
-  // Returns the paths that were dropped onto the window since the last call.
-  std::vector<std::string> TakeDropped();
-  // The pointer's places in the last BeginFrame, in pixels of the screen.
-  const std::vector<Eigen::Vector2d>& way() const { return way_; }
 
  private:
   using Buttons = std::array<bool, 3>;
@@ -79,10 +69,9 @@ class WindowInput {
   static void OnMove(GLFWwindow* window, double x, double y);
 
   GLFWwindow* window_;
-  const Events events_;
-  std::vector<std::string> dropped_;
-  std::vector<Eigen::Vector2d> way_;
-  Buttons down_{};  // as Dear ImGui knows them
+  Viewer& viewer_;
+  std::vector<std::string> dropped_;  // paths
+  Buttons down_{};                    // as Dear ImGui knows them
   PointerEvent newest_;
   std::deque<PointerEvent> waiting_;
   std::uint64_t shown_ = 0;  // number of pointer events shown so far

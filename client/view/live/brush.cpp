@@ -4,14 +4,11 @@
 #include <exception>
 #include <mutex>
 #include <random>
+#include <set>
 #include <utility>
-#include <vector>
 
 namespace palpate::view {
 namespace {
-
-using client::Capsule;
-using client::Sphere;
 
 constexpr double kWayPerRadius = 1.0 / 3.0;
 
@@ -31,11 +28,6 @@ client::Edit EditOf(const BrushOptions& options, const VolumeLattice& lattice) {
 // The strokes that can be undone and redone, newest last.
 class Brush::History {
  public:
-  struct Wanted {
-    std::uint64_t stroke = 0;
-    ChangedBy changed_by{};  // may be empty
-  };
-
   // Begins anew after a reconnection: a restarted daemon counts its revisions anew.
   void Begin(std::uint64_t connection) {
     const std::lock_guard lock(mutex_);
@@ -49,7 +41,7 @@ class Brush::History {
   // An edit of the stroke was asked for.
   void Ask(std::uint64_t stroke) {
     const std::lock_guard lock(mutex_);
-    asked_.push_back(stroke);
+    asked_.insert(stroke);
     if (newest_begun_ == stroke) return;
     newest_begun_ = stroke;
     begun_.push_back({stroke, "stroke"});
@@ -57,9 +49,7 @@ class Brush::History {
   // The edit has an answer or has failed.
   void Answered(std::uint64_t stroke) {
     const std::lock_guard lock(mutex_);
-    if (const auto at = std::find(asked_.begin(), asked_.end(), stroke); at != asked_.end()) {
-      asked_.erase(at);
-    }
+    if (const auto at = asked_.find(stroke); at != asked_.end()) asked_.erase(at);
   }
   void AddOther(std::uint64_t stroke, const std::string& name, std::uint64_t connection,
                 const client::EditResult& result) {
@@ -77,11 +67,8 @@ class Brush::History {
   }
   bool Lasts(std::uint64_t stroke) const {
     const std::lock_guard lock(mutex_);
-    const auto holds = [stroke](const Strokes& strokes) {
-      return std::find(strokes.begin(), strokes.end(), stroke) != strokes.end();
-    };
-    return holds(undo_) || holds(redo_) ||
-           std::find(asked_.begin(), asked_.end(), stroke) != asked_.end();
+    return asked_.contains(stroke) || std::count(undo_.begin(), undo_.end(), stroke) > 0 ||
+           std::count(redo_.begin(), redo_.end(), stroke) > 0;
   }
 
   // `connection`: the connection when the stroke was drawn.
@@ -96,81 +83,58 @@ class Brush::History {
     if (undo_.empty() || undo_.back() != stroke) undo_.push_back(stroke);
   }
 
-  void Undo(client::Client& client, const Wanted& wanted) {
-    Move(undo_, redo_, client, wanted, [&] { return client.Undo(revision()); });
-  }
-  void Redo(client::Client& client, const Wanted& wanted) {
-    Move(redo_, undo_, client, wanted, [&] { return client.Redo(revision()); });
-  }
-
- private:
-  using Strokes = std::vector<std::uint64_t>;
-
-  std::uint64_t revision() const {
-    const std::lock_guard lock(mutex_);
-    return revision_;
-  }
-  void Forget() {
-    undo_.clear();
-    redo_.clear();
-  }
-
-  template <typename Step>
-  void Move(Strokes& from, Strokes& to, client::Client& client, const Wanted& wanted,
-            const Step& step) {
+  void Restore(std::uint64_t stroke, bool forward, client::Client& client,
+               const ChangedBy& changed_by) {
     std::unique_lock lock(mutex_);
-    const bool is_there = !from.empty() && from.back() == wanted.stroke;
+    std::vector<std::uint64_t>& from = forward ? redo_ : undo_;
+    std::vector<std::uint64_t>& to = forward ? undo_ : redo_;
+    const bool is_there = !from.empty() && from.back() == stroke;
     if (!is_there) throw Error(ErrorKind::kConflict, "no stroke is left");
     const std::uint64_t connection = connection_;
+    const std::uint64_t revision = revision_;
     lock.unlock();
-    const client::EditResult result = TryStep(client, wanted.changed_by, step);
-    lock.lock();
-    if (connection != connection_) return;
-    revision_ = result.volume_revision;
-    from.pop_back();
-    to.push_back(wanted.stroke);
-  }
-  template <typename Step>
-  client::EditResult TryStep(client::Client& client, const ChangedBy& changed_by,
-                             const Step& step) {
+    client::EditResult result;
     try {
-      return step();
+      result = forward ? client.Redo(revision) : client.Undo(revision);
     } catch (const Error& error) {
-      {
-        const std::lock_guard lock(mutex_);
-        Forget();
-      }
       // Without an answer, the step may be done or not. The count here may then be wrong by one.
+      lock.lock();
+      Forget();
+      lock.unlock();
       if (error.kind() != ErrorKind::kConflict) throw;
       const std::string who = changed_by ? changed_by(client) : std::string();
       throw Error(ErrorKind::kConflict, "the volume was changed since by " +
                                             (who.empty() ? "others" : who) +
                                             ", so strokes before stay");
     }
+    lock.lock();
+    if (connection != connection_) return;
+    revision_ = result.volume_revision;
+    std::erase(from, stroke);
+    to.push_back(stroke);
+  }
+
+ private:
+  void Forget() {
+    undo_.clear();
+    redo_.clear();
   }
 
   mutable std::mutex mutex_;
   std::uint64_t connection_ = 0;
   std::uint64_t revision_ = 0;  // of the volume after the newest edit; 0: none yet
-  Strokes undo_;
-  Strokes redo_;
-  std::vector<std::uint64_t> asked_;  // the stroke of each edit that has no answer yet
+  std::vector<std::uint64_t> undo_;
+  std::vector<std::uint64_t> redo_;
+  std::multiset<std::uint64_t> asked_;  // the stroke of each edit that has no answer yet
   std::uint64_t newest_begun_ = 0;
   std::vector<BegunStroke> begun_;
-};
-
-// The thread of the commands reads and writes it.
-struct Brush::Sent {
-  std::exception_ptr failure;  // of an edit of the stroke; null: none failed
 };
 
 // Random: other clients number their strokes, too.
 Brush::Brush()
     : history_(std::make_shared<History>()),
       first_number_(std::uint64_t{std::random_device()()} << 32),
-      sent_(std::make_shared<Sent>()) {}
-
-Brush::~Brush() = default;
+      failure_(std::make_shared<std::exception_ptr>()) {}
 
 void Brush::Follow(const ViewVolume& volume, std::uint64_t losses) {
   const std::uint64_t daemon_id = volume.revision() ? volume.revision()->daemon_id : daemon_id_;
@@ -190,19 +154,16 @@ void Brush::Stroke(const BrushOptions& options, const Vec3& p_D, const ViewVolum
   const std::optional<Vec3> from_W = std::exchange(last_W_, p_W);
   client::Edit edit = EditOf(options, *volume.lattice());
   edit.stroke = first_number_ + stroke_;
-  if (from_W) {
-    edit.shape = Capsule{*from_W, p_W, options.radius_mm};
-  } else {
-    edit.shape = Sphere{p_W, options.radius_mm};
-  }
+  edit.shape = client::Sphere{p_W, options.radius_mm};
+  if (from_W) edit.shape = client::Capsule{*from_W, p_W, options.radius_mm};
   history_->Ask(stroke_);
-  commands.Do("brush", [edit, sent = sent_, history = history_, stroke = stroke_,
+  commands.Do("brush", [edit, failure = failure_, history = history_, stroke = stroke_,
                         connection = connection_](client::Client& client) {
     try {
-      if (sent->failure) std::rethrow_exception(sent->failure);
+      if (*failure) std::rethrow_exception(*failure);
       history->Add(stroke, connection, client.Apply(edit));
     } catch (...) {
-      sent->failure = std::current_exception();
+      *failure = std::current_exception();
       history->Answered(stroke);
       throw;
     }
@@ -214,7 +175,7 @@ void Brush::Lift() { last_W_.reset(); }
 
 void Brush::End() {
   Lift();
-  sent_ = std::make_shared<Sent>();
+  failure_ = std::make_shared<std::exception_ptr>();
   ++stroke_;
 }
 
@@ -234,16 +195,11 @@ std::function<bool()> Brush::LastsOf(std::uint64_t number) const {
   return [history = history_, number] { return history->Lasts(number); };
 }
 
-void Brush::Undo(std::uint64_t number, Commands& commands, ChangedBy changed_by) {
-  commands.Do("undo of a stroke",
-              [history = history_, wanted = History::Wanted{number, std::move(changed_by)}](
-                  client::Client& client) { history->Undo(client, wanted); });
-}
-
-void Brush::Redo(std::uint64_t number, Commands& commands, ChangedBy changed_by) {
-  commands.Do("redo of a stroke",
-              [history = history_, wanted = History::Wanted{number, std::move(changed_by)}](
-                  client::Client& client) { history->Redo(client, wanted); });
+void Brush::Restore(std::uint64_t number, bool forward, Commands& commands, ChangedBy changed_by) {
+  commands.Do(
+      forward ? "redo of a stroke" : "undo of a stroke",
+      [history = history_, number, forward, changed_by = std::move(changed_by)](
+          client::Client& client) { history->Restore(number, forward, client, changed_by); });
 }
 
 }  // namespace palpate::view

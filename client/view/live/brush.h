@@ -6,13 +6,13 @@
 // acts once on each voxel: Edit::stroke. If an edit fails, the rest of its stroke is dropped.
 //
 // The daemon has one history for all clients. The brush counts strokes by the volume revisions of
-// their edits. It forgets strokes that it can no longer undo alone:
+// their edits, and never undoes an edit of another client: it forgets strokes that it can no longer
+// undo alone:
 // - strokes before a foreign revision (an edit of another client, a frame of a series, another
 //   volume)
 // - all strokes if the daemon was restarted, because it then counts anew
 // - strokes that the daemon itself has forgotten for lack of memory
 // - strokes around a step without an answer, which may or may not be done
-// So the brush never undoes an edit of another client.
 //
 // Frame: D for points of the surface. Edits are sent in W, so that a brush is a ball for every
 // voxel spacing. Lengths are the volume's mm; a registration may scale them to other mm of D.
@@ -20,6 +20,7 @@
 #pragma once
 
 #include <cstdint>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -49,7 +50,6 @@ inline constexpr double kGreatestBrush_mm = 100.0;
 class Brush {
  public:
   Brush();
-  ~Brush();
   Brush(const Brush&) = delete;
   Brush& operator=(const Brush&) = delete;
 
@@ -71,7 +71,7 @@ class Brush {
   // For an edit made elsewhere: the result given to the returned function counts as a stroke of its
   // own. The function may be called once, on any thread, also after the brush is destroyed. `name`:
   // for people, such as "filter".
-  std::function<void(const client::EditResult&)> OtherStroke(std::string name = "filter");
+  std::function<void(const client::EditResult&)> OtherStroke(std::string name);
 
   // True if an edit of a stroke waits for its answer.
   bool is_waiting() const;
@@ -86,15 +86,14 @@ class Brush {
   // False if the stroke changed nothing, or was forgotten. The function may be called later, on any
   // thread.
   std::function<bool()> LastsOf(std::uint64_t number) const;
-  // Undoes or redoes this stroke if it is the last one; an error of the commands otherwise.
-  // `changed_by`: names who changed the voxels last, for the error; called on the commands' thread.
+  // Undoes this stroke, or redoes it (`forward`), if it is the last one; an error of the commands
+  // otherwise. `changed_by`: names who changed the voxels last, for the error; called on the
+  // commands' thread; may be empty.
   using ChangedBy = std::function<std::string(client::Client&)>;
-  void Undo(std::uint64_t number, Commands& commands, ChangedBy changed_by);
-  void Redo(std::uint64_t number, Commands& commands, ChangedBy changed_by);
+  void Restore(std::uint64_t number, bool forward, Commands& commands, ChangedBy changed_by);
 
  private:
   class History;  // shared with commands
-  struct Sent;
 
   std::shared_ptr<History> history_;
   const std::uint64_t first_number_;  // of strokes for the daemon
@@ -103,7 +102,8 @@ class Brush {
   std::uint64_t losses_ = 0;
   std::uint64_t connection_ = 0;  // counted here; rises whenever the daemon may be another one
   std::optional<Vec3> last_W_;    // where the newest edit of this stroke ends
-  std::shared_ptr<Sent> sent_;    // this stroke, shared with its commands
+  // Of an edit of this stroke; null: none failed. Read and written on the commands' thread.
+  std::shared_ptr<std::exception_ptr> failure_;
 };
 
 }  // namespace palpate::view

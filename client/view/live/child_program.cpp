@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <sstream>
@@ -23,45 +24,41 @@ namespace {
 constexpr std::size_t kMostOutput = 64 * 1024;
 constexpr std::chrono::milliseconds kPause{5};
 
-class SpawnSettings {
- public:
+struct SpawnSettings {
   // `out`: the descriptor for stdout; -1: both outputs go to `log`.
   SpawnSettings(int out, const std::string& log) {
-    posix_spawn_file_actions_init(&actions_);
-    posix_spawn_file_actions_addopen(&actions_, 0, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
     if (out >= 0) {
-      posix_spawn_file_actions_adddup2(&actions_, out, 1);
+      posix_spawn_file_actions_adddup2(&actions, out, 1);
       // Toolkits print warnings that nobody asked for.
-      posix_spawn_file_actions_addopen(&actions_, 2, "/dev/null", O_WRONLY, 0);
+      posix_spawn_file_actions_addopen(&actions, 2, "/dev/null", O_WRONLY, 0);
     } else {
-      posix_spawn_file_actions_addopen(&actions_, 1, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC,
+      posix_spawn_file_actions_addopen(&actions, 1, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC,
                                        0600);
-      posix_spawn_file_actions_adddup2(&actions_, 1, 2);
+      posix_spawn_file_actions_adddup2(&actions, 1, 2);
     }
     // Connections and the graphics card are not the child's.
-    posix_spawn_file_actions_addclosefrom_np(&actions_, 3);
-    posix_spawnattr_init(&attributes_);
+    posix_spawn_file_actions_addclosefrom_np(&actions, 3);
+    posix_spawnattr_init(&attributes);
     sigset_t none;
     sigset_t all;
     sigemptyset(&none);
     sigfillset(&all);
-    posix_spawnattr_setsigmask(&attributes_, &none);
-    posix_spawnattr_setsigdefault(&attributes_, &all);
-    posix_spawnattr_setflags(&attributes_,
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setflags(&attributes,
                              POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSID);
   }
   ~SpawnSettings() {
-    posix_spawn_file_actions_destroy(&actions_);
-    posix_spawnattr_destroy(&attributes_);
+    posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
   }
   SpawnSettings(const SpawnSettings&) = delete;
   SpawnSettings& operator=(const SpawnSettings&) = delete;
-  const posix_spawn_file_actions_t* actions() const { return &actions_; }
-  const posix_spawnattr_t* attributes() const { return &attributes_; }
 
- private:
-  posix_spawn_file_actions_t actions_;
-  posix_spawnattr_t attributes_;
+  posix_spawn_file_actions_t actions;
+  posix_spawnattr_t attributes;
 };
 
 [[noreturn]] void Fail(const std::string& program, int error_number) {
@@ -92,33 +89,20 @@ std::filesystem::path FindProgram(const std::string& name, const std::string& pa
 ChildProgram::ChildProgram(std::vector<std::string> arguments, const std::filesystem::path& log) {
   std::array<int, 2> ends{-1, -1};
   if (log.empty() && pipe2(ends.data(), O_CLOEXEC) != 0) Fail(arguments.front(), errno);
+  out_ = Descriptor(ends[0]);
+  const Descriptor its_end(ends[1]);
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);
-  const SpawnSettings settings(ends[1], log.string());
+  const SpawnSettings settings(its_end.get(), log.string());
   const int error =
-      posix_spawn(&pid_, argv[0], settings.actions(), settings.attributes(), argv.data(), environ);
-  if (ends[1] >= 0) close(ends[1]);
-  out_ = ends[0];
-  if (error != 0) {
-    if (out_ >= 0) close(out_);
-    Fail(arguments.front(), error);
-  }
-  if (out_ >= 0) fcntl(out_, F_SETFL, O_NONBLOCK);
+      posix_spawn(&pid_, argv[0], &settings.actions, &settings.attributes, argv.data(), environ);
+  if (error != 0) Fail(arguments.front(), error);
+  if (log.empty()) fcntl(out_.get(), F_SETFL, O_NONBLOCK);
 }
 
 ChildProgram::~ChildProgram() {
   if (!left_) End(std::chrono::seconds(1));
-  if (out_ >= 0) close(out_);
-}
-
-void ChildProgram::ReadOutput() {
-  if (out_ < 0) return;
-  std::array<char, 4096> part{};
-  for (ssize_t n = 0; (n = read(out_, part.data(), part.size())) > 0;) {
-    const std::size_t room = kMostOutput - output_.size();
-    output_.append(part.data(), std::min(room, static_cast<std::size_t>(n)));
-  }
 }
 
 std::optional<int> ChildProgram::Poll() {
@@ -126,7 +110,11 @@ std::optional<int> ChildProgram::Poll() {
   int status = 0;
   const bool has_ended = waitpid(pid_, &status, WNOHANG) == pid_;
   // After it has ended, all that it printed is there.
-  ReadOutput();
+  std::array<char, 4096> part{};
+  for (ssize_t n = 0; (n = read(out_.get(), part.data(), part.size())) > 0;) {
+    const std::size_t room = kMostOutput - output_.size();
+    output_.append(part.data(), std::min(room, static_cast<std::size_t>(n)));
+  }
   if (has_ended) exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
   return exit_code_;
 }

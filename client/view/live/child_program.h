@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "common/files/descriptor.h"
+
 namespace palpate::view {
 
 // The value of an environment variable; empty: it is not set.
@@ -41,10 +43,8 @@ class ChildProgram {
   void Leave() { left_ = true; }
 
  private:
-  void ReadOutput();
-
   pid_t pid_ = -1;
-  int out_ = -1;  // reads what it prints
+  Descriptor out_;  // reads what it prints; with a log none, and a read fails
   std::string output_;
   std::optional<int> exit_code_;
   bool left_ = false;

@@ -38,31 +38,19 @@ void Merge(const client::SettingsUpdate& newer, client::SettingsUpdate& waiting)
   if (newer.expected_revision) waiting.expected_revision = newer.expected_revision;
 }
 
-Commands::Commands(client::Client& client) : client_(client), thread_([this] { Run(); }) {}
-
-Commands::~Commands() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
-  changed_.notify_all();
-  thread_.join();
-}
+Commands::Commands(client::Client& client)
+    : client_(client), thread_([this](const std::stop_token& stop) { Run(stop); }) {}
 
 void Commands::Set(const client::SettingsUpdate& update) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!settings_) settings_.emplace();
-    Merge(update, *settings_);
-  }
+  const std::lock_guard lock(mutex_);
+  if (!settings_) settings_.emplace();
+  Merge(update, *settings_);
   changed_.notify_all();
 }
 
 void Commands::Do(std::string name, std::function<void(client::Client&)> command) {
-  {
-    const std::lock_guard lock(mutex_);
-    waiting_.push_back({std::move(name), std::move(command), settings_.has_value()});
-  }
+  const std::lock_guard lock(mutex_);
+  waiting_.push_back({std::move(name), std::move(command), settings_.has_value()});
   changed_.notify_all();
 }
 
@@ -76,8 +64,8 @@ std::string Commands::problem() const {
   return std::chrono::steady_clock::now() < problem_until_ ? problem_ : std::string();
 }
 
-void Commands::Run() {
-  while (const std::optional<Command> command = Next()) {
+void Commands::Run(const std::stop_token& stop) {
+  while (const std::optional<Command> command = Next(stop)) {
     try {
       command->run(client_);
       Report({});
@@ -89,11 +77,11 @@ void Commands::Run() {
 
 // Waits for the next command; returns none at the end. If settings wait, too, they take turns with
 // other commands, so that a moving slider does not block them.
-std::optional<Commands::Command> Commands::Next() {
+std::optional<Commands::Command> Commands::Next(const std::stop_token& stop) {
   std::unique_lock lock(mutex_);
   working_ = false;
-  changed_.wait(lock, [this] { return stopping_ || settings_ || !waiting_.empty(); });
-  if (stopping_) return std::nullopt;
+  changed_.wait(lock, stop, [this] { return settings_ || !waiting_.empty(); });
+  if (stop.stop_requested()) return std::nullopt;
   working_ = true;
   const bool is_turn_of_others =
       settings_were_last_ && !waiting_.empty() && !waiting_.front().after_settings;

@@ -14,6 +14,7 @@
 #include <functional>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <thread>
 
@@ -24,15 +25,12 @@ namespace palpate::view {
 // Copies the values of `newer` into `waiting`, key by key.
 void Merge(const client::SettingsUpdate& newer, client::SettingsUpdate& waiting);
 
+// The destructor drops waiting commands and waits for the running one. After Client::EndCalls, the
+// running one ends at once.
 class Commands {
  public:
   // `client` must outlive it.
   explicit Commands(client::Client& client);
-  // Drops waiting commands and waits for the running one. After Client::EndCalls, the running one
-  // ends at once.
-  ~Commands();
-  Commands(const Commands&) = delete;
-  Commands& operator=(const Commands&) = delete;
 
   // Merges the update with waiting settings, key by key.
   void Set(const client::SettingsUpdate& update);
@@ -53,21 +51,20 @@ class Commands {
     bool after_settings = false;  // settings that were set before it wait
   };
 
-  void Run();
-  std::optional<Command> Next();
+  void Run(const std::stop_token& stop);
+  std::optional<Command> Next(const std::stop_token& stop);
   void Report(const std::string& problem);
 
   client::Client& client_;
   mutable std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable_any changed_;
   std::optional<client::SettingsUpdate> settings_;
   bool settings_were_last_ = false;
   std::deque<Command> waiting_;
   bool working_ = false;
-  bool stopping_ = false;
   std::string problem_;
   std::chrono::steady_clock::time_point problem_until_{};
-  std::thread thread_;
+  std::jthread thread_;
 };
 
 }  // namespace palpate::view

@@ -4,7 +4,7 @@
 // Threads: any. Errors: none; a stop that did not reach palpated is a state.
 #pragma once
 
-#include <memory>
+#include <mutex>
 #include <string>
 
 #include "client/sdk/connection.h"
@@ -14,11 +14,13 @@ namespace palpate::view {
 
 class EmergencyStop {
  public:
-  // `urgent`: no other commands use it, so the stop never waits. It must outlive this object.
-  explicit EmergencyStop(Commands& urgent);
+  // `client` must outlive it. The destructor waits for a running stop: see Commands.
+  explicit EmergencyStop(client::Client& client) : commands_(client) {}
 
-  // Removes all forces. If a stop is running already, at most one more waits.
+  // Removes all forces. Never waits for other commands. If a stop is running already, at most one
+  // more waits.
   void Send();
+  bool is_running() const { return commands_.busy(); }
   // Call it once per frame. A shown result is valid only for the connection on which it was
   // received.
   void Follow(client::ConnectionState connection);
@@ -30,11 +32,13 @@ class EmergencyStop {
   Line line() const;
 
  private:
-  struct Shared;  // with commands
+  void Finish(const Line& result);
 
-  Commands& urgent_;
-  std::shared_ptr<Shared> shared_;
+  mutable std::mutex mutex_;
+  int under_way_ = 0;
+  Line result_;
   client::ConnectionState connection_ = client::ConnectionState::kConnecting;
+  Commands commands_;  // last: its thread uses the others
 };
 
 }  // namespace palpate::view

@@ -9,67 +9,52 @@
 namespace palpate::view {
 namespace {
 
-const char* TitleOf(DialogKind kind) {
-  switch (kind) {
-    case DialogKind::kOpenFile:
-      return "Open a volume";
-    case DialogKind::kOpenFolder:
-      return "Open a folder of DICOM or TIFF files";
-    case DialogKind::kSave:
-      return "Save the volume as .nrrd or .vdb";
-  }
-  return "";
-}
+struct KindWords {
+  const char* title;
+  const char* kdialog;  // its option
+};
+// In the order of DialogKind.
+constexpr std::array<KindWords, 3> kWords = {{
+    {"Open a volume", "--getopenfilename"},
+    {"Open a folder of DICOM or TIFF files", "--getexistingdirectory"},
+    {"Save the volume as .nrrd or .vdb", "--getsavefilename"},
+}};
 
-// A name that ends with a slash is a folder to begin in, not a file to choose.
-std::string StartOf(DialogKind kind, const std::filesystem::path& start) {
-  std::string text = start.string();
-  if (kind != DialogKind::kSave && !text.ends_with('/')) text += '/';
-  return text;
-}
-
-std::vector<std::string> KdialogCommand(const DialogProgram& program, DialogKind kind,
-                                        const std::filesystem::path& start) {
-  const char* what = kind == DialogKind::kOpenFile     ? "--getopenfilename"
-                     : kind == DialogKind::kOpenFolder ? "--getexistingdirectory"
-                                                       : "--getsavefilename";
-  std::vector<std::string> command{program.path, "--title", TitleOf(kind), what};
-  command.push_back(start.empty() ? "." : StartOf(kind, start));
-  return command;
-}
-
-std::optional<DialogProgram> InstalledProgram() {
+std::filesystem::path InstalledProgram() {
   return FindDialogProgram(VariableOf("PATH"), VariableOf("XDG_CURRENT_DESKTOP"));
 }
 
 }  // namespace
 
-std::optional<DialogProgram> FindDialogProgram(const std::string& path_variable,
-                                               const std::string& desktop) {
-  using Named = std::pair<const char*, DialogFamily>;
-  std::array<Named, 3> programs = {{{"zenity", DialogFamily::kZenity},
-                                    {"kdialog", DialogFamily::kKdialog},
-                                    {"yad", DialogFamily::kYad}}};
-  if (desktop.find("KDE") != std::string::npos) std::swap(programs[0], programs[1]);
-  for (const auto& [name, family] : programs) {
-    std::filesystem::path path = FindProgram(name, path_variable);
-    if (!path.empty()) return DialogProgram{family, std::move(path)};
+std::filesystem::path FindDialogProgram(const std::string& path_variable,
+                                        const std::string& desktop) {
+  std::array<const char*, 3> names = {"zenity", "kdialog", "yad"};
+  if (desktop.find("KDE") != std::string::npos) std::swap(names[0], names[1]);
+  for (const char* name : names) {
+    const std::filesystem::path program = FindProgram(name, path_variable);
+    if (!program.empty()) return program;
   }
-  return std::nullopt;
+  return {};
 }
 
-std::vector<std::string> DialogCommand(const DialogProgram& program, DialogKind kind,
+std::vector<std::string> DialogCommand(const std::filesystem::path& program, DialogKind kind,
                                        const std::filesystem::path& start) {
-  if (program.family == DialogFamily::kKdialog) return KdialogCommand(program, kind, start);
-  std::vector<std::string> command{
-      program.path, program.family == DialogFamily::kYad ? "--file" : "--file-selection",
-      std::string("--title=") + TitleOf(kind)};
+  const KindWords& words = kWords[static_cast<std::size_t>(kind)];
+  std::string from = start.string();
+  // A name that ends with a slash is a folder to begin in, not a file to choose.
+  if (kind != DialogKind::kSave && !from.empty() && !from.ends_with('/')) from += '/';
+  const std::string name = program.filename();
+  if (name == "kdialog") {
+    return {program, "--title", words.title, words.kdialog, from.empty() ? "." : from};
+  }
+  std::vector<std::string> command{program, name == "yad" ? "--file" : "--file-selection",
+                                   std::string("--title=") + words.title};
   if (kind == DialogKind::kOpenFolder) command.emplace_back("--directory");
   if (kind == DialogKind::kSave) {
     command.emplace_back("--save");
     command.emplace_back("--confirm-overwrite");
   }
-  if (!start.empty()) command.push_back("--filename=" + StartOf(kind, start));
+  if (!from.empty()) command.push_back("--filename=" + from);
   return command;
 }
 
@@ -81,14 +66,14 @@ std::optional<std::filesystem::path> DialogAnswer(int exit_code, const std::stri
   return std::filesystem::path(name);
 }
 
-bool FileDialog::IsInstalled() { return InstalledProgram().has_value(); }
+bool FileDialog::IsInstalled() { return !InstalledProgram().empty(); }
 
 bool FileDialog::Open(DialogKind kind, const std::filesystem::path& start) {
   if (program_) return true;
-  const std::optional<DialogProgram> program = InstalledProgram();
-  if (!program) return false;
+  const std::filesystem::path program = InstalledProgram();
+  if (program.empty()) return false;
   try {
-    program_ = std::make_unique<ChildProgram>(DialogCommand(*program, kind, start));
+    program_ = std::make_unique<ChildProgram>(DialogCommand(program, kind, start));
   } catch (const Error&) {
     return false;
   }

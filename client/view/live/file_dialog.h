@@ -15,19 +15,14 @@
 namespace palpate::view {
 
 enum class DialogKind { kOpenFile, kOpenFolder, kSave };
-enum class DialogFamily { kZenity, kKdialog, kYad };
 
-struct DialogProgram {
-  DialogFamily family{};
-  std::filesystem::path path;
-};
-
-// `path_variable`: as $PATH. `desktop`: as $XDG_CURRENT_DESKTOP; on KDE, kdialog comes first.
-std::optional<DialogProgram> FindDialogProgram(const std::string& path_variable,
-                                               const std::string& desktop);
+// Empty: none of the programs is installed. `path_variable`: as $PATH. `desktop`: as
+// $XDG_CURRENT_DESKTOP; on KDE, kdialog comes first.
+std::filesystem::path FindDialogProgram(const std::string& path_variable,
+                                        const std::string& desktop);
 
 // The command line. `start`: a folder, or for kSave a file; empty: the program's own choice.
-std::vector<std::string> DialogCommand(const DialogProgram& program, DialogKind kind,
+std::vector<std::string> DialogCommand(const std::filesystem::path& program, DialogKind kind,
                                        const std::filesystem::path& start);
 
 // The chosen path; none if the user cancelled, or the program failed.
@@ -45,7 +40,6 @@ class FileDialog {
 
   // Does nothing while a dialog is open. Returns false if it cannot be opened.
   bool Open(DialogKind kind, const std::filesystem::path& start);
-  bool is_open() const { return program_ != nullptr; }
   // Returns the answer once.
   std::optional<Answer> Poll();
 

@@ -14,6 +14,11 @@ void History::Trim(Steps& steps) {
   while (!steps.empty() && steps.back().lasts && !steps.back().lasts()) steps.pop_back();
 }
 
+std::string History::NameOfLast(Steps& steps) {
+  Trim(steps);
+  return steps.empty() ? std::string() : steps.back().name;
+}
+
 bool History::Move(Steps& from, Steps& to, bool forward) {
   Trim(from);
   if (from.empty()) return false;
@@ -23,19 +28,6 @@ bool History::Move(Steps& from, Steps& to, bool forward) {
   const auto go = to.back().go;
   go(forward);
   return true;
-}
-
-bool History::Undo() { return Move(done_, undone_, /*forward=*/false); }
-bool History::Redo() { return Move(undone_, done_, /*forward=*/true); }
-
-std::string History::undo_name() {
-  Trim(done_);
-  return done_.empty() ? std::string() : done_.back().name;
-}
-
-std::string History::redo_name() {
-  Trim(undone_);
-  return undone_.empty() ? std::string() : undone_.back().name;
 }
 
 void History::Forget() {

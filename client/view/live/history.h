@@ -31,18 +31,19 @@ class History {
   // The user has done this. What was undone before can no longer be redone.
   void Add(Step step);
   // Undoes the newest step. Returns false if there is none.
-  bool Undo();
+  bool Undo() { return Move(done_, undone_, /*forward=*/false); }
   // Redoes the step that was undone last. Returns false if there is none.
-  bool Redo();
+  bool Redo() { return Move(undone_, done_, /*forward=*/true); }
   // What Undo or Redo would do next; empty: nothing.
-  std::string undo_name();
-  std::string redo_name();
+  std::string undo_name() { return NameOfLast(done_); }
+  std::string redo_name() { return NameOfLast(undone_); }
   void Forget();
 
  private:
   using Steps = std::vector<Step>;
   // Drops the steps at the end that no longer last.
   static void Trim(Steps& steps);
+  static std::string NameOfLast(Steps& steps);
   static bool Move(Steps& from, Steps& to, bool forward);
 
   Steps done_;

@@ -1,11 +1,10 @@
 #include "client/view/live/live_feed.h"
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <stop_token>
 #include <thread>
 #include <utility>
 
@@ -16,11 +15,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::seconds kAskEvery{1};
 constexpr double kPoseRate_hz = 60.0;
-
-double AgeMs(const client::Pose& pose) {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return 1e-6 * static_cast<double>(std::chrono::nanoseconds(now).count() - pose.time_ns);
-}
 
 // Returns none if there is no answer, or the daemon is away.
 template <typename Ask>
@@ -35,74 +29,46 @@ auto AnswerTo(const Ask& ask) -> std::optional<decltype(ask())> {
 // Asks in a thread of its own for what palpated does not stream.
 class Questions {
  public:
-  explicit Questions(client::Client& client) : client_(client), thread_([this] { Run(); }) {}
   // After Client::EndCalls, the destructor does not wait.
-  ~Questions() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
-    wake_.notify_all();
-    thread_.join();
-  }
-  Questions(const Questions&) = delete;
-  Questions& operator=(const Questions&) = delete;
+  explicit Questions(client::Client& client)
+      : client_(client), thread_([this](const std::stop_token& stop) { Run(stop); }) {}
 
-  struct Answers {
-    std::optional<client::DaemonInfo> device{};
-    std::optional<client::SeriesState> series{};
-    std::optional<client::RecordingState> recording{};
-    std::optional<client::VolumeInfo> volume{};
-  };
-  // Of the question that is asked with the others.
-  struct ActivityAnswer {
-    std::optional<client::Activity> activity{};
-    Clock::time_point came{};
-  };
-  // None: there is no newer answer since the last call.
-  std::optional<ActivityAnswer> TakeActivity() {
+  // None: there are no newer answers since the last call.
+  std::optional<Answers> Take() {
     const std::lock_guard lock(mutex_);
-    return std::exchange(activity_, std::nullopt);
-  }
-  Answers answers() const {
-    const std::lock_guard lock(mutex_);
-    return answers_;
+    return std::exchange(answers_, std::nullopt);
   }
   // Asks at once, after the present question.
   void Hurry() {
-    {
-      const std::lock_guard lock(mutex_);
-      hurried_ = true;
-    }
+    const std::lock_guard lock(mutex_);
+    hurried_ = true;
     wake_.notify_all();
   }
 
  private:
-  void Run() {
+  void Run(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    while (!stopping_) {
+    while (!stop.stop_requested()) {
       hurried_ = false;
       lock.unlock();
       Answers answers = {.device = AnswerTo([this] { return client_.GetDevice(); }),
                          .series = AnswerTo([this] { return client_.GetSeries(); }),
                          .recording = AnswerTo([this] { return client_.GetRecording(); }),
-                         .volume = AnswerTo([this] { return client_.GetVolume(); })};
-      ActivityAnswer activity{AnswerTo([this] { return client_.GetActivity(); }), Clock::now()};
+                         .volume = AnswerTo([this] { return client_.GetVolume(); }),
+                         .activity = AnswerTo([this] { return client_.GetActivity(); }),
+                         .came = Clock::now()};
       lock.lock();
       answers_ = std::move(answers);
-      activity_ = std::move(activity);
-      wake_.wait_for(lock, kAskEvery, [this] { return stopping_ || hurried_; });
+      wake_.wait_for(lock, stop, kAskEvery, [this] { return hurried_; });
     }
   }
 
   client::Client& client_;
-  mutable std::mutex mutex_;
-  std::condition_variable wake_;
-  Answers answers_;
-  std::optional<ActivityAnswer> activity_;
-  bool stopping_ = false;
+  std::mutex mutex_;
+  std::condition_variable_any wake_;
+  std::optional<Answers> answers_;
   bool hurried_ = false;
-  std::thread thread_;
+  std::jthread thread_;
 };
 
 // Keeps all poses that came, because frames may be slower than poses.
@@ -175,8 +141,6 @@ client::ClientOptions Follow(const client::ServerChoice& server, PoseInbox& inbo
                     .on_poses = [&inbox](const client::PoseBatch& batch) { inbox.Put(batch); }}};
 }
 
-}  // namespace
-
 // As if `newer` had come together with the updates before it.
 void Merge(client::VolumeUpdate&& newer, std::optional<client::VolumeUpdate>& waiting) {
   if (!waiting || newer.all) {
@@ -188,6 +152,8 @@ void Merge(client::VolumeUpdate&& newer, std::optional<client::VolumeUpdate>& wa
   Join(newer.changed);
   waiting = std::move(newer);
 }
+
+}  // namespace
 
 // One connection and everything that uses it.
 struct LiveFeed::Line {
@@ -201,187 +167,117 @@ struct LiveFeed::Line {
 
   PoseInbox inbox;
   client::Client client;
-  bool is_disconnected = false;
   Questions questions{client};
   SeriesControls series_controls;
   Commands commands{client};
-  Commands filter_commands{client};
-  Denoiser denoiser{filter_commands};
-  Commands load_commands{client};
-  VolumeLoader loader{load_commands};
-  Commands replay_commands{client};
-  Replayer replayer{replay_commands, commands};
-  Commands urgent_commands{client};
-  EmergencyStop emergency_stop{urgent_commands};
+  Denoiser denoiser{client};
+  VolumeLoader loader{client};
+  Replayer replayer{client, commands};
+  EmergencyStop emergency_stop{client};
   std::unique_ptr<client::HandLead> hand;
 };
 
-struct LiveFeed::Parts {
-  explicit Parts(const client::ServerChoice& server)
-      : line(std::make_unique<Line>(server, losses)) {}
-
-  std::atomic<std::uint64_t> losses{0};
-  std::unique_ptr<Line> line;
-  std::optional<client::Pose> pose;
-  Clock::time_point pose_came{};
-  Clock::time_point connected_at{};
-  Clock::time_point polled_at{};
-  bool was_connected = false;
-  std::optional<client::Settings> settings;
-  ViewVolume volume;
-  bool awaits_whole = false;
-  std::optional<client::VolumeUpdate> waiting;  // that the volume has not taken
-  PlotHistory plots;
-  std::optional<client::Activity> activity;
-  SharedThings shared;
-};
-
-LiveFeed::LiveFeed(const client::ServerChoice& server) : parts_(std::make_unique<Parts>(server)) {}
-
-void LiveFeed::Connect(const client::ServerChoice& server) {
-  Parts& p = *parts_;
-  auto line = std::make_unique<Line>(server, p.losses);
-  p.line = std::move(line);
-  // Strokes, poses and voxels of the previous connection are void.
-  ++p.losses;
-  client::VolumeUpdate nothing;
-  nothing.all = true;
-  p.volume.Take(nothing);
-  p.waiting.reset();
-  p.pose.reset();
-  p.settings.reset();
-  p.plots = {};
-  p.activity.reset();
-  p.shared = {};
-  p.was_connected = false;
-}
-
-void LiveFeed::AwaitWhole() { parts_->awaits_whole = true; }
-
-void LiveFeed::Disconnect() {
-  parts_->line->client.Disconnect();
-  parts_->line->is_disconnected = true;
-}
-
-bool LiveFeed::is_stopping() const { return parts_->line->urgent_commands.busy(); }
-bool LiveFeed::is_disconnected() const { return parts_->line->is_disconnected; }
-
-client::Role LiveFeed::role() const {
-  const auto device = this->device();
-  return device ? device->role : client::Role::kUnknown;
-}
-
-bool LiveFeed::May(client::Role least) const {
-  const client::Role role = this->role();
-  if (is_disconnected()) return false;
-  return role == client::Role::kUnknown || role >= least;
-}
+LiveFeed::LiveFeed(const client::ServerChoice& server)
+    : line_(std::make_unique<Line>(server, losses_)) {}
 
 LiveFeed::~LiveFeed() = default;
 
-void LiveFeed::Poll() {
-  Parts& p = *parts_;
-  // First: a large volume takes seconds, after which the pose must be fresh.
-  if (auto update = p.line->client.TakeVolumeUpdate()) Merge(*std::move(update), p.waiting);
-  if (p.waiting && (!p.awaits_whole || p.waiting->complete || !p.waiting->lattice)) {
-    p.volume.Take(*std::exchange(p.waiting, std::nullopt));
-  }
-  for (const PoseInbox::Arrived& arrived : p.line->inbox.Take()) {
-    // Who replays what is known at once, too.
-    if (arrived.pose.replayed != (p.pose && p.pose->replayed)) p.line->questions.Hurry();
-    p.pose = arrived.pose;
-    p.pose_came = Clock::now();
-    p.plots.Add(arrived.pose, p.line->client.shares_clock() ? arrived.age_ms : -1.0);
-  }
-  p.plots.EndAt(plots_end_ns());
-  const client::ConnectionState state = p.line->client.connection().state;
-  const bool connected = state == client::ConnectionState::kConnected;
-  if (connected && !p.was_connected) p.connected_at = Clock::now();
-  p.was_connected = connected;
-  p.line->emergency_stop.Follow(state);
-  p.settings = p.line->client.NewestSettings();
-  // A load takes long: what counts is when it ends.
-  if (p.line->loader.opens()) p.shared.NoteOwn("volume");
-  if (auto answer = p.line->questions.TakeActivity()) {
-    p.activity = std::move(answer->activity);
-    p.shared.Take(p.activity, answer->came);
-  }
-  p.polled_at = Clock::now();
+void LiveFeed::Connect(const client::ServerChoice& server) {
+  line_ = std::make_unique<Line>(server, losses_);
+  is_disconnected_ = false;
+  // Strokes, poses and voxels of the previous connection are void.
+  ++losses_;
+  client::VolumeUpdate nothing;
+  nothing.all = true;
+  volume_.Take(nothing);
+  waiting_.reset();
+  pose_.reset();
+  settings_.reset();
+  plots_ = {};
+  answers_ = {};
+  shared_ = {};
+  was_connected_ = false;
 }
 
-client::Connection LiveFeed::connection() const { return parts_->line->client.connection(); }
-std::uint64_t LiveFeed::losses() const { return parts_->losses; }
-const std::string& LiveFeed::name() const { return parts_->line->client.name(); }
-bool LiveFeed::is_here() const { return parts_->line->client.shares_clock(); }
-const std::optional<client::Pose>& LiveFeed::pose() const { return parts_->pose; }
-const std::optional<client::Settings>& LiveFeed::settings() const { return parts_->settings; }
-client::VolumeStatus LiveFeed::volume_status() const {
-  return parts_->line->client.volume_status();
+void LiveFeed::Disconnect() {
+  line_->client.Disconnect();
+  is_disconnected_ = true;
 }
-const ViewVolume& LiveFeed::volume() const { return parts_->volume; }
-ViewVolume& LiveFeed::volume() { return parts_->volume; }
-const PlotHistory& LiveFeed::plots() const { return parts_->plots; }
+
+void LiveFeed::Poll() {
+  // First: a large volume takes seconds, after which the pose must be fresh.
+  if (auto update = line_->client.TakeVolumeUpdate()) Merge(*std::move(update), waiting_);
+  if (waiting_ && (!awaits_whole_ || waiting_->complete || !waiting_->lattice)) {
+    volume_.Take(*std::exchange(waiting_, std::nullopt));
+  }
+  for (const PoseInbox::Arrived& arrived : line_->inbox.Take()) {
+    // Who replays what is known at once, too.
+    if (arrived.pose.replayed != (pose_ && pose_->replayed)) line_->questions.Hurry();
+    pose_ = arrived.pose;
+    pose_came_ = Clock::now();
+    plots_.Add(arrived.pose, is_here() ? arrived.age_ms : -1.0);
+  }
+  plots_.EndAt(plots_end_ns());
+  const client::ConnectionState state = line_->client.connection().state;
+  const bool connected = state == client::ConnectionState::kConnected;
+  if (connected && !was_connected_) connected_at_ = Clock::now();
+  was_connected_ = connected;
+  line_->emergency_stop.Follow(state);
+  settings_ = line_->client.NewestSettings();
+  // A load takes long: what counts is when it ends.
+  if (line_->loader.opens()) shared_.NoteOwn("volume");
+  if (auto answers = line_->questions.Take()) {
+    answers_ = *std::move(answers);
+    shared_.Take(answers_.activity, answers_.came);
+  }
+  polled_at_ = Clock::now();
+}
+
+bool LiveFeed::is_stopping() const { return line_->emergency_stop.is_running(); }
+client::Connection LiveFeed::connection() const { return line_->client.connection(); }
+const std::string& LiveFeed::name() const { return line_->client.name(); }
+bool LiveFeed::is_here() const { return line_->client.shares_clock(); }
+client::VolumeStatus LiveFeed::volume_status() const { return line_->client.volume_status(); }
+std::uint64_t LiveFeed::dropped_poses() const { return line_->client.dropped_poses(); }
 
 std::optional<double> LiveFeed::stream_age_ms() const {
-  if (!parts_->pose || !parts_->line->client.shares_clock()) return std::nullopt;
-  return AgeMs(*parts_->pose);
+  if (!pose_ || !is_here()) return std::nullopt;
+  const std::chrono::nanoseconds now = Clock::now().time_since_epoch();
+  return 1e-6 * static_cast<double>(now.count() - pose_->time_ns);
 }
 
-std::uint64_t LiveFeed::dropped_poses() const { return parts_->line->client.dropped_poses(); }
-
 std::optional<double> LiveFeed::silent_s() const {
-  const Parts& p = *parts_;
-  if (!p.was_connected) return std::nullopt;
+  if (!was_connected_) return std::nullopt;
   // Measured at the last Poll: a slow frame is not a silence of palpated.
-  const auto silent = p.polled_at - std::max(p.pose_came, p.connected_at);
+  const auto silent = polled_at_ - std::max(pose_came_, connected_at_);
   if (silent < kSilence) return std::nullopt;
   return std::chrono::duration<double>(silent).count();
 }
 
 std::int64_t LiveFeed::plots_end_ns() const {
-  if (!parts_->pose) return 0;
-  return parts_->pose->time_ns + std::chrono::nanoseconds(Clock::now() - parts_->pose_came).count();
-}
-
-std::optional<client::DaemonInfo> LiveFeed::device() const {
-  return parts_->line->questions.answers().device;
-}
-std::optional<client::SeriesState> LiveFeed::series() const {
-  return parts_->line->questions.answers().series;
-}
-std::optional<client::RecordingState> LiveFeed::recording() const {
-  return parts_->line->questions.answers().recording;
+  if (!pose_) return 0;
+  return pose_->time_ns + std::chrono::nanoseconds(Clock::now() - pose_came_).count();
 }
 
 bool LiveFeed::is_replay() const {
-  const bool comes =
-      connection().state == client::ConnectionState::kConnected && !silent_s().has_value();
-  return comes && parts_->pose && parts_->pose->replayed;
+  const bool comes = connection().state == client::ConnectionState::kConnected && !silent_s();
+  return comes && pose_ && pose_->replayed;
 }
 
-std::optional<client::VolumeInfo> LiveFeed::volume_info() const {
-  return parts_->line->questions.answers().volume;
-}
-
-const std::optional<client::Activity>& LiveFeed::activity() const { return parts_->activity; }
-const SharedThings& LiveFeed::shared() const { return parts_->shared; }
-SharedThings& LiveFeed::shared() { return parts_->shared; }
-
-const Commands& LiveFeed::commands() const { return parts_->line->commands; }
-Commands& LiveFeed::commands() { return parts_->line->commands; }
+const Commands& LiveFeed::commands() const { return line_->commands; }
+Commands& LiveFeed::commands() { return line_->commands; }
 
 void LiveFeed::DoAndAsk(std::string name, std::function<void(client::Client&)> command) {
   // The commands end before the questions do.
-  parts_->line->commands.Do(
-      std::move(name),
-      [&questions = parts_->line->questions, command = std::move(command)](client::Client& client) {
-        command(client);
-        questions.Hurry();
-      });
+  line_->commands.Do(std::move(name), [&questions = line_->questions,
+                                       command = std::move(command)](client::Client& client) {
+    command(client);
+    questions.Hurry();
+  });
 }
 
 void LiveFeed::ControlSeries(const client::SeriesControl& control) {
-  SeriesControls& controls = parts_->line->series_controls;
+  SeriesControls& controls = line_->series_controls;
   shared().NoteOwn("series");
   if (!controls.Put(control)) return;
   DoAndAsk("series",
@@ -398,7 +294,7 @@ void LiveFeed::DisableForces() {
 }
 void LiveFeed::StopForces() {
   shared().NoteOwn("forces");
-  parts_->line->emergency_stop.Send();
+  line_->emergency_stop.Send();
 }
 
 void LiveFeed::StartRecording(const std::string& path) {
@@ -413,16 +309,16 @@ void LiveFeed::StopRecording() {
 void LiveFeed::TakeHand() {
   shared().NoteOwn("hand");
   GiveHandBack();
-  parts_->line->hand = parts_->line->client.LeadHand();
+  line_->hand = line_->client.LeadHand();
 }
-void LiveFeed::GiveHandBack() { parts_->line->hand.reset(); }
-client::HandLead* LiveFeed::hand() { return parts_->line->hand.get(); }
+void LiveFeed::GiveHandBack() { line_->hand.reset(); }
+client::HandLead* LiveFeed::hand() { return line_->hand.get(); }
 
-Denoiser& LiveFeed::denoiser() { return parts_->line->denoiser; }
-VolumeLoader& LiveFeed::loader() { return parts_->line->loader; }
-const VolumeLoader& LiveFeed::loader() const { return parts_->line->loader; }
-Replayer& LiveFeed::replayer() { return parts_->line->replayer; }
-const Replayer& LiveFeed::replayer() const { return parts_->line->replayer; }
-const EmergencyStop& LiveFeed::emergency_stop() const { return parts_->line->emergency_stop; }
+Denoiser& LiveFeed::denoiser() { return line_->denoiser; }
+VolumeLoader& LiveFeed::loader() { return line_->loader; }
+const VolumeLoader& LiveFeed::loader() const { return line_->loader; }
+Replayer& LiveFeed::replayer() { return line_->replayer; }
+const Replayer& LiveFeed::replayer() const { return line_->replayer; }
+const EmergencyStop& LiveFeed::emergency_stop() const { return line_->emergency_stop; }
 
 }  // namespace palpate::view

@@ -4,7 +4,9 @@
 // absent daemon is a state.
 #pragma once
 
+#include <atomic>
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -24,6 +26,17 @@
 
 namespace palpate::view {
 
+// What palpated does not stream. Asked for in the background about once a second. None if there is
+// no such thing, or the daemon is away.
+struct Answers {
+  std::optional<client::DaemonInfo> device{};
+  std::optional<client::SeriesState> series{};
+  std::optional<client::RecordingState> recording{};
+  std::optional<client::VolumeInfo> volume{};
+  std::optional<client::Activity> activity{};  // who is connected and who changed what
+  std::chrono::steady_clock::time_point came{};
+};
+
 class LiveFeed {
  public:
   explicit LiveFeed(const client::ServerChoice& server);
@@ -35,27 +48,27 @@ class LiveFeed {
   void Connect(const client::ServerChoice& server);
   // Ends the connection until Connect. The shown data stay.
   void Disconnect();
-  bool is_disconnected() const;
+  bool is_disconnected() const { return is_disconnected_; }
   // True while an emergency stop is running. Do not call Connect or Disconnect then.
   bool is_stopping() const;
 
   // Takes what came since the last call. Does not wait.
   void Poll();
   // From now on Poll takes the volume only when it is complete: volume() is never half of an edit.
-  void AwaitWhole();
+  void AwaitWhole() { awaits_whole_ = true; }
 
   client::Connection connection() const;
   // The number of losses so far, including those between two calls of Poll.
-  std::uint64_t losses() const;
+  std::uint64_t losses() const { return losses_; }
   const std::string& name() const;
   // True if palpated is reached by a socket of this machine.
   bool is_here() const;
-  const std::optional<client::Pose>& pose() const;
-  const std::optional<client::Settings>& settings() const;
+  const std::optional<client::Pose>& pose() const { return pose_; }
+  const std::optional<client::Settings>& settings() const { return settings_; }
   client::VolumeStatus volume_status() const;
-  const ViewVolume& volume() const;
-  ViewVolume& volume();
-  const PlotHistory& plots() const;
+  const ViewVolume& volume() const { return volume_; }
+  ViewVolume& volume() { return volume_; }
+  const PlotHistory& plots() const { return plots_; }
   // The age of the newest pose; none over TCP, because the clocks may differ.
   std::optional<double> stream_age_ms() const;
   std::uint64_t dropped_poses() const;
@@ -66,24 +79,25 @@ class LiveFeed {
   // The time now on the clock of Pose::time_ns; the plots end there. 0 before the first pose.
   std::int64_t plots_end_ns() const;
 
-  // Asked for in the background about once a second. None if there is no such thing, or the daemon
-  // is away.
-  std::optional<client::DaemonInfo> device() const;
-  std::optional<client::SeriesState> series() const;
-  std::optional<client::RecordingState> recording() const;
+  // As of the last Poll: see Answers.
+  const std::optional<client::DaemonInfo>& device() const { return answers_.device; }
+  const std::optional<client::SeriesState>& series() const { return answers_.series; }
+  const std::optional<client::RecordingState>& recording() const { return answers_.recording; }
+  const std::optional<client::VolumeInfo>& volume_info() const { return answers_.volume; }
+  const std::optional<client::Activity>& activity() const { return answers_.activity; }
   // The newest pose is of a replay, whoever runs it; false while nothing comes.
   bool is_replay() const;
-  std::optional<client::VolumeInfo> volume_info() const;
 
-  // Who is connected and who changed what, as of the last Poll.
-  const std::optional<client::Activity>& activity() const;
-  const SharedThings& shared() const;
-  SharedThings& shared();
+  // Who changed what for everyone, as of the last Poll.
+  const SharedThings& shared() const { return shared_; }
+  SharedThings& shared() { return shared_; }
 
   // Our role at palpated; kUnknown until palpated has sent it.
-  client::Role role() const;
+  client::Role role() const { return device() ? device()->role : client::Role::kUnknown; }
   // False if our role is known to be less than `least`, and while disconnected.
-  bool May(client::Role least) const;
+  bool May(client::Role least) const {
+    return !is_disconnected() && (role() == client::Role::kUnknown || role() >= least);
+  }
 
   const Commands& commands() const;
   Commands& commands();
@@ -113,9 +127,24 @@ class LiveFeed {
   const EmergencyStop& emergency_stop() const;
 
  private:
+  using Clock = std::chrono::steady_clock;
   struct Line;
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
+
+  std::atomic<std::uint64_t> losses_{0};  // counted on the client's thread
+  std::unique_ptr<Line> line_;
+  bool is_disconnected_ = false;
+  std::optional<client::Pose> pose_;
+  Clock::time_point pose_came_{};
+  Clock::time_point connected_at_{};
+  Clock::time_point polled_at_{};
+  bool was_connected_ = false;
+  std::optional<client::Settings> settings_;
+  ViewVolume volume_;
+  bool awaits_whole_ = false;
+  std::optional<client::VolumeUpdate> waiting_;  // that the volume has not taken
+  PlotHistory plots_;
+  Answers answers_;
+  SharedThings shared_;
 };
 
 }  // namespace palpate::view

@@ -2,15 +2,16 @@
 
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <unistd.h>
 
+#include <cerrno>
 #include <chrono>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <optional>
+#include <vector>
 
 #include "common/error/error.h"
+#include "common/files/descriptor.h"
 #include "common/files/new_file.h"
 
 namespace palpate::view {
@@ -45,13 +46,6 @@ std::filesystem::path FindPalpated(const std::filesystem::path& own_folder,
   return beside.empty() ? FindProgram("palpated", path_variable) : beside;
 }
 
-std::vector<std::string> PalpatedCommand(const std::filesystem::path& palpated,
-                                         const std::string& socket,
-                                         const std::filesystem::path& home) {
-  return {palpated,        "--volume", "builtin:bumps", "--device", "simulated", "--socket", socket,
-          "--load-folder", home,       "--save-folder", home};
-}
-
 std::string LastLineOf(const std::filesystem::path& log) {
   std::ifstream in(log);
   std::string last;
@@ -66,22 +60,15 @@ bool IsServed(const std::string& socket) {
   address.sun_family = AF_UNIX;
   if (socket.size() >= sizeof address.sun_path) return false;
   std::memcpy(address.sun_path, socket.c_str(), socket.size() + 1);
-  const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (probe < 0) return false;
-  const bool is_served =
-      connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 ||
-      errno == EAGAIN;
-  close(probe);
-  return is_served;
+  const Descriptor probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (probe.get() < 0) return false;
+  return connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 ||
+         errno == EAGAIN;
 }
 
 LocalDaemon::~LocalDaemon() {
   if (!program_) return;
-  if (kept_) {
-    program_->Leave();
-  } else {
-    program_->End(kEndPatience);
-  }
+  kept_ ? program_->Leave() : program_->End(kEndPatience);
 }
 
 void LocalDaemon::Start(const std::string& socket, const std::filesystem::path& log_folder) {
@@ -98,8 +85,11 @@ void LocalDaemon::Start(const std::string& socket, const std::filesystem::path& 
     MakeFolders(log_folder);
     log_ = log_folder / "palpated.log";
     const std::string home = VariableOf("HOME");
-    program_ = std::make_unique<ChildProgram>(
-        PalpatedCommand(palpated, socket, home.empty() ? "/" : home), log_);
+    const std::string folder = home.empty() ? "/" : home;
+    const std::vector<std::string> command = {
+        palpated, "--volume",      "builtin:bumps", "--device",      "simulated", "--socket",
+        socket,   "--load-folder", folder,          "--save-folder", folder};
+    program_ = std::make_unique<ChildProgram>(command, log_);
     address_ = "unix:" + socket;
     unsaved_edits_ = 0;
   } catch (const Error& error) {

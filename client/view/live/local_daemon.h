@@ -1,8 +1,8 @@
 // A palpated that the viewer starts for its user: simulated device, a sample volume, a socket of
 // this machine. It ends with the object, unless the user keeps it.
 //
-// Its clients may load from and save to the user's home. It logs to palpated.log in the
-// folder that the caller names.
+// Its clients may load from and save to the user's home. It logs to palpated.log in the folder that
+// the caller names.
 // Threads: one. Only End and the destructor wait.
 #pragma once
 
@@ -10,7 +10,6 @@
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "client/view/live/child_program.h"
 
@@ -19,10 +18,6 @@ namespace palpate::view {
 // palpated beside the program that runs, or else in `path_variable`; empty: there is none.
 std::filesystem::path FindPalpated(const std::filesystem::path& own_folder,
                                    const std::string& path_variable);
-
-std::vector<std::string> PalpatedCommand(const std::filesystem::path& palpated,
-                                         const std::string& socket,
-                                         const std::filesystem::path& home);
 
 // The last line that is not empty, without the log's time and level; empty: there is none.
 std::string LastLineOf(const std::filesystem::path& log);

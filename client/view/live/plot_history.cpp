@@ -10,11 +10,10 @@ void PlotHistory::Add(const client::Pose& pose, double age_ms) {
   EndAt(pose.time_ns);
   if (times_ns_.size() == kMost) Drop(1);
   times_ns_.push_back(pose.time_ns);
-  // A restarted daemon counts anew.
-  const bool goes_on = has_before_ && pose.missed_ticks >= missed_before_;
-  const std::uint64_t missed = goes_on ? pose.missed_ticks - missed_before_ : 0;
+  // A restarted daemon counts anew: then none were missed.
+  const std::uint64_t missed =
+      pose.missed_ticks - std::min(missed_before_.value_or(pose.missed_ticks), pose.missed_ticks);
   missed_before_ = pose.missed_ticks;
-  has_before_ = true;
   const double penetration_mm = pose.contact ? (pose.hip_mm - pose.scp_h_mm).norm() : 0.0;
   const std::array<double, kPlots> newest = {pose.force_n.norm(), penetration_mm,
                                              1e-3 * static_cast<double>(pose.update_ns),

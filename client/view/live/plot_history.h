@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -40,8 +41,7 @@ class PlotHistory {
 
   std::vector<std::int64_t> times_ns_;
   std::array<std::vector<float>, kPlots> values_;
-  std::uint64_t missed_before_ = 0;
-  bool has_before_ = false;
+  std::optional<std::uint64_t> missed_before_;  // ticks, as the pose before counted
 };
 
 // The end of an axis from 0 on which this value is visible: 1, 2 or 5 times a power of ten; 1 if

@@ -23,7 +23,6 @@ struct Replayer::Playing {
   explicit Playing(const ReplayPosition& from) : position(from) {}
 
   std::atomic<bool> is_cancelled{false};
-  std::atomic<bool> has_ended{false};
   mutable std::mutex mutex;  // guards the member below
   ReplayPosition position;
 
@@ -41,73 +40,68 @@ struct Replayer::Playing {
     }
     return !is_cancelled;
   }
-  void Run(client::Client& client);
-};
-
-void Replayer::Playing::Run(client::Client& client) {
-  const ReplayPosition from = Position();
-  const client::ReplayOptions options = {.speed = from.is_paused ? kStill : from.speed,
-                                         .first_tick = from.tick};
-  const auto begin = std::chrono::steady_clock::now();
-  while (!is_cancelled) {
-    try {
-      client.Replay(from.path, options,
-                    [this](const client::ReplayState& state) { return Take(state); });
-      return;
-    } catch (const Error& error) {
-      if (error.kind() == ErrorKind::kCancelled) return;
-      // The daemon may still be ending the replay before this one.
-      const bool waits = error.kind() == ErrorKind::kConflict && from.total_ticks > 0 &&
-                         std::chrono::steady_clock::now() - begin < kMostHandover;
-      if (!waits) throw;
-      std::this_thread::sleep_for(kHandoverPeriod);
+  void Run(client::Client& client) {
+    const ReplayPosition from = Position();
+    const client::ReplayOptions options = {.speed = from.is_paused ? kStill : from.speed,
+                                           .first_tick = from.tick};
+    const auto begin = std::chrono::steady_clock::now();
+    while (!is_cancelled) {
+      try {
+        client.Replay(from.path, options,
+                      [this](const client::ReplayState& state) { return Take(state); });
+        return;
+      } catch (const Error& error) {
+        if (error.kind() == ErrorKind::kCancelled) return;
+        // The daemon may still be ending the replay before this one.
+        const bool waits = error.kind() == ErrorKind::kConflict && from.total_ticks > 0 &&
+                           std::chrono::steady_clock::now() - begin < kMostHandover;
+        if (!waits) throw;
+        std::this_thread::sleep_for(kHandoverPeriod);
+      }
     }
   }
-}
+};
 
 struct Replayer::Listed {
   std::mutex mutex;  // guards the member below
   std::shared_ptr<const client::RecordingList> list;
 };
 
-Replayer::Replayer(Commands& replays, Commands& others)
-    : replays_(replays), others_(others), listed_(std::make_shared<Listed>()) {}
+Replayer::Replayer(client::Client& client, Commands& others)
+    : others_(others), listed_(std::make_shared<Listed>()), replays_(client) {}
 
 Replayer::~Replayer() { End(); }
 
 void Replayer::Begin(const ReplayPosition& from) {
   End();
   playing_ = std::make_shared<Playing>(from);
-  replays_.Do("replay", [playing = playing_](client::Client& client) {
-    // Also after an error.
-    const std::shared_ptr<void> ended(nullptr, [&playing](void*) { playing->has_ended = true; });
-    playing->Run(client);
-  });
+  replays_.Do("replay", [playing = playing_](client::Client& client) { playing->Run(client); });
 }
 
 void Replayer::Play(const std::string& path) { Begin({.path = path}); }
 
+void Replayer::Restart(const std::function<void(ReplayPosition&)>& change) {
+  const std::optional<ReplayPosition> now = position();
+  if (!now || now->total_ticks == 0) return;
+  ReplayPosition from = *now;
+  change(from);
+  const bool is_same =
+      from.tick == now->tick && from.is_paused == now->is_paused && from.speed == now->speed;
+  if (is_same) return;
+  from.tick = std::min(from.tick, from.total_ticks - 1);
+  Begin(from);
+}
+
 void Replayer::Seek(std::uint64_t tick) {
-  auto from = position();
-  if (!from || from->total_ticks == 0) return;
-  from->tick = std::min(tick, from->total_ticks - 1);
-  Begin(*from);
+  Restart([&](ReplayPosition& from) { from.tick = tick; });
 }
 
 void Replayer::SetPaused(bool paused) {
-  auto from = position();
-  if (!from || from->total_ticks == 0 || from->is_paused == paused) return;
-  from->tick = std::min(from->tick, from->total_ticks - 1);
-  from->is_paused = paused;
-  Begin(*from);
+  Restart([&](ReplayPosition& from) { from.is_paused = paused; });
 }
 
 void Replayer::SetSpeed(double speed) {
-  auto from = position();
-  if (!from || from->total_ticks == 0 || from->speed == speed) return;
-  from->tick = std::min(from->tick, from->total_ticks - 1);
-  from->speed = speed;
-  Begin(*from);
+  Restart([&](ReplayPosition& from) { from.speed = speed; });
 }
 
 void Replayer::End() {
@@ -116,7 +110,7 @@ void Replayer::End() {
 }
 
 std::optional<ReplayPosition> Replayer::position() const {
-  if (!playing_ || playing_->has_ended) return std::nullopt;
+  if (!playing_ || !replays_.busy()) return std::nullopt;
   return playing_->Position();
 }
 

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,12 +30,9 @@ struct ReplayPosition {
 
 class Replayer {
  public:
-  // `replays`: used for nothing else, because its commands wait for the replay. `others`: for short
-  // calls. Both must outlive the replayer.
-  Replayer(Commands& replays, Commands& others);
+  // `others`: for short calls. Both must outlive the replayer. The destructor ends the replay.
+  Replayer(client::Client& client, Commands& others);
   ~Replayer();
-  Replayer(const Replayer&) = delete;
-  Replayer& operator=(const Replayer&) = delete;
 
   // Replaces the present replay.
   void Play(const std::string& path);
@@ -60,11 +58,12 @@ class Replayer {
   struct Listed;
 
   void Begin(const ReplayPosition& from);
+  void Restart(const std::function<void(ReplayPosition&)>& change);
 
-  Commands& replays_;
   Commands& others_;
   std::shared_ptr<Playing> playing_;
   std::shared_ptr<Listed> listed_;
+  Commands replays_;
 };
 
 }  // namespace palpate::view

@@ -27,25 +27,18 @@ bool IsNumber(std::string_view text) {
 
 std::string TimeText(std::uint64_t ticks) {
   const std::uint64_t s = ticks / 1000;
-  std::array<char, 48> text{};
-  const auto part = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
-  if (s >= 3600) {
-    std::snprintf(text.data(), text.size(), "%llu:%02llu:%02llu", part(s / 3600), part(s / 60 % 60),
-                  part(s % 60));
-  } else {
-    std::snprintf(text.data(), text.size(), "%llu:%02llu", part(s / 60), part(s % 60));
-  }
-  return text.data();
+  const auto two = [](std::uint64_t value) {
+    return (value < 10 ? ":0" : ":") + std::to_string(value);
+  };
+  if (s < 3600) return std::to_string(s / 60) + two(s % 60);
+  return std::to_string(s / 3600) + two(s / 60 % 60) + two(s % 60);
 }
 
 std::string SizeText(std::uint64_t bytes) {
   std::array<char, 32> text{};
-  const double b = static_cast<double>(bytes);
-  if (bytes < 1'000'000) {
-    std::snprintf(text.data(), text.size(), "%.0f kB", 1e-3 * b);
-  } else {
-    std::snprintf(text.data(), text.size(), "%.1f MB", 1e-6 * b);
-  }
+  const bool is_small = bytes < 1'000'000;
+  std::snprintf(text.data(), text.size(), is_small ? "%.0f kB" : "%.1f MB",
+                static_cast<double>(bytes) * (is_small ? 1e-3 : 1e-6));
   return text.data();
 }
 

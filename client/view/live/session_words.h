@@ -1,11 +1,12 @@
-// What the session panel says, and what it makes of a name that a person types.
+// What the session panel says, what it makes of a name that a person types, and how it notices that
+// the daemon's recording begins and ends.
 //
-// Threads: pure.
+// Threads: one at a time.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
-#include <vector>
 
 #include "client/sdk/recording.h"
 
@@ -24,5 +25,21 @@ std::string RecordingName(const std::string& path);
 std::string NameProblem(const std::string& name, const client::RecordingList& list);
 // The name itself if it is free, otherwise "name-2" or the first free one after it.
 std::string FreeName(const std::string& name, const client::RecordingList& list);
+
+enum class RecordingEvent { kNone, kBegun, kEnded };
+
+// Over one connection.
+class RecordingWatch {
+ public:
+  // Call it once per frame. `running`: whether the daemon records; none: it has not answered.
+  RecordingEvent Take(std::optional<bool> running) {
+    if (!running || *running == was_running_) return RecordingEvent::kNone;
+    was_running_ = *running;
+    return was_running_ ? RecordingEvent::kBegun : RecordingEvent::kEnded;
+  }
+
+ private:
+  bool was_running_ = false;
+};
 
 }  // namespace palpate::view

@@ -1,5 +1,5 @@
-// A change of one setting of palpated by this user, and its undo. Undo never overwrites the value
-// of another client.
+// A setting of palpated: how a panel shows it, a change by this user, and its undo. Undo never
+// overwrites the value of another client.
 //
 // Values: numbers as they are, flags 0 or 1, choices by their place.
 // Threads: plain values; functions from any thread.
@@ -12,6 +12,12 @@
 #include "client/sdk/settings.h"
 
 namespace palpate::view {
+
+// False while the setting has no effect: it belongs to a tool that is off.
+bool IsShown(const client::Setting& setting, const client::Settings& settings);
+
+// The slider's printf format: "%.2f N/mm". `setting` must be a number.
+std::string SliderFormat(const client::Setting& setting);
 
 double ValueOf(const client::Setting& setting, const client::Settings& settings);
 client::SettingsUpdate UpdateTo(const client::Setting& setting, double value);

@@ -8,7 +8,8 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
+#include <functional>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -17,16 +18,8 @@
 
 namespace palpate::view {
 
-// `source`: a file or folder of this machine, or "builtin:NAME".
-client::LoadResult LoadFromHere(client::Calls& palpated, const std::string& source,
-                                const client::LoadOptions& options,
-                                const client::ProgressFunction& progress);
-
+// kHere: a path of this machine. kThere: one on palpated's machine.
 enum class SaveWhere { kHere, kThere };
-
-// `file`: ends with .nrrd or .vdb. kThere: a path on palpated's machine. Returns the file's bytes.
-std::uint64_t SaveVolume(client::Calls& palpated, const std::string& file, SaveWhere where,
-                         bool overwrite, const client::ProgressFunction& progress);
 
 class VolumeLoader {
  public:
@@ -50,28 +43,34 @@ class VolumeLoader {
     client::Progress progress{};
   };
 
-  // `commands`: used for nothing else, because commands wait for the load. It must outlive the
-  // loader.
-  explicit VolumeLoader(Commands& commands);
+  // `client` must outlive it. The destructor waits for the call: see Commands.
+  explicit VolumeLoader(client::Client& client) : commands_(client) {}
 
   // Do nothing if something runs.
+  // `source`: a file or folder of this machine, or "builtin:NAME".
   void Load(const std::string& source, bool discard_edits);
+  // `file`: ends with .nrrd or .vdb.
   void Save(const std::string& file, SaveWhere where, bool overwrite);
   void Cancel();
 
   // True from the begin of a load until its outcome is taken.
-  bool opens() const;
+  bool opens() const { return opens_; }
   // None: nothing runs.
   std::optional<Running> running() const;
   // Returns each outcome once.
   std::optional<Outcome> TakeOutcome();
 
  private:
-  struct Task;
-  client::ProgressFunction Begin(const std::string& what);
+  using Work = std::function<Outcome(client::Calls&, const client::ProgressFunction&)>;
+  void Begin(const std::string& what, const std::string& path, const Work& work);
+  void Run(client::Calls& palpated, const std::string& path, const Work& work);
 
-  Commands& commands_;
-  std::shared_ptr<Task> task_;
+  bool opens_ = false;
+  mutable std::mutex mutex_;  // guards the next three
+  std::optional<Running> running_;
+  bool is_cancelled_ = false;
+  std::optional<Outcome> outcome_;
+  Commands commands_;  // last: its thread uses the others
 };
 
 }  // namespace palpate::view

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "client/view/render/gl_state.h"
+
 namespace palpate::view {
 namespace {
 
@@ -13,19 +15,12 @@ struct Format {
   GLenum type;
 };
 
-Format FormatOf(LeafType type) {
-  switch (type) {
-    case LeafType::kUint8:
-      return {GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE};
-    case LeafType::kInt16:
-      return {GL_R16I, GL_RED_INTEGER, GL_SHORT};
-    case LeafType::kUint16:
-      return {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT};
-    case LeafType::kFloat:
-      break;
-  }
-  return {GL_R32F, GL_RED, GL_FLOAT};
-}
+constexpr Format kAtlasFormats[] = {{GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE},
+                                    {GL_R16I, GL_RED_INTEGER, GL_SHORT},
+                                    {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
+                                    {GL_R32F, GL_RED, GL_FLOAT}};  // by LeafType
+
+const Format& FormatOf(LeafType type) { return kAtlasFormats[static_cast<std::size_t>(type)]; }
 
 std::uint32_t Parts(std::uint32_t whole, std::uint32_t part) { return (whole + part - 1) / part; }
 
@@ -49,13 +44,11 @@ bool BrickAtlas::Allocate(LeafType type, std::uint32_t slots) {
   glBindTexture(GL_TEXTURE_3D, texture_);
   glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  while (glGetError() != GL_NO_ERROR) {
-    // Clear old errors: they must not be taken for errors of this texture.
-  }
+  TakeErrors();
   glTexStorage3D(GL_TEXTURE_3D, 1, FormatOf(type).internal,
                  static_cast<GLsizei>(kRow * kCornerEdge), static_cast<GLsizei>(rows * kCornerEdge),
                  static_cast<GLsizei>(layers * kCornerEdge));
-  if (glGetError() != GL_NO_ERROR) {
+  if (TakeErrors()) {
     Release();
     return false;
   }
@@ -64,7 +57,7 @@ bool BrickAtlas::Allocate(LeafType type, std::uint32_t slots) {
 }
 
 void BrickAtlas::Upload(std::uint32_t first, std::uint32_t count, const void* values) const {
-  const Format format = FormatOf(type_);
+  const Format& format = FormatOf(type_);
   glBindTexture(GL_TEXTURE_3D, texture_);
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
   glTexSubImage3D(GL_TEXTURE_3D, 0, static_cast<GLint>(first % kRow * kCornerEdge),

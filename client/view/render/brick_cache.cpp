@@ -13,11 +13,6 @@ namespace {
 
 // Slots of an atlas that doubles when it grows.
 constexpr std::size_t kSmallAtlas = 4096;
-constexpr std::uint64_t kNobody = ~std::uint64_t{0};
-// Owners are entries, or tables with this bit: the slot is coarse.
-constexpr std::uint64_t kCoarse = std::uint64_t{1} << 63;
-
-bool IsFine(std::uint64_t owner) { return (owner & kCoarse) == 0; }
 
 std::uint32_t EntryOf(std::uint32_t table, std::size_t place) {
   return table * kBrickVoxels + static_cast<std::uint32_t>(place);
@@ -38,7 +33,7 @@ Vec3i PlaceInBlock(std::uint32_t entry) {
 
 template <class Number>
 void SortOnce(std::vector<Number>& numbers) {
-  std::sort(numbers.begin(), numbers.end());
+  std::ranges::sort(numbers);
   numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
 }
 
@@ -119,9 +114,6 @@ void BrickCache::TakeUpPlacement(const ViewVolume& volume) {
 }
 
 void BrickCache::Begin(const ViewVolume& volume, LeafType type) {
-  Release();
-  ++version_;
-  ++content_version_;
   const VolumeLattice& lattice = *volume.lattice();
   size_ = lattice.size;
   block_count_ = volume.cell_block_count();
@@ -144,7 +136,7 @@ void BrickCache::Begin(const ViewVolume& volume, LeafType type) {
 void BrickCache::TurnIntoFloats() {
   std::vector<std::uint32_t> fine;
   for (const std::uint64_t owner : owners_) {
-    if (owner != kNobody && IsFine(owner)) fine.push_back(static_cast<std::uint32_t>(owner));
+    if (IsFine(owner)) fine.push_back(static_cast<std::uint32_t>(owner));
   }
   for (const std::uint32_t entry : fine) slots_[entry] = kNone;
   changed_entries_.insert(changed_entries_.end(), fine.begin(), fine.end());
@@ -184,18 +176,14 @@ void BrickCache::TakeBlocks(const ViewVolume& volume, std::span<const VolumeChan
     tables += varies && blocks_[block.number].table == kNone ? 1 : 0;
   }
   MakeRoom(tables, false);
-  if (free_slots_.size() < tables) EvictForCoarse(tables - free_slots_.size());
+  if (free_slots_.size() < tables) EvictOldest(tables - free_slots_.size(), true);
   MakeRoom(tables, true);
-  ReserveTables(tables);
-  for (const VolumeChanges::Block& block : blocks) TakeBlock(volume, block, most_bricks);
-}
-
-void BrickCache::ReserveTables(std::size_t tables) {
-  const std::size_t more = tables - std::min(tables, free_tables_.size());
-  const std::size_t entries = slots_.size() + more * kBrickVoxels;
+  const std::size_t new_tables = tables - std::min(tables, free_tables_.size());
+  const std::size_t entries = slots_.size() + new_tables * kBrickVoxels;
   const bool has_room =
       card_ranges_.Reserve(entries) && card_slots_.Reserve(entries) && marks_.Reserve(entries / 32);
   if (!has_room) Refuse(size_);
+  for (const VolumeChanges::Block& block : blocks) TakeBlock(volume, block, most_bricks);
 }
 
 void BrickCache::TakeBlock(const ViewVolume& volume, const VolumeChanges::Block& changed,
@@ -349,17 +337,6 @@ void BrickCache::Evict(std::uint32_t slot) {
   FreeSlot(slot);
 }
 
-void BrickCache::EvictForCoarse(std::size_t count) {
-  std::vector<std::uint32_t> fine;
-  for (std::uint32_t slot = 0; slot < owners_.size(); ++slot) {
-    if (owners_[slot] != kNobody && IsFine(owners_[slot])) fine.push_back(slot);
-  }
-  std::sort(fine.begin(), fine.end(),
-            [this](std::uint32_t a, std::uint32_t b) { return wanted_at_[a] < wanted_at_[b]; });
-  fine.resize(std::min(count, fine.size()));
-  for (const std::uint32_t slot : fine) Evict(slot);
-}
-
 // --- To the card
 
 // Returns false if the atlas's type does not hold a value.
@@ -402,11 +379,11 @@ bool BrickCache::UploadRun(const ViewVolume& volume, std::span<const std::uint32
     const std::uint64_t owner = owners_[slots[n]];
     if (IsFine(owner)) {
       const auto entry = static_cast<std::uint32_t>(owner);
-      if (!CopyCorners(volume, CellBrickOf(entry), to)) return false;
+      if (!to.Copy(volume, CellBrickOf(entry))) return false;
       ++uploaded_;
     } else {
       const std::uint64_t block = table_block_[owner & ~kCoarse];
-      if (!CopyCoarseCorners(volume, BrickWithNumber(block, block_count_), to)) return false;
+      if (!to.CopyCoarse(volume, BrickWithNumber(block, block_count_))) return false;
     }
   }
   if constexpr (std::is_same_v<T, float>) {

@@ -87,6 +87,11 @@ class BrickCache {
   void Forget(int picture);
 
  private:
+  // Owners of slots are entries, or tables with the bit kCoarse: the slot is coarse.
+  static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
+  static constexpr std::uint64_t kCoarse = std::uint64_t{1} << 63;
+  static bool IsFine(std::uint64_t owner) { return (owner & kCoarse) == 0; }
+
   struct CardBlock {
     float min = 0.0f;
     float max = 0.0f;
@@ -111,7 +116,6 @@ class BrickCache {
                   std::size_t most_bricks);
   void TakeBlock(const ViewVolume& volume, const VolumeChanges::Block& block,
                  std::size_t& most_bricks);
-  void ReserveTables(std::size_t tables);
   void MakeTable(std::uint64_t block);
   void DropTable(std::uint64_t block);
   void WriteRanges(const CellBlock& block, std::uint32_t table, const CellBricks& bricks) const;
@@ -125,12 +129,11 @@ class BrickCache {
   std::uint32_t NewSlot(std::uint64_t owner);
   void FreeSlot(std::uint32_t slot);
   void Evict(std::uint32_t slot);
-  void EvictForCoarse(std::size_t slots);
 
   // What is to be uploaded
   void Plan(const ViewVolume& volume);
   std::vector<Missing> FindMissing(const ViewVolume& volume) const;
-  void EvictUnwanted(std::size_t slots);
+  void EvictOldest(std::size_t slots, bool also_wanted);
   void EvictFarther();
   bool IsWanted(std::uint32_t entry) const;
   double DistanceOf(std::uint32_t entry) const;
@@ -165,7 +168,7 @@ class BrickCache {
   std::vector<std::uint64_t> table_block_;  // of each table
   std::vector<std::uint32_t> free_tables_;
   std::vector<std::uint32_t> slots_;       // of each entry: place in a table
-  std::vector<std::uint64_t> owners_;      // of each slot: an entry, a table, or nobody
+  std::vector<std::uint64_t> owners_;      // of each slot
   std::vector<std::uint32_t> free_slots_;  // the next one is last
   std::vector<std::uint64_t> wanted_at_;   // of each slot: the last picture that wanted it
   std::size_t coarse_slots_ = 0;

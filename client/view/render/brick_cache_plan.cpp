@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <functional>
 #include <limits>
+#include <utility>
 
 #include "client/view/render/brick_cache.h"
 
@@ -85,12 +87,13 @@ double BrickCache::DistanceOf(std::uint32_t entry) const {
 void BrickCache::Plan(const ViewVolume& volume) {
   is_plan_due_ = false;
   missing_ = FindMissing(volume);
-  MakeRoom(missing_.size(), false);
-  if (free_slots_.size() < missing_.size()) EvictUnwanted(missing_.size() - free_slots_.size());
-  is_full_ = free_slots_.size() < missing_.size();
+  const std::size_t wanted = missing_.size();
+  MakeRoom(wanted, false);
+  if (free_slots_.size() < wanted) EvictOldest(wanted - free_slots_.size(), false);
+  is_full_ = free_slots_.size() < wanted;
   if (!is_full_) return;
   EvictFarther();
-  const std::size_t beyond = missing_.size() - std::min(missing_.size(), free_slots_.size());
+  const std::size_t beyond = wanted - std::min(wanted, free_slots_.size());
   missing_.erase(missing_.begin(), missing_.begin() + static_cast<std::ptrdiff_t>(beyond));
 }
 
@@ -107,22 +110,22 @@ std::vector<BrickCache::Missing> BrickCache::FindMissing(const ViewVolume& volum
       missing.push_back({DistanceOf(entry), entry});
     });
   }
-  std::sort(missing.begin(), missing.end(), [](const Missing& a, const Missing& b) {
-    return a.distance != b.distance ? a.distance > b.distance : a.entry > b.entry;
-  });
+  std::ranges::sort(missing, std::greater(),
+                    [](const Missing& one) { return std::pair(one.distance, one.entry); });
   return missing;
 }
 
-void BrickCache::EvictUnwanted(std::size_t count) {
-  std::vector<std::uint32_t> unwanted;
+// Those that no picture has wanted for longest first.
+void BrickCache::EvictOldest(std::size_t count, bool also_wanted) {
+  std::vector<std::uint32_t> oldest;
   for (std::uint32_t slot = 0; slot < owners_.size(); ++slot) {
     const std::uint64_t owner = owners_[slot];
-    if (owner >> 63 == 0 && !IsWanted(static_cast<std::uint32_t>(owner))) unwanted.push_back(slot);
+    if (!IsFine(owner)) continue;
+    if (also_wanted || !IsWanted(static_cast<std::uint32_t>(owner))) oldest.push_back(slot);
   }
-  std::sort(unwanted.begin(), unwanted.end(),
-            [this](std::uint32_t a, std::uint32_t b) { return wanted_at_[a] < wanted_at_[b]; });
-  unwanted.resize(std::min(count, unwanted.size()));
-  for (const std::uint32_t slot : unwanted) Evict(slot);
+  std::ranges::sort(oldest, {}, [this](std::uint32_t slot) { return wanted_at_[slot]; });
+  oldest.resize(std::min(count, oldest.size()));
+  for (const std::uint32_t slot : oldest) Evict(slot);
 }
 
 // Far bricks make room for nearer ones that are missing.
@@ -130,20 +133,18 @@ void BrickCache::EvictFarther() {
   if (exchanges_ >= kMostExchanges) return;
   std::vector<Missing> held;
   for (const std::uint64_t owner : owners_) {
-    if (owner >> 63 != 0) continue;
+    if (!IsFine(owner)) continue;
     const auto entry = static_cast<std::uint32_t>(owner);
     held.push_back({DistanceOf(entry), entry});
   }
-  std::sort(held.begin(), held.end(),
-            [](const Missing& a, const Missing& b) { return a.distance > b.distance; });
+  std::ranges::sort(held, std::greater(), &Missing::distance);
   // The nearest missing ones have the slots that are free.
-  std::size_t next = missing_.size() - free_slots_.size();
+  const std::size_t without_slot = missing_.size() - free_slots_.size();
   std::size_t evicted = 0;
-  while (next > 0 && evicted < held.size() &&
-         held[evicted].distance > missing_[next - 1].distance) {
+  while (evicted < std::min(without_slot, held.size()) &&
+         held[evicted].distance > missing_[without_slot - 1 - evicted].distance) {
     Evict(slots_[held[evicted].entry]);
     ++evicted;
-    --next;
   }
   if (evicted == 0) return;
   ++exchanges_;

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "client/view/render/gl_state.h"
+
 namespace palpate::view {
 namespace {
 
@@ -28,11 +30,9 @@ bool CardBuffer::Reserve(std::size_t entries) {
   GLuint buffer = 0;
   glGenBuffers(1, &buffer);
   glBindBuffer(GL_COPY_WRITE_BUFFER, buffer);
-  while (glGetError() != GL_NO_ERROR) {
-    // Clear old errors: they must not be taken for errors of this buffer.
-  }
+  TakeErrors();
   glBufferData(GL_COPY_WRITE_BUFFER, Bytes(capacity * entry_bytes_), nullptr, GL_DYNAMIC_DRAW);
-  if (glGetError() != GL_NO_ERROR) {
+  if (TakeErrors()) {
     glDeleteBuffers(1, &buffer);
     return false;
   }

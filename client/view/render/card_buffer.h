@@ -20,7 +20,6 @@ class CardBuffer {
   // Keeps what was written. Returns false if the context or its memory does not hold so many; the
   // buffer is then unchanged.
   bool Reserve(std::size_t entries);
-  std::size_t capacity() const { return capacity_; }
   std::size_t bytes() const { return capacity_ * entry_bytes_; }
 
   void Write(std::size_t first, std::size_t count, const void* entries) const;

@@ -11,16 +11,15 @@
 
 #include <chrono>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <vector>
 
-#include "client/view/scene/camera.h"
-#include "client/view/scene/overlay.h"
-#include "client/view/scene/patient_axes.h"
-#include "client/view/scene/slice_view.h"
-#include "client/view/scene/view_options.h"
-#include "client/view/volume/view_volume.h"
+#include "client/view/render/brick_cache.h"
+#include "client/view/render/frame_target.h"
+#include "client/view/render/overlay_drawing.h"
+#include "client/view/render/shader_program.h"
+#include "client/view/render/slice_drawing.h"
+#include "client/view/render/surface_caster.h"
 
 namespace palpate::view {
 
@@ -37,24 +36,10 @@ struct Image {
   std::vector<std::uint8_t> rgba;
 };
 
-// A slice across an axis of the lattice, at a voxel coordinate along the axis. scene/slice_view.h
-// maps the slice to its picture.
-struct SliceRequest {
-  int picture = 2;                                             // 0 to 2: the picture that shows it
-  SliceAxes axes = SliceInWorld(2, SliceSide::kRadiological);  // of I
-  double position_voxels = 0.0;
-  ImageSize size;
-  SurfaceOptions surface;         // colour map, window, isovalue (drawn as a line)
-  std::optional<Vec3> cross_I{};  // the cross-hair
-  SliceZoom zoom{};
-  friend bool operator==(const SliceRequest&, const SliceRequest&) = default;
-};
-
 class FrameRenderer {
  public:
   // The budget is for the volume, without pictures.
   explicit FrameRenderer(std::size_t budget_bytes = std::size_t{1} << 30);
-  ~FrameRenderer();
   FrameRenderer(const FrameRenderer&) = delete;
   FrameRenderer& operator=(const FrameRenderer&) = delete;
 
@@ -64,9 +49,9 @@ class FrameRenderer {
   // after it: see volume_version.
   bool TakeUp(ViewVolume& volume, std::size_t most_bricks);
   // Rises with every change of the volume on the graphics card.
-  std::uint64_t volume_version() const;
+  std::uint64_t volume_version() const { return volume_.version(); }
   // True if the last pictures want more bricks than the budget holds: they are coarser where far.
-  bool is_full() const;
+  bool is_full() const { return volume_.is_full(); }
 
   // Draws into a picture of its own. DrawnTexture returns it until the next Draw.
   void Draw(const FrameRequest& request);
@@ -74,12 +59,13 @@ class FrameRenderer {
   // Returns true once the surface is whole: then Draw of the same request does not cast. For views
   // whose cast would stop the window.
   bool Prepare(const FrameRequest& request, std::chrono::milliseconds time);
-  unsigned DrawnTexture() const;  // OpenGL name; RGBA8, the bottom row is first
-  Image ReadBack() const;
+  // OpenGL name; RGBA8, the bottom row is first.
+  unsigned DrawnTexture() const { return frame_.color(); }
+  Image ReadBack() const { return {frame_.size(), frame_.ReadColors()}; }
   // Rises with every change of the surface that SurfaceAt and SurfaceDistances return.
-  std::uint64_t surface_version() const;
+  std::uint64_t surface_version() const { return surface_version_; }
   // The number of casts of all pixels so far, for tests and for the cost of a frame.
-  std::uint64_t casts() const;
+  std::uint64_t casts() const { return caster_.casts(); }
 
   // Returns the surface under a pixel of the last Draw, without overlays; none: background. Frame:
   // D.
@@ -95,11 +81,28 @@ class FrameRenderer {
   // The slices are hidden: what they want need not stay in graphics memory.
   void ForgetSlices();
   // The number of slices drawn so far.
-  std::uint64_t slice_casts() const;
+  std::uint64_t slice_casts() const { return slices_.casts(); }
 
  private:
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
+  void UpdateBackdrop(const FrameRequest& request);
+  void ComposeBackdrop(bool with_surface, const ImageSize& size);
+
+  BrickCache volume_;
+  SurfaceCaster caster_;
+  // What is behind the overlay: background, surface, veil, and the surface's depth, which is 1
+  // where there is none. If only the overlay moves, a frame starts with a copy of it.
+  FrameTarget backdrop_{FrameTarget::Depth::kFloat};
+  ShaderProgram backdrop_program_;
+  FrameTarget frame_{FrameTarget::Depth::kFloat};
+  OverlayDrawing overlay_;
+  SliceDrawing slices_;
+  // Set by the last Draw.
+  Mat4 clip_from_D_ = Mat4::Identity();
+  Vec3 eye_D_ = Vec3::Zero();
+  bool surface_shown_ = false;
+  std::uint64_t composed_casts_ = 0;  // of the caster, when the backdrop was composed
+  std::uint64_t surface_version_ = 0;
+  double rows_per_ms_ = 0.2;  // of Prepare
 };
 
 }  // namespace palpate::view

@@ -5,26 +5,11 @@
 #include <algorithm>
 #include <string>
 
+#include "client/view/render/gl_state.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
 namespace {
-
-GLuint NewTexture(GLenum format, const ImageSize& size) {
-  GLuint texture = 0;
-  glGenTextures(1, &texture);
-  glBindTexture(GL_TEXTURE_2D, texture);
-  glTexStorage2D(GL_TEXTURE_2D, 1, format, size.width, size.height);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  return texture;
-}
-
-bool HasError() {
-  bool any = false;
-  while (glGetError() != GL_NO_ERROR) any = true;
-  return any;
-}
 
 std::string SizeText(const ImageSize& size) {
   return std::to_string(size.width) + " x " + std::to_string(size.height);
@@ -62,8 +47,7 @@ bool FrameTarget::Resize(const ImageSize& size) {
   Release();
   size_ = size;
   if (size.width <= 0 || size.height <= 0) return true;
-  // Clear old errors: they must not be taken for errors of this picture.
-  HasError();
+  TakeErrors();
   glGenFramebuffers(1, &framebuffer_);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
   color_ = NewTexture(GL_RGBA8, size);
@@ -72,7 +56,7 @@ bool FrameTarget::Resize(const ImageSize& size) {
     depth_ = NewTexture(GL_DEPTH_COMPONENT32F, size);
     glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth_, 0);
   }
-  if (!HasError()) return true;
+  if (!TakeErrors()) return true;
   Release();
   throw Error(ErrorKind::kTooLarge, "the graphics card has no memory left for a picture of " +
                                         SizeText(size) + " pixels");
@@ -96,6 +80,21 @@ std::vector<std::uint8_t> FrameTarget::ReadColors() const {
   if (empty()) return {};
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
   return ReadRows(size_);
+}
+
+std::vector<float> FrameTarget::ReadDepths() const {
+  if (empty()) return {};
+  std::vector<float> depths(static_cast<std::size_t>(size_.width) * size_.height);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
+  glReadPixels(0, 0, size_.width, size_.height, GL_DEPTH_COMPONENT, GL_FLOAT, depths.data());
+  return depths;
+}
+
+float FrameTarget::ReadDepth(int x_px, int y_from_bottom_px) const {
+  float depth = 1.0f;
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
+  glReadPixels(x_px, y_from_bottom_px, 1, 1, GL_DEPTH_COMPONENT, GL_FLOAT, &depth);
+  return depth;
 }
 
 std::vector<std::uint8_t> ReadRows(const ImageSize& size) {

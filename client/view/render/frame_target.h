@@ -46,6 +46,9 @@ class FrameTarget {
   void CopyFrom(const FrameTarget& other);
   // Four bytes a pixel; the top row is first.
   std::vector<std::uint8_t> ReadColors() const;
+  // All depths or one, 0 to 1; the bottom row is first. The picture must have depth.
+  std::vector<float> ReadDepths() const;
+  float ReadDepth(int x_px, int y_from_bottom_px) const;
 
  private:
   void Release();

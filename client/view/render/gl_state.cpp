@@ -28,4 +28,25 @@ void ResetState() {
   for (GLuint unit = 0; unit < 8; ++unit) glBindSampler(unit, 0);
 }
 
+bool TakeErrors() {
+  bool any = false;
+  while (glGetError() != GL_NO_ERROR) any = true;
+  return any;
+}
+
+unsigned NewTexture(unsigned format, const ImageSize& size) {
+  GLuint texture = 0;
+  glGenTextures(1, &texture);
+  glBindTexture(GL_TEXTURE_2D, texture);
+  glTexStorage2D(GL_TEXTURE_2D, 1, format, size.width, size.height);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+  return texture;
+}
+
+void BindTexture(int unit, unsigned kind, unsigned texture) {
+  glActiveTexture(static_cast<GLenum>(GL_TEXTURE0 + unit));
+  glBindTexture(kind, texture);
+}
+
 }  // namespace palpate::view

@@ -63,21 +63,16 @@ EGLContext CurrentContext(EGLDisplay display) {
 
 }  // namespace
 
-struct OffscreenContext::Handles {
-  EGLDisplay display = EGL_NO_DISPLAY;
-  EGLContext context = EGL_NO_CONTEXT;
-};
-
-OffscreenContext::OffscreenContext() : handles_(std::make_unique<Handles>()) {
+OffscreenContext::OffscreenContext() {
   // epoxy would end the process if the library is missing.
   if (!epoxy_has_egl()) {
     throw Error(ErrorKind::kUnavailable,
                 std::string("there is no EGL to draw without a display") + kWhatToInstall);
   }
   for (const auto find : {SurfacelessDisplay, DeviceDisplay}) {
-    handles_->display = find();
-    handles_->context = CurrentContext(handles_->display);
-    if (handles_->context != EGL_NO_CONTEXT) return;
+    display_ = find();
+    context_ = CurrentContext(display_);
+    if (context_ != EGL_NO_CONTEXT) return;
   }
   throw Error(ErrorKind::kUnavailable,
               std::string("EGL gives no OpenGL 4.3 without a display") + kWhatToInstall);
@@ -85,8 +80,8 @@ OffscreenContext::OffscreenContext() : handles_(std::make_unique<Handles>()) {
 
 OffscreenContext::~OffscreenContext() {
   // Do not terminate the display: it belongs to the whole process, and other code may use it.
-  eglMakeCurrent(handles_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
-  eglDestroyContext(handles_->display, handles_->context);
+  eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+  eglDestroyContext(display_, context_);
 }
 
 }  // namespace palpate::view

@@ -5,8 +5,6 @@
 // Errors: kUnavailable if the machine has no such driver.
 #pragma once
 
-#include <memory>
-
 namespace palpate::view {
 
 class OffscreenContext {
@@ -17,8 +15,9 @@ class OffscreenContext {
   OffscreenContext& operator=(const OffscreenContext&) = delete;
 
  private:
-  struct Handles;
-  std::unique_ptr<Handles> handles_;
+  // EGLDisplay and EGLContext.
+  void* display_ = nullptr;
+  void* context_ = nullptr;
 };
 
 }  // namespace palpate::view

@@ -3,7 +3,10 @@
 #include <epoxy/gl.h>
 
 #include <cstddef>
+#include <span>
 #include <string>
+
+#include "client/view/render/gl_state.h"
 
 namespace palpate::view {
 namespace {
@@ -124,46 +127,39 @@ std::string WithVeil(const char* fragment_shader) {
   return text += fragment_shader;
 }
 
-template <typename Vertex>
-const void* Offset(std::size_t bytes, int vertex) {
-  return reinterpret_cast<const void*>(bytes + vertex * sizeof(Vertex));
-}
+// Of a shader, by location. Bytes are shares of 255.
+struct Attribute {
+  GLint numbers;
+  GLenum type;
+  std::size_t offset;
+};
+constexpr Attribute kSolidAttributes[] = {
+    {3, GL_FLOAT, offsetof(SolidVertex, position_D)},
+    {3, GL_FLOAT, offsetof(SolidVertex, normal)},
+    {4, GL_UNSIGNED_BYTE, offsetof(SolidVertex, rgba)},
+    {1, GL_UNSIGNED_BYTE, offsetof(SolidVertex, alpha_behind)}};
+// Of both ends.
+constexpr Attribute kLineAttributes[] = {
+    {3, GL_FLOAT, offsetof(LineVertex, position_D)},
+    {4, GL_UNSIGNED_BYTE, offsetof(LineVertex, rgba)},
+    {1, GL_UNSIGNED_BYTE, offsetof(LineVertex, alpha_behind)},
+    {3, GL_FLOAT, sizeof(LineVertex) + offsetof(LineVertex, position_D)},
+    {4, GL_UNSIGNED_BYTE, sizeof(LineVertex) + offsetof(LineVertex, rgba)},
+    {1, GL_UNSIGNED_BYTE, sizeof(LineVertex) + offsetof(LineVertex, alpha_behind)}};
 
-// Colour and alpha of a vertex, starting at attribute `first`.
-template <typename Vertex>
-void ColorAttributes(GLuint first, GLsizei stride, int vertex) {
-  glVertexAttribPointer(first, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
-                        Offset<Vertex>(offsetof(Vertex, rgba), vertex));
-  glVertexAttribPointer(first + 1, 1, GL_UNSIGNED_BYTE, GL_TRUE, stride,
-                        Offset<Vertex>(offsetof(Vertex, alpha_behind), vertex));
-}
-
-void DescribeSolids(GLuint vertices, GLuint buffer) {
+// `stride`: bytes from vertex to vertex, or from instance to instance if `divisor` is 1.
+void Describe(std::span<const Attribute> attributes, std::size_t stride, GLuint divisor,
+              unsigned& vertices, unsigned& buffer) {
+  glGenVertexArrays(1, &vertices);
   glBindVertexArray(vertices);
+  glGenBuffers(1, &buffer);
   glBindBuffer(GL_ARRAY_BUFFER, buffer);
-  constexpr GLsizei kStride = sizeof(SolidVertex);
-  glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, kStride,
-                        Offset<SolidVertex>(offsetof(SolidVertex, position_D), 0));
-  glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, kStride,
-                        Offset<SolidVertex>(offsetof(SolidVertex, normal), 0));
-  ColorAttributes<SolidVertex>(2, kStride, 0);
-  for (GLuint attribute = 0; attribute < 4; ++attribute) glEnableVertexAttribArray(attribute);
-}
-
-// One instance per line, with the attributes of both ends.
-void DescribeLines(GLuint vertices, GLuint buffer) {
-  glBindVertexArray(vertices);
-  glBindBuffer(GL_ARRAY_BUFFER, buffer);
-  constexpr GLsizei kStride = 2 * sizeof(LineVertex);
-  for (int end = 0; end < 2; ++end) {
-    const auto first = static_cast<GLuint>(3 * end);
-    glVertexAttribPointer(first, 3, GL_FLOAT, GL_FALSE, kStride,
-                          Offset<LineVertex>(offsetof(LineVertex, position_D), end));
-    ColorAttributes<LineVertex>(first + 1, kStride, end);
-  }
-  for (GLuint attribute = 0; attribute < 6; ++attribute) {
-    glEnableVertexAttribArray(attribute);
-    glVertexAttribDivisor(attribute, 1);
+  for (GLuint n = 0; n < attributes.size(); ++n) {
+    glVertexAttribPointer(n, attributes[n].numbers, attributes[n].type, GL_TRUE,
+                          static_cast<GLsizei>(stride),
+                          reinterpret_cast<const void*>(attributes[n].offset));
+    glVertexAttribDivisor(n, divisor);
+    glEnableVertexAttribArray(n);
   }
 }
 
@@ -188,12 +184,9 @@ void SetView(const ShaderProgram& program, const OverlayView& view, bool behind)
 OverlayDrawing::OverlayDrawing()
     : solid_program_(kSolidVertexShader, WithVeil(kSolidFragmentShader)),
       line_program_(kLineVertexShader, WithVeil(kLineFragmentShader)) {
-  glGenVertexArrays(1, &solid_vertices_);
-  glGenBuffers(1, &solid_buffer_);
-  DescribeSolids(solid_vertices_, solid_buffer_);
-  glGenVertexArrays(1, &line_vertices_);
-  glGenBuffers(1, &line_buffer_);
-  DescribeLines(line_vertices_, line_buffer_);
+  Describe(kSolidAttributes, sizeof(SolidVertex), 0, solid_vertices_, solid_buffer_);
+  // A line is an instance.
+  Describe(kLineAttributes, 2 * sizeof(LineVertex), 1, line_vertices_, line_buffer_);
 }
 
 OverlayDrawing::~OverlayDrawing() {
@@ -206,10 +199,8 @@ OverlayDrawing::~OverlayDrawing() {
 void OverlayDrawing::Draw(const Overlay& overlay, const OverlayView& view) {
   Upload(solid_buffer_, overlay.solids);
   Upload(line_buffer_, overlay.lines);
-  glActiveTexture(GL_TEXTURE1);
-  glBindTexture(GL_TEXTURE_2D, view.veil_depth);
-  glActiveTexture(GL_TEXTURE0);
-  glBindTexture(GL_TEXTURE_2D, view.veil_color);
+  BindTexture(1, GL_TEXTURE_2D, view.veil_depth);
+  BindTexture(0, GL_TEXTURE_2D, view.veil_color);
   glEnable(GL_DEPTH_TEST);
   // A stylus may reach beyond the volume. It must not be cut at the far plane.
   glEnable(GL_DEPTH_CLAMP);
@@ -217,8 +208,8 @@ void OverlayDrawing::Draw(const Overlay& overlay, const OverlayView& view) {
   glBlendEquation(GL_FUNC_ADD);
   glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ZERO, GL_ONE);
   // Drawn first, while the depth is that of the surface alone.
-  DrawSide(Side::kBehind, overlay, view);
-  DrawSide(Side::kInFront, overlay, view);
+  DrawSide(true, overlay, view);
+  DrawSide(false, overlay, view);
   glDisable(GL_BLEND);
   glDisable(GL_DEPTH_CLAMP);
   glDisable(GL_DEPTH_TEST);
@@ -227,8 +218,7 @@ void OverlayDrawing::Draw(const Overlay& overlay, const OverlayView& view) {
   glBindVertexArray(0);
 }
 
-void OverlayDrawing::DrawSide(Side side, const Overlay& overlay, const OverlayView& view) const {
-  const bool behind = side == Side::kBehind;
+void OverlayDrawing::DrawSide(bool behind, const Overlay& overlay, const OverlayView& view) const {
   glDepthFunc(behind ? GL_GREATER : GL_LESS);
   if (!overlay.solids.empty()) {
     glDepthMask(behind ? GL_FALSE : GL_TRUE);
@@ -240,7 +230,7 @@ void OverlayDrawing::DrawSide(Side side, const Overlay& overlay, const OverlayVi
     // The rows of clip_from_D point right and up on the screen.
     const Vec3 right = view.clip_from_D.row(0).head<3>().normalized();
     const Vec3 up = view.clip_from_D.row(1).head<3>().normalized();
-    solid_program_.Set("light_D", Vec3(-0.45 * right + 0.6 * up));
+    solid_program_.Set("light_D", -0.45 * right + 0.6 * up);
     glBindVertexArray(solid_vertices_);
     glDrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(overlay.solids.size()));
   }

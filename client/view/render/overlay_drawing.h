@@ -32,8 +32,7 @@ class OverlayDrawing {
   void Draw(const Overlay& overlay, const OverlayView& view);
 
  private:
-  enum class Side { kBehind, kInFront };
-  void DrawSide(Side side, const Overlay& overlay, const OverlayView& view) const;
+  void DrawSide(bool behind, const Overlay& overlay, const OverlayView& view) const;
 
   ShaderProgram solid_program_;
   ShaderProgram line_program_;

@@ -72,29 +72,13 @@ void ShaderProgram::Set(const char* name, const Vec3i& value) const {
   glUniform3iv(glGetUniformLocation(program_, name), 1, value.data());
 }
 
-void ShaderProgram::Set(const char* name, const Vec3& value) const {
-  const Eigen::Vector3f floats = value.cast<float>();
-  glUniform3fv(glGetUniformLocation(program_, name), 1, floats.data());
-}
-
-void ShaderProgram::Set(const char* name, const Eigen::Vector4d& value) const {
-  const Eigen::Vector4f floats = value.cast<float>();
-  glUniform4fv(glGetUniformLocation(program_, name), 1, floats.data());
-}
-
-void ShaderProgram::Set(const char* name, const Mat3& value) const {
-  const Eigen::Matrix3f floats = value.cast<float>();
-  glUniformMatrix3fv(glGetUniformLocation(program_, name), 1, GL_FALSE, floats.data());
-}
-
-void ShaderProgram::Set(const char* name, const Eigen::Matrix4d& value) const {
-  const Eigen::Matrix4f floats = value.cast<float>();
-  glUniformMatrix4fv(glGetUniformLocation(program_, name), 1, GL_FALSE, floats.data());
-}
-
-void ShaderProgram::Set(const char* name, const Eigen::Vector2d& value) const {
-  const Eigen::Vector2f floats = value.cast<float>();
-  glUniform2fv(glGetUniformLocation(program_, name), 1, floats.data());
+void ShaderProgram::SetFloats(const char* name, const float* floats, int count) const {
+  const GLint place = glGetUniformLocation(program_, name);
+  if (count == 2) glUniform2fv(place, 1, floats);
+  if (count == 3) glUniform3fv(place, 1, floats);
+  if (count == 4) glUniform4fv(place, 1, floats);
+  if (count == 9) glUniformMatrix3fv(place, 1, GL_FALSE, floats);
+  if (count == 16) glUniformMatrix4fv(place, 1, GL_FALSE, floats);
 }
 
 void ShaderProgram::Draw() const {

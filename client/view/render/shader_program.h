@@ -5,6 +5,7 @@
 #pragma once
 
 #include <string>
+#include <type_traits>
 
 #include "common/geometry/geometry.h"
 
@@ -26,15 +27,21 @@ class ShaderProgram {
   void Set(const char* name, int value) const;
   void Set(const char* name, double value) const;
   void Set(const char* name, const Vec3i& value) const;
-  void Set(const char* name, const Vec3& value) const;
-  void Set(const char* name, const Eigen::Vector4d& value) const;
-  void Set(const char* name, const Mat3& value) const;
-  void Set(const char* name, const Eigen::Matrix4d& value) const;
-  void Set(const char* name, const Eigen::Vector2d& value) const;
+  // A vector of two to four numbers, or a square matrix of three or four rows.
+  template <class Derived>
+  requires std::is_floating_point_v<typename Derived::Scalar>
+  void Set(const char* name, const Eigen::MatrixBase<Derived>& value) const {
+    // Not auto: a transposed matrix would stay in the order of rows.
+    const Eigen::Matrix<float, Derived::RowsAtCompileTime, Derived::ColsAtCompileTime> floats =
+        value.template cast<float>();
+    SetFloats(name, floats.data(), static_cast<int>(floats.size()));
+  }
   // Draws the triangle that covers the viewport.
   void Draw() const;
 
  private:
+  void SetFloats(const char* name, const float* floats, int count) const;
+
   unsigned program_ = 0;
   unsigned no_vertices_ = 0;  // a core context needs a vertex array, even an empty one
 };

@@ -14,7 +14,7 @@ namespace {
 // pixel. Beside a steep slope, this may promise a crossing where there is none, so the value there
 // is looked at, too. A dark rim makes the line visible on any colour map.
 constexpr char kSliceShader[] = R"(
-uniform sampler2D color_table;
+uniform sampler2D color_map;
 uniform vec3 corner_I;     // at the picture's upper left corner
 uniform vec3 right_I;      // for a pixel to the right
 uniform vec3 down_I;       // for a pixel down
@@ -56,7 +56,7 @@ void main() {
   vec3 seen = empty_color;
   if (all(greaterThanEqual(p, vec3(-1.0))) && all(lessThanEqual(p, vec3(cells - 1)))) {
     vec4 found = ValueAndGradient(p);
-    seen = ColorAt(color_table, ShareOf(found.w, window_range));
+    seen = ColorAt(color_map, ShareOf(found.w, window_range));
     vec2 slope = vec2(dot(found.xyz, right_I), dot(found.xyz, down_I));
     if (isolines > 1)
       seen = WithIsoline(seen, p, slope, found.w - isovalues.y, isovalues.y, veil_color);
@@ -79,8 +79,8 @@ void SetPlace(const ShaderProgram& program, const BrickCache& volume, const Slic
                        request.zoom);
   const Vec3 corner_I = view.PointAt({0.0, 0.0}, request.position_voxels);
   program.Set("corner_I", corner_I);
-  program.Set("right_I", Vec3(view.PointAt({1.0, 0.0}, request.position_voxels) - corner_I));
-  program.Set("down_I", Vec3(view.PointAt({0.0, 1.0}, request.position_voxels) - corner_I));
+  program.Set("right_I", view.PointAt({1.0, 0.0}, request.position_voxels) - corner_I);
+  program.Set("down_I", view.PointAt({0.0, 1.0}, request.position_voxels) - corner_I);
   program.Set("height_px", static_cast<double>(request.size.height));
   Eigen::Vector2d cross_px = {-1.0, -1.0};
   if (request.cross_I) {
@@ -98,8 +98,8 @@ void SetColors(const ShaderProgram& program, const SurfaceOptions& surface,
   program.Set("isovalues", Eigen::Vector2d(scale.Scaled(surface.isovalue) - least,
                                            scale.Scaled(surface.veil.isovalue) - least));
   program.Set("isolines", surface.veil.shown ? 2 : 1);
-  program.Set("isoline_color", Vec3(kIsolineColor.cast<double>()));
-  program.Set("veil_color", Vec3(surface.veil.color.cast<double>()));
+  program.Set("isoline_color", kIsolineColor);
+  program.Set("veil_color", surface.veil.color);
 }
 
 }  // namespace
@@ -107,38 +107,35 @@ void SetColors(const ShaderProgram& program, const SurfaceOptions& surface,
 SliceDrawing::SliceDrawing() : programs_(std::string(shading::kColors) + kSliceShader) {}
 
 void SliceDrawing::Draw(BrickCache& volume, const SliceRequest& request) {
-  const auto number = static_cast<std::size_t>(request.picture);
-  std::optional<Drawn>& drawn = drawn_[number];
-  const Drawn wanted{request, volume.content_version()};
-  FrameTarget& picture = pictures_[number];
-  const bool is_drawn = drawn == wanted && picture.size() == request.size;
-  Missing& missing = missing_[number];
-  if (is_drawn && (missing.bricks == 0 || missing.version == volume.version())) return;
-  picture.Resize(request.size);
-  missing = {0, volume.version()};
-  if (!picture.empty()) {
+  Picture& picture = pictures_[static_cast<std::size_t>(request.picture)];
+  const bool same_view = picture.request == request;
+  const bool is_drawn = same_view && picture.content_version == volume.content_version() &&
+                        picture.target.size() == request.size;
+  if (is_drawn && (picture.missing == 0 || picture.version == volume.version())) return;
+  picture.target.Resize(request.size);
+  picture.missing = 0;
+  picture.version = volume.version();
+  if (!picture.target.empty()) {
     if (!is_drawn) ++casts_;
     volume.BeginPicture();
-    Cast(volume, request);
-    const bool same_view = drawn && drawn->request == request;
-    missing.bricks = volume.EndPicture(
+    Cast(volume, request, picture.target);
+    picture.missing = volume.EndPicture(
         request.picture, same_view ? BrickCache::Marks::kAgain : BrickCache::Marks::kNewView, {});
   }
-  drawn = wanted;
+  picture.request = request;
+  picture.content_version = volume.content_version();
 }
 
-void SliceDrawing::Cast(const BrickCache& volume, const SliceRequest& request) {
-  pictures_[static_cast<std::size_t>(request.picture)].Bind();
+void SliceDrawing::Cast(const BrickCache& volume, const SliceRequest& request,
+                        const FrameTarget& target) {
+  target.Bind();
   if (!volume.has_volume()) {
     glClearColor(kEmptySliceColor.x(), kEmptySliceColor.y(), kEmptySliceColor.z(), 1.0f);
     glClear(GL_COLOR_BUFFER_BIT);
     return;
   }
-  glActiveTexture(GL_TEXTURE0 + kFirstFreeUnit);
-  color_table_.Show(request.surface.color_map);
-  const ShaderProgram& program = programs_.Use(volume);
-  program.Set("color_table", kFirstFreeUnit);
-  program.Set("empty_color", Vec3(kEmptySliceColor.cast<double>()));
+  const ShaderProgram& program = programs_.Use(volume, request.surface.color_map);
+  program.Set("empty_color", kEmptySliceColor);
   SetPlace(program, volume, request);
   SetColors(program, request.surface, volume.scale());
   program.Draw();

@@ -8,12 +8,26 @@
 #include <cstdint>
 #include <optional>
 
-#include "client/view/render/color_texture.h"
-#include "client/view/render/frame_renderer.h"
 #include "client/view/render/frame_target.h"
 #include "client/view/render/volume_programs.h"
+#include "client/view/scene/patient_axes.h"
+#include "client/view/scene/slice_view.h"
+#include "client/view/scene/view_options.h"
 
 namespace palpate::view {
+
+// A slice across an axis of the lattice, at a voxel coordinate along the axis. scene/slice_view.h
+// maps the slice to its picture.
+struct SliceRequest {
+  int picture = 2;                                             // 0 to 2: the picture that shows it
+  SliceAxes axes = SliceInWorld(2, SliceSide::kRadiological);  // of I
+  double position_voxels = 0.0;
+  ImageSize size;
+  SurfaceOptions surface;         // colour map, window, isovalue (drawn as a line)
+  std::optional<Vec3> cross_I{};  // the cross-hair
+  SliceZoom zoom{};
+  friend bool operator==(const SliceRequest&, const SliceRequest&) = default;
+};
 
 class SliceDrawing {
  public:
@@ -25,30 +39,24 @@ class SliceDrawing {
   // Marks the bricks that the picture wants.
   void Draw(BrickCache& volume, const SliceRequest& request);
   // The bottom row is first.
-  const FrameTarget& picture(int number) const { return pictures_[number]; }
+  const FrameTarget& picture(int number) const { return pictures_[number].target; }
   // Without those for bricks that came later.
   std::uint64_t casts() const { return casts_; }
 
  private:
-  // The state that a picture shows.
-  struct Drawn {
-    SliceRequest request;
+  struct Picture {
+    FrameTarget target;
+    // What the target shows.
+    std::optional<SliceRequest> request;
     std::uint64_t content_version = 0;  // of the volume
-    friend bool operator==(const Drawn&, const Drawn&) = default;
+    std::uint64_t version = 0;          // of the volume
+    std::size_t missing = 0;            // bricks that the picture wants
   };
 
-  struct Missing {
-    std::size_t bricks = 0;     // that the picture wants
-    std::uint64_t version = 0;  // of the volume then
-  };
-
-  void Cast(const BrickCache& volume, const SliceRequest& request);
+  void Cast(const BrickCache& volume, const SliceRequest& request, const FrameTarget& target);
 
   VolumePrograms programs_;
-  ColorTexture color_table_;
-  std::array<FrameTarget, 3> pictures_;
-  std::array<std::optional<Drawn>, 3> drawn_;
-  std::array<Missing, 3> missing_;
+  std::array<Picture, 3> pictures_;
   std::uint64_t casts_ = 0;
 };
 

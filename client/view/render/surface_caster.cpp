@@ -10,11 +10,8 @@
 
 #include "client/shading/shading.h"
 #include "client/view/render/card_buffer.h"
-#include "client/view/render/color_texture.h"
 #include "client/view/render/frame_target.h"
 #include "client/view/render/gl_state.h"
-#include "client/view/render/shader_program.h"
-#include "client/view/render/volume_programs.h"
 #include "common/error/error.h"
 
 namespace palpate::view {
@@ -46,13 +43,6 @@ std::string SurfaceShader(bool with_veil) {
          shading::kLight + shading::kSurface;
 }
 
-// Maps frame P of shading.h to D.
-AffineMap XDP(const AffineMap& X_DI) {
-  AffineMap X_IP;
-  X_IP.translation = -Vec3::Ones();
-  return X_DI * X_IP;
-}
-
 // Returns a ray's direction in P as a linear function of (x, y, 1): pixels right and up of the
 // image's centre. The direction is the difference between the point on the near plane and the eye,
 // in homogeneous coordinates.
@@ -76,12 +66,12 @@ void SetCamera(const ShaderProgram& program, const CastRequest& request, const A
   program.Set("eye", X_PD.Apply(request.eye_D));
   program.Set("image_center", Vec3(request.size.width / 2.0, request.size.height / 2.0, 0.0));
   program.Set("direction_from_pixel", DirectionFromPixel(request, X_PD));
-  program.Set("clip_z", Eigen::Vector4d(clip_from_P.row(2)));
-  program.Set("clip_w", Eigen::Vector4d(clip_from_P.row(3)));
+  program.Set("clip_z", clip_from_P.row(2));
+  program.Set("clip_w", clip_from_P.row(3));
   program.Set("D_from_P", X_DP.linear);
-  program.Set("normal_D_from_P", Mat3(X_PD.linear.transpose()));
-  program.Set("right_D", Vec3(request.clip_from_D.row(0).head<3>().normalized()));
-  program.Set("up_D", Vec3(request.clip_from_D.row(1).head<3>().normalized()));
+  program.Set("normal_D_from_P", X_PD.linear.transpose());
+  program.Set("right_D", request.clip_from_D.row(0).head<3>().normalized());
+  program.Set("up_D", request.clip_from_D.row(1).head<3>().normalized());
 }
 
 // Planes that are off cut nothing.
@@ -101,29 +91,28 @@ void SetCuts(const ShaderProgram& program, const SurfaceOptions& surface, const 
 }
 
 void SetSurface(const ShaderProgram& program, const SurfaceOptions& surface,
-                const ValueScale& scale) {
+                const BrickCache& volume) {
+  const ValueScale& scale = volume.scale();
+  const double range = scale.Scaled(volume.value_max()) - scale.Scaled(volume.value_min());
+  const double edge_mm = std::cbrt(std::abs(volume.X_DI()->linear.determinant()));
   program.Set("surface_shown", surface.shown ? 1 : 0);
   program.Set("isovalue", scale.Split(surface.isovalue));
   program.Set("material_above", surface.free_above ? 0 : 1);
   program.Set("caps", surface.caps ? 1 : 0);
   program.Set("veil_isovalue", scale.Split(surface.veil.isovalue));
-  program.Set("plain_color", Vec3(surface.color.cast<double>()));
-  program.Set("veil_plain_color", Vec3(surface.veil.color.cast<double>()));
+  program.Set("plain_color", surface.color);
+  program.Set("veil_plain_color", surface.veil.color);
   program.Set("veil_opacity", surface.veil.opacity);
   program.Set("coloring", static_cast<int>(surface.coloring));
+  program.Set("steepest", range > 0.0 ? 0.5 * range / edge_mm : 1.0);
   program.Set("window_min", scale.Split(surface.window_min));
   program.Set("window_range", scale.Scaled(surface.window_max) - scale.Scaled(surface.window_min));
 }
 
-void SetVolume(const ShaderProgram& program, const BrickCache& volume) {
-  const double edge_mm = std::cbrt(std::abs(volume.X_DI()->linear.determinant()));
-  const ValueScale& scale = volume.scale();
-  const double range = scale.Scaled(volume.value_max()) - scale.Scaled(volume.value_min());
-  program.Set("steepest", range > 0.0 ? 0.5 * range / edge_mm : 1.0);
-}
+}  // namespace
 
 // A picture, as it is cast.
-struct Casting {
+struct SurfaceCaster::Casting {
   Casting() { glGenFramebuffers(1, &framebuffer); }
   ~Casting() {
     glDeleteTextures(kTargets, targets);
@@ -157,21 +146,15 @@ struct Casting {
   int next_row = 0;         // from below; the height: all rows are cast
 };
 
-void Casting::Resize(const ImageSize& size) {
+void SurfaceCaster::Casting::Resize(const ImageSize& size) {
   if (request && request->size == size) return;
   RequirePictureSize(size);
   request.reset();
   const bool has_room = unfinished.Reserve(static_cast<std::size_t>(size.width) * size.height);
   glDeleteTextures(kTargets, targets);
-  glGenTextures(kTargets, targets);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   for (int n = 0; n < kTargets; ++n) {
-    glBindTexture(GL_TEXTURE_2D, targets[n]);
-    glTexStorage2D(GL_TEXTURE_2D, 1, kFormats[n], size.width, size.height);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    targets[n] = NewTexture(kFormats[n], size);
     glFramebufferTexture2D(GL_FRAMEBUFFER, kAttachments[n], GL_TEXTURE_2D, targets[n], 0);
   }
   glDrawBuffers(4, kAttachments);
@@ -182,13 +165,13 @@ void Casting::Resize(const ImageSize& size) {
   }
 }
 
-void Casting::BindTarget(const ImageSize& size) const {
+void SurfaceCaster::Casting::BindTarget(const ImageSize& size) const {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   glViewport(0, 0, size.width, size.height);
   ResetState();
 }
 
-void Casting::Clear() const {
+void SurfaceCaster::Casting::Clear() const {
   const GLfloat none[] = {0.0f, 0.0f, 0.0f, 0.0f};
   const GLfloat farthest[] = {1.0f, 1.0f, 1.0f, 1.0f};
   glClearBufferfv(GL_COLOR, kColor, none);
@@ -198,57 +181,37 @@ void Casting::Clear() const {
   glClearBufferfv(GL_DEPTH, 0, farthest);
 }
 
-}  // namespace
-
-struct SurfaceCaster::Parts {
-  void MaskFinished(const Casting& picture, const ImageSize& size) const;
-  void Draw(const Casting& picture, const BrickCache& volume, const CastRequest& request);
-  void CastTo(Casting& picture, BrickCache& volume, const CastRequest& request, int end_row,
-              BrickCache::Marks marks);
-
-  VolumePrograms programs{SurfaceShader(false)};
-  VolumePrograms veil_programs{SurfaceShader(true)};
-  ShaderProgram mask_program{kMaskShader};
-  ColorTexture color_map;
-  std::unique_ptr<Casting> shown = std::make_unique<Casting>();
-  std::unique_ptr<Casting> next = std::make_unique<Casting>();  // by CastRows
-  std::uint64_t casts = 0;
-};
-
-void SurfaceCaster::Parts::MaskFinished(const Casting& picture, const ImageSize& size) const {
+void SurfaceCaster::MaskFinished(const Casting& picture) const {
   glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
   glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_ALWAYS);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, picture.unfinished.buffer());
-  mask_program.Use();
-  mask_program.Set("image_width", size.width);
-  mask_program.Draw();
+  mask_program_.Use();
+  mask_program_.Set("image_width", picture.request->size.width);
+  mask_program_.Draw();
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
-void SurfaceCaster::Parts::Draw(const Casting& picture, const BrickCache& cache,
-                                const CastRequest& what) {
+void SurfaceCaster::Draw(const Casting& picture, const BrickCache& cache, const CastRequest& what) {
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_FALSE);
-  glActiveTexture(GL_TEXTURE0 + kFirstFreeUnit);
-  color_map.Show(what.surface.color_map);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, picture.unfinished.buffer());
-  const ShaderProgram& program = (what.surface.veil.shown ? veil_programs : programs).Use(cache);
-  program.Set("color_map", kFirstFreeUnit);
+  VolumePrograms& programs = what.surface.veil.shown ? veil_programs_ : programs_;
+  const ShaderProgram& program = programs.Use(cache, what.surface.color_map);
   program.Set("image_width", what.size.width);
-  SetVolume(program, cache);
-  SetCamera(program, what, XDP(*cache.X_DI()));
+  // Frame P of shading.h.
+  SetCamera(program, what, *cache.X_DI() * AffineMap{.translation = -Vec3::Ones()});
   SetCuts(program, what.surface, cache.size() + Vec3i::Ones());
-  SetSurface(program, what.surface, cache.scale());
+  SetSurface(program, what.surface, cache);
   program.Draw();
   glDepthMask(GL_TRUE);
 }
 
 // Casts the rows from the next one to before `end_row`.
-void SurfaceCaster::Parts::CastTo(Casting& picture, BrickCache& volume, const CastRequest& request,
-                                  int end_row, BrickCache::Marks marks) {
+void SurfaceCaster::CastTo(Casting& picture, BrickCache& volume, const CastRequest& request,
+                           int end_row, BrickCache::Marks marks) {
   if (volume.has_volume() && volume.X_DI()) {
     volume.BeginPicture();
     glEnable(GL_SCISSOR_TEST);
@@ -263,12 +226,16 @@ void SurfaceCaster::Parts::CastTo(Casting& picture, BrickCache& volume, const Ca
   picture.next_row = end_row;
 }
 
-SurfaceCaster::SurfaceCaster() : parts_(std::make_unique<Parts>()) {}
+SurfaceCaster::SurfaceCaster()
+    : programs_(SurfaceShader(false)),
+      veil_programs_(SurfaceShader(true)),
+      mask_program_(kMaskShader),
+      shown_(std::make_unique<Casting>()),
+      next_(std::make_unique<Casting>()) {}
 SurfaceCaster::~SurfaceCaster() = default;
 
 bool SurfaceCaster::Cast(BrickCache& volume, const CastRequest& request) {
-  Parts& p = *parts_;
-  Casting& shown = *p.shown;
+  Casting& shown = *shown_;
   if (request.size.width < 1 || request.size.height < 1) return false;
   const bool same_view = shown.request == request && shown.volume == &volume;
   const bool refine = shown.IsOf(volume, request);
@@ -276,27 +243,26 @@ bool SurfaceCaster::Cast(BrickCache& volume, const CastRequest& request) {
 
   shown.Resize(request.size);
   shown.BindTarget(request.size);
-  refine ? p.MaskFinished(shown, request.size) : shown.Clear();
+  refine ? MaskFinished(shown) : shown.Clear();
   shown.missing = 0;
   shown.next_row = 0;
-  p.CastTo(shown, volume, request, request.size.height,
-           refine      ? BrickCache::Marks::kMore
-           : same_view ? BrickCache::Marks::kAgain
-                       : BrickCache::Marks::kNewView);
+  CastTo(shown, volume, request, request.size.height,
+         refine      ? BrickCache::Marks::kMore
+         : same_view ? BrickCache::Marks::kAgain
+                     : BrickCache::Marks::kNewView);
   shown.request = request;
   shown.volume = &volume;
   shown.version = volume.version();
   shown.content_version = volume.content_version();
-  if (!refine) ++p.casts;
+  if (!refine) ++casts_;
   return true;
 }
 
 SurfaceCaster::Progress SurfaceCaster::CastRows(BrickCache& volume, const CastRequest& request,
                                                 int rows) {
-  Parts& p = *parts_;
   if (request.size.width < 1 || request.size.height < 1) return Progress::kWhole;
-  if (p.shown->IsOf(volume, request) && p.shown->IsWhole(volume)) return Progress::kWhole;
-  Casting& next = *p.next;
+  if (shown_->IsOf(volume, request) && shown_->IsWhole(volume)) return Progress::kWhole;
+  Casting& next = *next_;
   const bool begins = !next.IsOf(volume, request);
   if (!begins && next.next_row == request.size.height) {
     // First all bricks that it wants, then the pixels that wait for them.
@@ -311,7 +277,7 @@ SurfaceCaster::Progress SurfaceCaster::CastRows(BrickCache& volume, const CastRe
     next.volume = &volume;
     next.content_version = volume.content_version();
   } else if (next.next_row == request.size.height) {
-    p.MaskFinished(next, request.size);
+    MaskFinished(next);
   }
   if (begins || next.next_row == request.size.height) {
     next.missing = 0;
@@ -319,22 +285,21 @@ SurfaceCaster::Progress SurfaceCaster::CastRows(BrickCache& volume, const CastRe
     next.version = volume.version();
   }
   // What the shown picture wants is wanted still.
-  p.CastTo(next, volume, request, std::min(next.next_row + std::max(rows, 1), request.size.height),
-           BrickCache::Marks::kMore);
+  CastTo(next, volume, request, std::min(next.next_row + std::max(rows, 1), request.size.height),
+         BrickCache::Marks::kMore);
   if (next.next_row < request.size.height) return Progress::kMore;
   return next.missing > 0 ? Progress::kWaits : ShowNext();
 }
 
 SurfaceCaster::Progress SurfaceCaster::ShowNext() {
-  std::swap(parts_->shown, parts_->next);
-  ++parts_->casts;
+  std::swap(shown_, next_);
+  ++casts_;
   return Progress::kWhole;
 }
 
-unsigned SurfaceCaster::color() const { return parts_->shown->targets[kColor]; }
-unsigned SurfaceCaster::depth() const { return parts_->shown->targets[kDepth]; }
-unsigned SurfaceCaster::veil_color() const { return parts_->shown->targets[kVeilColor]; }
-unsigned SurfaceCaster::veil_depth() const { return parts_->shown->targets[kVeilDepth]; }
-std::uint64_t SurfaceCaster::casts() const { return parts_->casts; }
+unsigned SurfaceCaster::color() const { return shown_->targets[kColor]; }
+unsigned SurfaceCaster::depth() const { return shown_->targets[kDepth]; }
+unsigned SurfaceCaster::veil_color() const { return shown_->targets[kVeilColor]; }
+unsigned SurfaceCaster::veil_depth() const { return shown_->targets[kVeilDepth]; }
 
 }  // namespace palpate::view

@@ -20,6 +20,8 @@
 #include <memory>
 
 #include "client/view/render/brick_cache.h"
+#include "client/view/render/shader_program.h"
+#include "client/view/render/volume_programs.h"
 #include "client/view/scene/camera.h"
 #include "client/view/scene/view_options.h"
 
@@ -63,13 +65,23 @@ class SurfaceCaster {
   unsigned veil_color() const;  // RGBA8, premultiplied by alpha
   unsigned veil_depth() const;  // R32F, of the nearest layer; 1: none
   // Of all pixels.
-  std::uint64_t casts() const;
+  std::uint64_t casts() const { return casts_; }
 
  private:
+  struct Casting;
+
+  void MaskFinished(const Casting& picture) const;
+  void Draw(const Casting& picture, const BrickCache& volume, const CastRequest& request);
+  void CastTo(Casting& picture, BrickCache& volume, const CastRequest& request, int end_row,
+              BrickCache::Marks marks);
   Progress ShowNext();
 
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
+  VolumePrograms programs_;
+  VolumePrograms veil_programs_;
+  ShaderProgram mask_program_;
+  std::unique_ptr<Casting> shown_;
+  std::unique_ptr<Casting> next_;  // by CastRows
+  std::uint64_t casts_ = 0;
 };
 
 }  // namespace palpate::view

@@ -1,34 +1,25 @@
 #include "client/view/scene/brush_ball.h"
 
 #include <cmath>
-#include <numbers>
 
+#include "client/view/scene/lines.h"
 #include "client/view/scene/solids.h"
 
 namespace palpate::view {
 namespace {
 
 constexpr int kOutlineSides = 96;
-constexpr std::array<std::uint8_t, 4> kBallColor = {90, 225, 255, 80};
+constexpr Rgba8 kBallColor = {90, 225, 255, 80};
 constexpr std::uint8_t kBallBehind = 22;
-constexpr std::array<std::uint8_t, 4> kOutlineColor = {170, 240, 255, 255};
-constexpr std::array<std::uint8_t, 4> kFadeColor = {170, 240, 255, 110};
+constexpr Rgba8 kOutlineColor = {170, 240, 255, 255};
+constexpr Rgba8 kFadeColor = {170, 240, 255, 110};
 constexpr std::uint8_t kOutlineBehind = 150;
 constexpr std::uint8_t kFadeBehind = 60;
 
-void AddOutline(const SphereOutline& outline, const std::array<std::uint8_t, 4>& rgba,
-                std::uint8_t alpha_behind, Overlay& overlay) {
-  const Vec3 across = outline.axis.unitOrthogonal();
-  const Vec3 other = outline.axis.cross(across);
-  const auto corner = [&](int side) -> Eigen::Vector3f {
-    const double angle = 2.0 * std::numbers::pi * side / kOutlineSides;
-    const Vec3 out = std::cos(angle) * across + std::sin(angle) * other;
-    return (outline.center_D + outline.radius_mm * out).cast<float>();
-  };
-  for (int side = 0; side < kOutlineSides; ++side) {
-    overlay.lines.push_back({corner(side), rgba, alpha_behind});
-    overlay.lines.push_back({corner((side + 1) % kOutlineSides), rgba, alpha_behind});
-  }
+void AddOutline(const SphereOutline& outline, const Rgba8& rgba, std::uint8_t alpha_behind,
+                Overlay& overlay) {
+  AddOutline(PolygonAbout(outline.axis, outline.center_D, outline.radius_mm, kOutlineSides), rgba,
+             alpha_behind, overlay);
 }
 
 }  // namespace

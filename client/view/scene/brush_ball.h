@@ -3,8 +3,8 @@
 // Frame: D (mm). Threads: pure.
 #pragma once
 
+#include "client/view/scene/camera.h"
 #include "client/view/scene/overlay.h"
-#include "client/view/scene/projection.h"
 
 namespace palpate::view {
 

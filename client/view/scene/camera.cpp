@@ -1,9 +1,7 @@
 #include "client/view/scene/camera.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstddef>
 #include <numbers>
 
 namespace palpate::view {
@@ -18,6 +16,8 @@ constexpr double kResetElevation_deg = 20.0;
 constexpr double kFitMargin = 1.05;
 // The nearest visible distance, as a share of the distance to the target.
 constexpr double kNearShare = 0.01;
+// Nearer points are beside or behind the eye.
+constexpr double kNearest_mm = 1e-6;
 
 double Radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
@@ -33,36 +33,13 @@ HalfView HalfViewOf(const ImageSize& size) {
   return {shorter * std::max(aspect, 1.0), shorter * std::max(1.0 / aspect, 1.0)};
 }
 
-std::array<Vec3, 8> CornersOf(const Bounds& bounds) {
-  std::array<Vec3, 8> corners;
-  for (std::size_t n = 0; n < corners.size(); ++n) {
-    corners[n] = bounds.min_mm;
-    for (int axis = 0; axis < 3; ++axis) {
-      if (n >> axis & 1) corners[n][axis] = bounds.max_mm[axis];
-    }
-  }
-  return corners;
-}
-
-// Distances along the view.
-struct DepthRange {
-  double near_mm;
-  double far_mm;
-};
-
-DepthRange DepthsOf(const AffineMap& X_VD, double target_mm, const Bounds& bounds) {
-  double nearest = target_mm, farthest = target_mm;
-  for (const Vec3& p_D : CornersOf(bounds)) {
-    const double depth = -X_VD.Apply(p_D).z();
-    nearest = std::min(nearest, depth);
-    farthest = std::max(farthest, depth);
-  }
-  // Room for objects that stick out: a stylus, an arrow.
-  const double margin = 0.5 * (bounds.max_mm - bounds.min_mm).norm() + 0.1 * target_mm;
-  return {std::max(nearest - margin, kNearShare * target_mm), farthest + margin};
-}
-
 }  // namespace
+
+Bounds BoundsOf(const AffineMap& X_DI, const Vec3& min_I, const Vec3& max_I) {
+  const Vec3 middle_mm = X_DI.Apply(0.5 * (min_I + max_I));
+  const Vec3 reach_mm = X_DI.linear.cwiseAbs() * (0.5 * (max_I - min_I)).cwiseAbs();
+  return {middle_mm - reach_mm, middle_mm + reach_mm};
+}
 
 void Camera::Reset(const Bounds& bounds) {
   R_DU_ = Mat3::Identity();
@@ -75,8 +52,9 @@ void Camera::Fit(const Bounds& bounds) {
   const Mat3 R_VD = X_VD().linear;
   const double half = std::tan(Radians(0.5 * kFieldOfView_deg));
   double distance_mm = 0.0;
-  for (const Vec3& p_D : CornersOf(bounds)) {
-    const Vec3 p_V = R_VD * (p_D - middle_D);
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3 side(corner & 1 ? 0.5 : -0.5, corner & 2 ? 0.5 : -0.5, corner & 4 ? 0.5 : -0.5);
+    const Vec3 p_V = R_VD * side.cwiseProduct(bounds.max_mm - bounds.min_mm);
     const double aside = std::max(std::abs(p_V.x()), std::abs(p_V.y()));
     distance_mm = std::max(distance_mm, p_V.z() + kFitMargin * aside / half);
   }
@@ -125,24 +103,25 @@ AffineMap Camera::X_VD() const {
   return X;
 }
 
-Mat4 Camera::ClipFromView(const ImageSize& size, const Bounds& bounds) const {
+Mat4 Camera::ClipFromD(const ImageSize& size, const Bounds& bounds) const {
   const HalfView half = HalfViewOf(size);
-  const auto [near_mm, far_mm] = DepthsOf(X_VD(), distance_mm_, bounds);
+  const AffineMap X = X_VD();
+  const Bounds box_V = BoundsOf(X, bounds.min_mm, bounds.max_mm);
+  // Room for objects that stick out: a stylus, an arrow.
+  const double margin = 0.5 * (bounds.max_mm - bounds.min_mm).norm() + 0.1 * distance_mm_;
+  const double near_mm =
+      std::max(std::min(distance_mm_, -box_V.max_mm.z()) - margin, kNearShare * distance_mm_);
+  const double far_mm = std::max(distance_mm_, -box_V.min_mm.z()) + margin;
   Mat4 clip = Mat4::Zero();
   clip(0, 0) = 1.0 / half.across;
   clip(1, 1) = 1.0 / half.up;
   clip(2, 2) = -(far_mm + near_mm) / (far_mm - near_mm);
   clip(2, 3) = -2.0 * far_mm * near_mm / (far_mm - near_mm);
   clip(3, 2) = -1.0;
-  return clip;
-}
-
-Mat4 Camera::ClipFromD(const ImageSize& size, const Bounds& bounds) const {
-  const AffineMap X = X_VD();
   Mat4 view = Mat4::Identity();
   view.topLeftCorner<3, 3>() = X.linear;
   view.topRightCorner<3, 1>() = X.translation;
-  return ClipFromView(size, bounds) * view;
+  return clip * view;
 }
 
 Ray Camera::RayThrough(double x_px, double y_px, const ImageSize& size) const {
@@ -155,6 +134,30 @@ Ray Camera::RayThrough(double x_px, double y_px, const ImageSize& size) const {
 
 double Camera::MmPerPixel(const ImageSize& size) const {
   return 2.0 * distance_mm_ * HalfViewOf(size).up / std::max(size.height, 1);
+}
+
+Projection::Projection(const Camera& camera, const ImageSize& size)
+    : camera_(camera),
+      size_{std::max(size.width, 1), std::max(size.height, 1)},
+      X_VD_(camera.X_VD()),
+      eye_D_(camera.Eye()) {
+  const HalfView half = HalfViewOf(size_);
+  px_per_slope_ = {0.5 * size_.width / half.across, 0.5 * size_.height / half.up};
+}
+
+std::optional<Eigen::Vector2d> Projection::PixelOf(const Vec3& p_D) const {
+  const Vec3 p_V = X_VD_.Apply(p_D);
+  if (!(-p_V.z() > kNearest_mm)) return std::nullopt;
+  return Eigen::Vector2d(0.5 * size_.width - px_per_slope_.x() * p_V.x() / p_V.z(),
+                         0.5 * size_.height + px_per_slope_.y() * p_V.y() / p_V.z());
+}
+
+double Projection::MmPerPixel(const Vec3& p_D) const {
+  return std::max(-X_VD_.Apply(p_D).z(), kNearest_mm) / px_per_slope_.y();
+}
+
+Ray Projection::RayThrough(const Eigen::Vector2d& at_px) const {
+  return camera_.RayThrough(at_px.x(), at_px.y(), size_);
 }
 
 }  // namespace palpate::view

@@ -1,11 +1,12 @@
-// The camera. It turns about the point that it looks at, and keeps something upright: the device,
-// or the patient.
+// The camera, and where it shows points. It turns about the point that it looks at, and keeps
+// something upright: the device, or the patient.
 //
 // Frames: D device (mm); U what is upright (x right, y up, z to the front); V view (mm, x right,
-// y up, z towards the viewer); pixels from
-// the upper left corner, y down, pixel centres at halves.
+// y up, z towards the viewer); pixels from the upper left corner, y down, pixel centres at halves.
 // Threads: plain values.
 #pragma once
+
+#include <optional>
 
 #include "common/geometry/geometry.h"
 
@@ -29,6 +30,8 @@ struct Bounds {
   Vec3 min_mm = Vec3::Constant(-50.0);
   Vec3 max_mm = Vec3::Constant(50.0);
 };
+// Around a box of another frame, such as I.
+Bounds BoundsOf(const AffineMap& X_DI, const Vec3& min_I, const Vec3& max_I);
 
 class Camera {
  public:
@@ -61,9 +64,8 @@ class Camera {
   AffineMap X_VD() const;
   // OpenGL clip coordinates, depth in [-1, 1]. The near and far planes depend on `bounds` and the
   // target, so that nothing near them is cut.
-  Mat4 ClipFromView(const ImageSize& size, const Bounds& bounds) const;
   Mat4 ClipFromD(const ImageSize& size, const Bounds& bounds) const;
-  // The ray through a point of the image, in D. Pixel centres are at halves.
+  // The ray through a point of the image, in D.
   Ray RayThrough(double x_px, double y_px, const ImageSize& size) const;
   // The length in D that a pixel shows, across the view at the target.
   double MmPerPixel(const ImageSize& size) const;
@@ -76,6 +78,28 @@ class Camera {
   double azimuth_deg_ = 30.0;    // about U's y, 0 from +z
   double elevation_deg_ = 20.0;  // above U's x-z plane
   double distance_mm_ = 300.0;
+};
+
+// Where points are in a picture of this camera, and the way back.
+class Projection {
+ public:
+  Projection(const Camera& camera, const ImageSize& size);
+
+  // None: the point is beside or behind the eye.
+  std::optional<Eigen::Vector2d> PixelOf(const Vec3& p_D) const;
+  // The size of one pixel at a point, in mm; of points beside or behind the eye a very small one.
+  double MmPerPixel(const Vec3& p_D) const;
+  Ray RayThrough(const Eigen::Vector2d& at_px) const;
+  const Vec3& eye_D() const { return eye_D_; }
+  // The columns point right, up and to the viewer.
+  Mat3 R_DV() const { return X_VD_.linear.transpose(); }
+
+ private:
+  Camera camera_;
+  ImageSize size_;
+  AffineMap X_VD_;
+  Vec3 eye_D_;
+  Eigen::Vector2d px_per_slope_;  // to the right and up, for one mm at a depth of one mm
 };
 
 }  // namespace palpate::view

@@ -13,13 +13,10 @@ struct Stop {
 };
 
 constexpr Stop kGray[] = {{0.0, {0, 0, 0}}, {1.0, {255, 255, 255}}};
-
 constexpr Stop kBone[] = {
     {0.0, {0, 0, 0}}, {0.375, {84, 84, 116}}, {0.75, {167, 199, 199}}, {1.0, {255, 255, 255}}};
-
 constexpr Stop kHot[] = {
     {0.0, {0, 0, 0}}, {0.375, {255, 0, 0}}, {0.75, {255, 255, 0}}, {1.0, {255, 255, 255}}};
-
 constexpr Stop kViridis[] = {
     {0.0, {68, 1, 84}},    {0.1, {72, 36, 117}},  {0.2, {65, 68, 135}},  {0.3, {53, 95, 141}},
     {0.4, {42, 120, 142}}, {0.5, {33, 145, 140}}, {0.6, {34, 168, 132}}, {0.7, {68, 191, 112}},
@@ -34,26 +31,13 @@ constexpr Stop kCoolWarm[] = {
     {0.75, {244, 154, 123}},  {0.875, {222, 96, 77}},  {1.0, {180, 4, 38}},
 };
 
-std::span<const Stop> Stops(ColorMap map) {
-  switch (map) {
-    case ColorMap::kGray:
-      return kGray;
-    case ColorMap::kBone:
-      return kBone;
-    case ColorMap::kHot:
-      return kHot;
-    case ColorMap::kViridis:
-      return kViridis;
-    case ColorMap::kCoolWarm:
-      return kCoolWarm;
-  }
-  return kGray;
-}
+constexpr std::span<const Stop> kStops[] = {kGray, kBone, kHot, kViridis,
+                                            kCoolWarm};  // by ColorMap
 
 }  // namespace
 
 std::vector<std::uint8_t> ColorTable(ColorMap map) {
-  const std::span<const Stop> stops = Stops(map);
+  const std::span<const Stop> stops = kStops[static_cast<std::size_t>(map)];
   std::vector<std::uint8_t> table;
   table.reserve(256 * 4);
   std::size_t next = 1;

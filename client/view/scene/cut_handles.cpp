@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
+#include "client/view/scene/distances.h"
+#include "client/view/scene/lines.h"
 #include "client/view/scene/solids.h"
 
 namespace palpate::view {
@@ -23,9 +24,9 @@ constexpr int kRimParts = 64;
 // Where an arrow's line ends for the eye, a drag goes on without end.
 constexpr double kEndless_mm = 1e6;
 
-constexpr std::array<std::uint8_t, 4> kCropColor = {255, 190, 70, 220};
-constexpr std::array<std::uint8_t, 4> kHandleColor = {255, 176, 48, 255};
-constexpr std::array<std::uint8_t, 4> kLitColor = {255, 250, 225, 255};
+constexpr Rgba8 kCropColor = {255, 190, 70, 220};
+constexpr Rgba8 kHandleColor = {255, 176, 48, 255};
+constexpr Rgba8 kLitColor = {255, 250, 225, 255};
 constexpr std::uint8_t kCropBehind = 70;
 constexpr std::uint8_t kHandleBehind = 130;
 
@@ -81,22 +82,8 @@ std::vector<CutHandle> HandlesOf(const CutScene& scene) {
   return handles;
 }
 
-std::array<Vec3, kRimParts> RimOf(const Arrow& plane, double radius_mm) {
-  const Vec3 across = plane.along_D.unitOrthogonal();
-  const Vec3 other = plane.along_D.cross(across);
-  std::array<Vec3, kRimParts> rim;
-  for (int n = 0; n < kRimParts; ++n) {
-    const double angle = 2.0 * std::numbers::pi * n / kRimParts;
-    rim[static_cast<std::size_t>(n)] =
-        plane.origin_D + radius_mm * (std::cos(angle) * across + std::sin(angle) * other);
-  }
-  return rim;
-}
-
-double DistanceToSegment(const Vector2d& p, const Vector2d& from, const Vector2d& to) {
-  const Vector2d way = to - from;
-  const double share = way.squaredNorm() > 0.0 ? (p - from).dot(way) / way.squaredNorm() : 0.0;
-  return (from + std::clamp(share, 0.0, 1.0) * way - p).norm();
+std::vector<Vec3> RimOf(const Arrow& plane, double radius_mm) {
+  return PolygonAbout(plane.along_D, plane.origin_D, radius_mm, kRimParts);
 }
 
 // None: it cannot be taken from here.
@@ -106,7 +93,7 @@ std::optional<double> DistanceToArrow(const Arrow& arrow, const Projection& proj
   const auto from = projection.PixelOf(arrow.origin_D);
   const auto to = projection.PixelOf(arrow.origin_D + length_mm * arrow.along_D);
   if (!from || !to || (*to - *from).norm() < kLeastHandle_px * arrow.scale) return std::nullopt;
-  return DistanceToSegment(at_px, *from, *to);
+  return PixelsToLine(at_px, *from, *to);
 }
 
 struct RimPoint {
@@ -159,14 +146,8 @@ double PlaceAlong(const Arrow& arrow, const Projection& projection, const Vector
   return place_mm;
 }
 
-void AddEdge(const Vec3& from_D, const Vec3& to_D, const std::array<std::uint8_t, 4>& rgba,
-             std::uint8_t alpha_behind, Overlay& overlay) {
-  overlay.lines.push_back({from_D.cast<float>(), rgba, alpha_behind});
-  overlay.lines.push_back({to_D.cast<float>(), rgba, alpha_behind});
-}
-
-void AddArrow(const Arrow& arrow, const std::array<std::uint8_t, 4>& rgba,
-              const Projection& projection, Overlay& overlay) {
+void AddArrow(const Arrow& arrow, const Rgba8& rgba, const Projection& projection,
+              Overlay& overlay) {
   const double px_mm = arrow.Mm(1.0, projection);
   const Paint paint = {rgba, kHandleBehind};
   const double neck_mm = (kArrow_px - kHead_px) * px_mm;
@@ -179,14 +160,10 @@ void AddArrow(const Arrow& arrow, const std::array<std::uint8_t, 4>& rgba,
 }
 
 // A thin ring, so that it is as easy to see as an arrow.
-void AddRim(const Arrow& plane, const std::array<std::uint8_t, 4>& rgba,
-            const Projection& projection, Overlay& overlay) {
+void AddRim(const Arrow& plane, const Rgba8& rgba, const Projection& projection, Overlay& overlay) {
   const double px_mm = plane.Mm(1.0, projection);
   for (const double radius_px : {kDisc_px - 1.0, kDisc_px, kDisc_px + 1.0}) {
-    const auto rim = RimOf(plane, radius_px * px_mm);
-    for (std::size_t n = 0; n < rim.size(); ++n) {
-      AddEdge(rim[n], rim[(n + 1) % rim.size()], rgba, kHandleBehind, overlay);
-    }
+    AddOutline(RimOf(plane, radius_px * px_mm), rgba, kHandleBehind, overlay);
   }
 }
 
@@ -204,11 +181,6 @@ void SetCuts(const Cuts& cuts, SurfaceOptions& surface) {
 Vec3 PointOfFractions(const Vec3& fractions, const Vec3i& lattice_size) {
   const Vec3 cells = (lattice_size + Vec3i::Ones()).cast<double>();
   return fractions.cwiseProduct(cells) - Vec3::Ones();
-}
-
-Vec3 FractionsOf(const Vec3& p_I, const Vec3i& lattice_size) {
-  const Vec3 cells = (lattice_size + Vec3i::Ones()).cast<double>();
-  return (p_I + Vec3::Ones()).cwiseQuotient(cells);
 }
 
 std::array<double, 2> OffsetRange(const Vec3& normal_I, const Vec3i& lattice_size) {
@@ -302,18 +274,8 @@ void CutDrag::Turn(const Vec3& direction_D, CutScene& scene) const {
 
 void AddCropBox(const CutScene& scene, Overlay& overlay) {
   const CropBox& crop = scene.cuts.crop;
-  for (int axis = 0; axis < 3; ++axis) {
-    for (int corner = 0; corner < 4; ++corner) {
-      Vec3 from = crop.min;
-      if (corner & 1) from[(axis + 1) % 3] = crop.max[(axis + 1) % 3];
-      if (corner & 2) from[(axis + 2) % 3] = crop.max[(axis + 2) % 3];
-      Vec3 to = from;
-      to[axis] = crop.max[axis];
-      AddEdge(scene.X_DI.Apply(PointOfFractions(from, scene.lattice_size)),
-              scene.X_DI.Apply(PointOfFractions(to, scene.lattice_size)), kCropColor, kCropBehind,
-              overlay);
-    }
-  }
+  AddBox(scene.X_DI, PointOfFractions(crop.min, scene.lattice_size),
+         PointOfFractions(crop.max, scene.lattice_size), kCropColor, kCropBehind, overlay);
 }
 
 void AddCutHandles(const CutScene& scene, const std::optional<CutHandle>& lit,

@@ -9,8 +9,8 @@
 #include <optional>
 #include <tuple>
 
+#include "client/view/scene/camera.h"
 #include "client/view/scene/overlay.h"
-#include "client/view/scene/projection.h"
 #include "client/view/scene/view_options.h"
 
 namespace palpate::view {
@@ -29,9 +29,8 @@ void SetCuts(const Cuts& cuts, SurfaceOptions& surface);
 // The least share of the volume that stays between two faces of the crop box.
 inline constexpr double kLeastCrop = 0.01;
 
-// A point of the lattice with its layer of background, from fractions of it, and the way back.
+// A point of the lattice with its layer of background, from fractions of it.
 Vec3 PointOfFractions(const Vec3& fractions, const Vec3i& lattice_size);
-Vec3 FractionsOf(const Vec3& p_I, const Vec3i& lattice_size);
 // The offsets at which a plane of this normal cuts nothing of the lattice (the second) and
 // everything (the first); in voxels.
 std::array<double, 2> OffsetRange(const Vec3& normal_I, const Vec3i& lattice_size);

@@ -10,27 +10,20 @@ namespace palpate::view {
 namespace {
 
 // Converts data units to densities with exactly the daemon's operations: H depends on single bits.
-class Normalization {
- public:
-  explicit Normalization(const VolumeLattice& lattice)
-      : min_(lattice.value_min),
-        range_(lattice.value_max - lattice.value_min),
-        inverse_range_(1.0 / range_) {}
+struct Normalization {
+  double min;
+  double range;
+  double inverse_range = 1.0 / range;
 
-  double Density(double value) const { return (value - min_) * inverse_range_; }
+  double Density(double value) const { return (value - min) * inverse_range; }
   // Returns the largest density whose data value is not above the isovalue.
   double OfIsovalue(double isovalue) const {
     double density = Density(isovalue);
-    while (min_ + density * range_ > isovalue) {
+    while (min + density * range > isovalue) {
       density = std::nextafter(density, -std::numeric_limits<double>::infinity());
     }
     return density;
   }
-
- private:
-  double min_;
-  double range_;
-  double inverse_range_;
 };
 
 CellDensities ResolvedCell(const ViewVolume& volume, const Normalization& normalization,
@@ -103,11 +96,12 @@ std::vector<Vec3> HapticPatch(const ViewVolume& volume, double isovalue, Decompo
                               const Vec3& center_I, double radius_voxels) {
   std::vector<Vec3> points;
   if (!volume.lattice() || !center_I.allFinite() || !(radius_voxels >= 0.0)) return points;
-  const Normalization normalization(*volume.lattice());
+  const VolumeLattice& lattice = *volume.lattice();
+  const Normalization normalization{lattice.value_min, lattice.value_max - lattice.value_min};
   const double density = normalization.OfIsovalue(isovalue);
   // In floating point: places far away do not fit an int.
   const Vec3 least = Vec3::Constant(-1.0);
-  const Vec3 most = volume.lattice()->size.cast<double>();
+  const Vec3 most = lattice.size.cast<double>();
   const Vec3 reach = Vec3::Constant(radius_voxels);
   const Vec3 low = (center_I - reach).array().floor().matrix().cwiseMax(least).cwiseMin(most);
   const Vec3 high = (center_I + reach).array().floor().matrix().cwiseMin(most - Vec3::Ones());

@@ -1,5 +1,6 @@
 #include "client/view/scene/orientation_cube.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace palpate::view {
@@ -9,6 +10,9 @@ namespace {
 const double kHalf = 1.0 / std::sqrt(3.0);
 // Thinner faces cannot be read or clicked.
 constexpr double kLeastFacing = 0.05;
+// The sides of kPatientViews.
+constexpr std::array<SignedAxis, 6> kSides_U = {
+    {{2, 1}, {2, -1}, {0, 1}, {0, -1}, {1, 1}, {1, -1}}};
 
 Eigen::Vector2d InPicture(const Vec3& p_V) { return {p_V.x(), -p_V.y()}; }
 
@@ -76,33 +80,19 @@ Mat3 UprightVolume(const Mat3& D_from_I, const Mat3& W_from_I) {
 }
 
 SideView LookFromSide(const Vec3& direction_U, bool of_patient) {
-  int axis = 0;
-  direction_U.cwiseAbs().maxCoeff(&axis);
-  const bool is_positive = direction_U[axis] > 0.0;
-  if (axis == 0) return {is_positive ? 90.0 : -90.0, 0.0};
-  if (axis == 2) return {is_positive ? 0.0 : 180.0, 0.0};
-  // As near as the camera comes.
-  if (is_positive) return {of_patient ? 180.0 : 0.0, 89.0};
-  return {0.0, -89.0};
+  const auto towards = [&](const SignedAxis& side_U) {
+    return side_U.sign * direction_U[side_U.axis];
+  };
+  const auto nearest = std::ranges::max_element(kSides_U, {}, towards);
+  const PatientView& view = kPatientViews[static_cast<std::size_t>(nearest - kSides_U.begin())];
+  const bool is_top = nearest->axis == 1 && nearest->sign > 0;
+  return {is_top && !of_patient ? 0.0 : view.azimuth_deg, view.elevation_deg};
 }
 
 SignedAxis SideOfKey(int key, bool of_patient) {
+  const SignedAxis& side_U = kSides_U[static_cast<std::size_t>(std::clamp(key, 1, 6) - 1)];
   // A patient's left is at the viewer's right.
-  const int left = of_patient ? 1 : -1;
-  switch (key) {
-    case 1:
-      return {2, 1};
-    case 2:
-      return {2, -1};
-    case 3:
-      return {0, left};
-    case 4:
-      return {0, -left};
-    case 5:
-      return {1, 1};
-    default:
-      return {1, -1};
-  }
+  return side_U.axis == 0 && !of_patient ? -side_U : side_U;
 }
 
 }  // namespace palpate::view

@@ -4,8 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "client/view/scene/ghosts.h"
-#include "client/view/scene/letters.h"
+#include "client/view/scene/lines.h"
 #include "client/view/scene/patient_axes.h"
 #include "client/view/scene/solids.h"
 
@@ -14,15 +13,15 @@ namespace {
 
 constexpr std::uint8_t kForceBehind = 100;
 constexpr std::uint8_t kHapticSurfaceBehind = 70;
-constexpr std::array<std::uint8_t, 4> kSpringColor = {245, 245, 245, 230};  // HIP to SCP_H
-constexpr std::array<std::uint8_t, 4> kGapColor = {160, 195, 255, 255};     // SCP_H to SCP_V
-constexpr std::array<std::uint8_t, 4> kBoxColor = {128, 140, 158, 150};
+constexpr Rgba8 kSpringColor = {245, 245, 245, 230};  // HIP to SCP_H
+constexpr Rgba8 kGapColor = {160, 195, 255, 255};     // SCP_H to SCP_V
+constexpr Rgba8 kBoxColor = {128, 140, 158, 150};
 constexpr Paint kPenBody = {{66, 74, 88, 255}, kGhostBody};
 constexpr Paint kPenGrip = {{128, 138, 152, 255}, kGhostBody};
 constexpr Paint kPenTip = {{205, 208, 212, 255}, kGhostBody};
 // The line from HIP to the target of a led hand: without force, and at the greatest force.
-constexpr std::array<std::uint8_t, 4> kTargetColor = {255, 255, 255, 255};
-constexpr std::array<std::uint8_t, 4> kStrainColor = {255, 60, 30, 255};
+constexpr Rgba8 kTargetColor = {255, 255, 255, 255};
+constexpr Rgba8 kStrainColor = {255, 60, 30, 255};
 constexpr std::uint8_t kTargetBehind = 210;
 constexpr double kTargetRadius_px = 11.0;
 
@@ -33,49 +32,18 @@ constexpr double kSparse_px = 36.0;
 constexpr double kLetter_px = 16.0;
 constexpr double kDash_px = 5.0;
 
-// The size of one pixel at a point, in mm.
-class PixelSize {
- public:
-  PixelSize(const Camera& camera, const ImageSize& size)
-      : X_VD_(camera.X_VD()),
-        // The second row of a perspective matrix maps height divided by depth to half pictures.
-        per_mm_of_depth_(2.0 /
-                         (camera.ClipFromView(size, Bounds{})(1, 1) * std::max(size.height, 1))) {}
-
-  double At(const Vec3& p_D) const {
-    constexpr double kLeastDepth_mm = 1e-3;  // for points beside or behind the eye
-    return per_mm_of_depth_ * std::max(-X_VD_.Apply(p_D).z(), kLeastDepth_mm);
-  }
-
- private:
-  AffineMap X_VD_;
-  double per_mm_of_depth_;
-};
-
-void AddLine(const Vec3& from_D, const Vec3& to_D, const std::array<std::uint8_t, 4>& rgba,
-             std::uint8_t alpha_behind, Overlay& overlay) {
-  overlay.lines.push_back({from_D.cast<float>(), rgba, alpha_behind});
-  overlay.lines.push_back({to_D.cast<float>(), rgba, alpha_behind});
-}
-
 // Solid in front of the surface, dashed behind it.
-void AddLink(const Vec3& from_D, const Vec3& to_D, const std::array<std::uint8_t, 4>& rgba,
-             const PixelSize& pixel, Overlay& overlay) {
+void AddLink(const Vec3& from_D, const Vec3& to_D, const Rgba8& rgba, const Projection& projection,
+             Overlay& overlay) {
   AddLine(from_D, to_D, rgba, 0, overlay);
-  AddGhostDashes(from_D, to_D, kDash_px * pixel.At(from_D), rgba, overlay);
+  AddGhostDashes(from_D, to_D, kDash_px * projection.MmPerPixel(from_D), rgba, overlay);
 }
 
 // A polygon that faces the eye. Its first corner is at the angle from the view's right.
 std::vector<Vec3> FacingPolygon(const Vec3& center_D, double radius_mm, int corners,
                                 double first_deg, const Mat3& R_DV) {
-  std::vector<Vec3> polygon;
-  for (int n = 0; n < corners; ++n) {
-    const double angle =
-        first_deg * std::numbers::pi / 180.0 + 2.0 * std::numbers::pi * n / corners;
-    polygon.push_back(center_D +
-                      radius_mm * (std::cos(angle) * R_DV.col(0) + std::sin(angle) * R_DV.col(1)));
-  }
-  return polygon;
+  return Polygon(center_D, radius_mm, corners, R_DV.col(0), R_DV.col(1),
+                 first_deg * std::numbers::pi / 180.0);
 }
 
 // Shapes that look different at the size of a few pixels: they keep their side to the eye.
@@ -98,31 +66,29 @@ void AddScpV(const Vec3& p_D, double radius_mm, const Mat3& R_DV, Overlay& overl
   AddGhostOutline(FacingPolygon(p_D, 1.25 * radius_mm, 4, 0.0, R_DV), kScpVColor, overlay);
 }
 
-void AddPoints(const client::Pose& pose, const Camera& camera, const PixelSize& pixel,
-               Overlay& overlay) {
-  const Mat3 R_DV = camera.X_VD().linear.transpose();
-  const auto radius_mm = [&](const Vec3& p_D) { return kPointRadius_px * pixel.At(p_D); };
+void AddPoints(const client::Pose& pose, const Projection& projection, Overlay& overlay) {
+  const Mat3 R_DV = projection.R_DV();
+  const auto radius_mm = [&](const Vec3& p_D) {
+    return kPointRadius_px * projection.MmPerPixel(p_D);
+  };
   AddHip(pose.hip_mm, radius_mm(pose.hip_mm), R_DV, overlay);
   if (pose.scp_h_mm != pose.hip_mm) {
     AddScpH(pose.scp_h_mm, radius_mm(pose.scp_h_mm), R_DV, overlay);
-    AddLink(pose.hip_mm, pose.scp_h_mm, kSpringColor, pixel, overlay);
+    AddLink(pose.hip_mm, pose.scp_h_mm, kSpringColor, projection, overlay);
   }
   if (pose.scp_v_mm) {
     AddScpV(*pose.scp_v_mm, radius_mm(*pose.scp_v_mm), R_DV, overlay);
-    AddLink(pose.scp_h_mm, *pose.scp_v_mm, kGapColor, pixel, overlay);
+    AddLink(pose.scp_h_mm, *pose.scp_v_mm, kGapColor, projection, overlay);
   }
 }
 
 // A ring where the hand wants to be, and a band to HIP: long and red if the surface resists.
-void AddHandTarget(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
-                   Overlay& overlay) {
+void AddHandTarget(const OverlayScene& scene, const Projection& projection, Overlay& overlay) {
   const Vec3& target_D = *scene.hand_target_D;
-  const Mat3 R_DV = camera.X_VD().linear.transpose();
-  const double px_mm = pixel.At(target_D);
+  const Mat3 R_DV = projection.R_DV();
+  const double px_mm = projection.MmPerPixel(target_D);
   const auto ring = FacingPolygon(target_D, kTargetRadius_px * px_mm, 24, 0.0, R_DV);
-  for (std::size_t n = 0; n < ring.size(); ++n) {
-    AddLine(ring[n], ring[(n + 1) % ring.size()], kTargetColor, kTargetBehind, overlay);
-  }
+  AddOutline(ring, kTargetColor, kTargetBehind, overlay);
   const Vec3 from_hip_D = target_D - scene.pose->hip_mm;
   const double length_mm = from_hip_D.norm();
   if (length_mm < px_mm) return;
@@ -141,13 +107,13 @@ void AddHandTarget(const OverlayScene& scene, const Camera& camera, const PixelS
   AddTurned(scene.pose->hip_mm, from_hip_D / length_mm, rings, overlay.solids);
 }
 
-void AddForce(const client::Pose& pose, double max_force_n, const PixelSize& pixel,
+void AddForce(const client::Pose& pose, double max_force_n, const Projection& projection,
               Overlay& overlay) {
   const double force_n = pose.force_n.norm();
   if (!(max_force_n > 0.0)) return;
   const double length_px = kGreatestForce_px * force_n / max_force_n;
   if (!(length_px > kLeastArrow_px)) return;
-  const double px_mm = pixel.At(pose.scp_h_mm);
+  const double px_mm = projection.MmPerPixel(pose.scp_h_mm);
   const double head_px = std::min(16.0, length_px);
   const Paint paint = {kForceColor, kForceBehind};
   const double neck_mm = (length_px - head_px) * px_mm;
@@ -161,8 +127,7 @@ void AddForce(const client::Pose& pose, double max_force_n, const PixelSize& pix
 
 // Sizes in mm, because the stylus is an object of the workspace. Its tip is at HIP, and it points
 // along its own -z.
-void AddStylus(const client::Pose& pose, const Camera& camera, const PixelSize& pixel,
-               Overlay& overlay) {
+void AddStylus(const client::Pose& pose, const Projection& projection, Overlay& overlay) {
   static constexpr Ring kRings[] = {
       {0.0, 0.0, kPenTip},   {1.0, 0.35, kPenTip},  {14.0, 2.3, kPenGrip}, {15.0, 2.7, kPenGrip},
       {26.0, 2.9, kPenGrip}, {26.6, 2.6, kPenBody}, {27.2, 2.9, kPenBody}, {66.0, 2.9, kPenBody},
@@ -170,8 +135,8 @@ void AddStylus(const client::Pose& pose, const Camera& camera, const PixelSize& 
   const Vec3 away_from_tip =
       Eigen::Quaterniond(pose.stylus_orientation).normalized() * Vec3::UnitZ();
   AddTurned(pose.hip_mm, away_from_tip, kRings, overlay.solids);
-  AddGhostEdges(pose.hip_mm, away_from_tip, kRings, camera.Eye(), kDash_px * pixel.At(pose.hip_mm),
-                overlay);
+  AddGhostEdges(pose.hip_mm, away_from_tip, kRings, projection.eye_D(),
+                kDash_px * projection.MmPerPixel(pose.hip_mm), overlay);
 }
 
 // Where V and H coincide, half of a line's width would lie behind a slanted surface. So lines move
@@ -180,14 +145,13 @@ void AddStylus(const client::Pose& pose, const Camera& camera, const PixelSize& 
 // - by a fraction of a voxel, so small that a line between V and H stays between them
 // Lines that V hides by less than a voxel are faintly visible. Lines farther behind V are hidden,
 // because they would only confuse.
-void AddHapticSurface(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
-                      Overlay& overlay) {
-  const Vec3 eye_D = camera.Eye();
+void AddHapticSurface(const OverlayScene& scene, const Projection& projection, Overlay& overlay) {
+  const Vec3 eye_D = projection.eye_D();
   const double voxel_mm = scene.X_DI->linear.colwise().norm().minCoeff();
   const auto add = [&](double nearer_voxels, std::uint8_t alpha) {
     for (const Vec3& p_I : scene.haptic_lines_I) {
       const Vec3 p_D = scene.X_DI->Apply(p_I);
-      const double px_mm = pixel.At(p_D);
+      const double px_mm = projection.MmPerPixel(p_D);
       const double nearer_mm = nearer_voxels * voxel_mm + 0.5 * px_mm;
       // From afar, lines are so dense that they would cover the surface.
       const double share = std::clamp(voxel_mm / px_mm / kSparse_px, 0.2, 1.0);
@@ -201,30 +165,13 @@ void AddHapticSurface(const OverlayScene& scene, const Camera& camera, const Pix
   add(0.02, kHapticSurfaceColor[3]);
 }
 
-// The box follows the outer faces of the outermost voxels.
-void AddBox(const AffineMap& X_DI, const Vec3i& lattice_size, Overlay& overlay) {
-  const Vec3 least = Vec3::Constant(-0.5);
-  const Vec3 edges = lattice_size.cast<double>();
-  for (int axis = 0; axis < 3; ++axis) {
-    for (int corner = 0; corner < 4; ++corner) {
-      Vec3 from_I = least;
-      if (corner & 1) from_I[(axis + 1) % 3] += edges[(axis + 1) % 3];
-      if (corner & 2) from_I[(axis + 2) % 3] += edges[(axis + 2) % 3];
-      Vec3 to_I = from_I;
-      to_I[axis] += edges[axis];
-      AddLine(X_DI.Apply(from_I), X_DI.Apply(to_I), kBoxColor, 0, overlay);
-    }
-  }
-}
-
 // Beside the middle of each face. A letter on the line of sight would tell nothing, and cover what
 // is looked at.
-void AddBoxLetters(const OverlayScene& scene, const Camera& camera, const PixelSize& pixel,
-                   Overlay& overlay) {
+void AddBoxLetters(const OverlayScene& scene, const Projection& projection, Overlay& overlay) {
   constexpr double kAlongSight = 0.8;
   const Vec3 edges = scene.lattice_size.cast<double>();
   const Vec3 center_D = scene.X_DI->Apply(0.5 * (edges - Vec3::Ones()));
-  const Mat3 R_DV = camera.X_VD().linear.transpose();
+  const Mat3 R_DV = projection.R_DV();
   for (int face = 0; face < 6; ++face) {
     const int axis = face / 2;
     const double sign = face % 2 == 0 ? 1.0 : -1.0;
@@ -232,7 +179,7 @@ void AddBoxLetters(const OverlayScene& scene, const Camera& camera, const PixelS
     const Vec3 outward_D = to_face_D.normalized();
     if (std::abs(outward_D.dot(R_DV.col(2))) > kAlongSight) continue;
     const Vec3 face_D = center_D + to_face_D;
-    const double height_mm = kLetter_px * pixel.At(face_D);
+    const double height_mm = kLetter_px * projection.MmPerPixel(face_D);
     AddLetters(LettersOf(sign * scene.P_from_I->col(axis)), face_D + height_mm * outward_D,
                height_mm * R_DV.col(0), height_mm * R_DV.col(1), overlay);
   }
@@ -243,19 +190,21 @@ void AddBoxLetters(const OverlayScene& scene, const Camera& camera, const PixelS
 Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, const Camera& camera,
                      const ImageSize& size) {
   Overlay overlay;
-  const PixelSize pixel(camera, size);
+  const Projection projection(camera, size);
   if (scene.X_DI && options.box && (scene.lattice_size.array() > 0).all()) {
-    AddBox(*scene.X_DI, scene.lattice_size, overlay);
-    if (scene.P_from_I && options.letters) AddBoxLetters(scene, camera, pixel, overlay);
+    // Along the outer faces of the outermost voxels.
+    const Vec3 min_I = Vec3::Constant(-0.5);
+    AddBox(*scene.X_DI, min_I, min_I + scene.lattice_size.cast<double>(), kBoxColor, 0, overlay);
+    if (scene.P_from_I && options.letters) AddBoxLetters(scene, projection, overlay);
   }
   if (scene.X_DI && options.haptic_surface) {
-    AddHapticSurface(scene, camera, pixel, overlay);
+    AddHapticSurface(scene, projection, overlay);
   }
   if (!scene.pose) return overlay;
-  if (options.points) AddPoints(*scene.pose, camera, pixel, overlay);
-  if (options.force) AddForce(*scene.pose, scene.max_force_n, pixel, overlay);
-  if (options.stylus) AddStylus(*scene.pose, camera, pixel, overlay);
-  if (scene.hand_target_D) AddHandTarget(scene, camera, pixel, overlay);
+  if (options.points) AddPoints(*scene.pose, projection, overlay);
+  if (options.force) AddForce(*scene.pose, scene.max_force_n, projection, overlay);
+  if (options.stylus) AddStylus(*scene.pose, projection, overlay);
+  if (scene.hand_target_D) AddHandTarget(scene, projection, overlay);
   return overlay;
 }
 

@@ -20,16 +20,18 @@
 
 namespace palpate::view {
 
+using Rgba8 = std::array<std::uint8_t, 4>;  // red, green, blue, alpha
+
 struct SolidVertex {
   Eigen::Vector3f position_D;
   Eigen::Vector3f normal;  // of length 1
-  std::array<std::uint8_t, 4> rgba;
+  Rgba8 rgba;
   std::uint8_t alpha_behind = 0;  // where the surface hides it; 0: invisible there
 };
 struct LineVertex {
   Eigen::Vector3f position_D;
-  std::array<std::uint8_t, 4> rgba;  // alpha 0: visible only where the surface hides it
-  std::uint8_t alpha_behind = 0;     // where the surface hides it; 0: invisible there
+  Rgba8 rgba;                     // alpha 0: visible only where the surface hides it
+  std::uint8_t alpha_behind = 0;  // where the surface hides it; 0: invisible there
 };
 
 struct Overlay {
@@ -38,12 +40,11 @@ struct Overlay {
 };
 
 // Colours of the three points in all pictures, plots and panels.
-inline constexpr std::array<std::uint8_t, 4> kHipColor = {235, 75, 60, 255};
-inline constexpr std::array<std::uint8_t, 4> kScpHColor = {60, 200, 90, 255};
-inline constexpr std::array<std::uint8_t, 4> kScpVColor = {70, 130, 255, 255};
-inline constexpr std::array<std::uint8_t, 4> kForceColor = {255, 205, 60, 255};
-
-inline constexpr std::array<std::uint8_t, 4> kHapticSurfaceColor = {200, 60, 190, 255};
+inline constexpr Rgba8 kHipColor = {235, 75, 60, 255};
+inline constexpr Rgba8 kScpHColor = {60, 200, 90, 255};
+inline constexpr Rgba8 kScpVColor = {70, 130, 255, 255};
+inline constexpr Rgba8 kForceColor = {255, 205, 60, 255};
+inline constexpr Rgba8 kHapticSurfaceColor = {200, 60, 190, 255};
 
 // Sizes on the screen that do not change when the camera moves.
 inline constexpr double kPointRadius_px = 7.0;

@@ -1,4 +1,4 @@
-// Words for a value and a place of the volume.
+// Words and sizes for people: values and places of the volume, lengths in a picture.
 //
 // Frame: W (mm). Threads: pure functions.
 #pragma once
@@ -18,5 +18,16 @@ std::string PlaceText(const Vec3& p_P, bool of_patient);
 
 // The length in D, in mm, of one mm of the volume. 1 if the volume's place is not known.
 double DeviceMmPerMm(const ViewVolume& volume);
+
+// A bar of a round length, so that sizes in a picture can be read.
+struct ScaleBar {
+  double length_mm = 0.0;  // 1, 2 or 5 times a power of ten; 0: none
+  double length_px = 0.0;
+};
+
+// The longest bar of at most `most_px`.
+ScaleBar FitScaleBar(double mm_per_px, double most_px);
+// "50 mm", "0.02 mm".
+std::string TextOf(const ScaleBar& bar);
 
 }  // namespace palpate::view

@@ -45,6 +45,22 @@ void AddFlat(const Vec3& a_D, const Vec3& b_D, const Vec3& c_D, const Paint& pai
 
 }  // namespace
 
+std::vector<Vec3> Polygon(const Vec3& center_D, double radius_mm, int corners, const Vec3& x,
+                          const Vec3& y, double first_rad) {
+  std::vector<Vec3> polygon;
+  for (int n = 0; n < corners; ++n) {
+    const double angle = first_rad + 2.0 * std::numbers::pi * n / corners;
+    polygon.push_back(center_D + radius_mm * (std::cos(angle) * x + std::sin(angle) * y));
+  }
+  return polygon;
+}
+
+std::vector<Vec3> PolygonAbout(const Vec3& axis, const Vec3& center_D, double radius_mm,
+                               int corners) {
+  const Vec3 across = axis.unitOrthogonal();
+  return Polygon(center_D, radius_mm, corners, across, axis.cross(across));
+}
+
 void AddCube(const Vec3& center_D, double half_edge_mm, const Mat3& R_DB, const Paint& paint,
              std::vector<SolidVertex>& solids) {
   for (int face = 0; face < 6; ++face) {
@@ -79,12 +95,7 @@ void AddSphere(const Vec3& center_D, double radius_mm, const Paint& paint,
 
 void AddTurned(const Vec3& origin_D, const Vec3& axis, std::span<const Ring> rings,
                std::vector<SolidVertex>& solids) {
-  const Vec3 across = axis.unitOrthogonal();
-  const Vec3 other = axis.cross(across);
-  const auto outwards = [&](int side) -> Vec3 {
-    const double angle = 2.0 * std::numbers::pi * side / kSides;
-    return std::cos(angle) * across + std::sin(angle) * other;
-  };
+  const std::vector<Vec3> outwards = PolygonAbout(axis, Vec3::Zero(), 1.0, kSides);
   for (std::size_t n = 0; n + 1 < rings.size(); ++n) {
     const Ring& low = rings[n];
     const Ring& high = rings[n + 1];
@@ -94,8 +105,8 @@ void AddTurned(const Vec3& origin_D, const Vec3& axis, std::span<const Ring> rin
       return Vertex(origin_D + ring.along_mm * axis + ring.radius_mm * out, normal.normalized(),
                     low.paint);
     };
-    for (int side = 0; side < kSides; ++side) {
-      const Vec3 here = outwards(side), next = outwards((side + 1) % kSides);
+    for (std::size_t side = 0; side < kSides; ++side) {
+      const Vec3 &here = outwards[side], &next = outwards[(side + 1) % kSides];
       if (low.radius_mm > 0.0) {
         solids.insert(solids.end(), {vertex(low, here), vertex(low, next), vertex(high, next)});
       }

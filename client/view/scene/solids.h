@@ -1,18 +1,28 @@
-// Bodies made of triangles: spheres, bodies with flat faces, and bodies turned about an axis.
+// Bodies made of triangles: spheres, bodies with flat faces, and bodies turned about an axis; and
+// the polygons from which round ones are made.
 //
 // Frame: D (mm). Threads: pure.
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "client/view/scene/overlay.h"
 
 namespace palpate::view {
 
 struct Paint {
-  std::array<std::uint8_t, 4> rgba = {255, 255, 255, 255};
+  Rgba8 rgba = {255, 255, 255, 255};
   std::uint8_t alpha_behind = 0;
 };
+
+// A regular polygon. `x` and `y` have length 1 and are at right angles; the first corner is at
+// `first_rad` from x towards y.
+std::vector<Vec3> Polygon(const Vec3& center_D, double radius_mm, int corners, const Vec3& x,
+                          const Vec3& y, double first_rad = 0.0);
+// A regular polygon across an axis of length 1.
+std::vector<Vec3> PolygonAbout(const Vec3& axis, const Vec3& center_D, double radius_mm,
+                               int corners);
 
 // For a sphere that is small on the screen: its corners are visible on a large one.
 void AddSphere(const Vec3& center_D, double radius_mm, const Paint& paint,

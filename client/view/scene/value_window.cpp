@@ -6,9 +6,9 @@
 namespace palpate::view {
 namespace {
 
-constexpr double kAir = -900.0;
+constexpr double kAir_HU = -900.0;
 constexpr double kLeastOfAScanner = -4096.0;
-constexpr double kBone = 300.0;
+constexpr double kBone_HU = 300.0;
 // Of the volume's range.
 constexpr double kNarrowest = 1e-3;
 constexpr double kWidest = 4.0;
@@ -17,8 +17,8 @@ constexpr double kWidest = 4.0;
 
 bool HasHounsfieldUnits(const VolumeLattice& lattice) {
   if (!lattice.unit.empty()) return lattice.unit == "HU";
-  return lattice.type == LeafType::kInt16 && lattice.value_min <= kAir &&
-         lattice.value_min >= kLeastOfAScanner && lattice.value_max >= kBone;
+  return lattice.type == LeafType::kInt16 && lattice.value_min <= kAir_HU &&
+         lattice.value_min >= kLeastOfAScanner && lattice.value_max >= kBone_HU;
 }
 
 ValueWindow WholeRange(const VolumeLattice& lattice) {

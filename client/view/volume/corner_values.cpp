@@ -1,6 +1,8 @@
 #include "client/view/volume/corner_values.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <type_traits>
 
 namespace palpate::view {
 namespace {
@@ -18,14 +20,13 @@ bool StoreRow(const U* from, T* to, int count) {
   constexpr bool kFits = std::is_same_v<T, U> || std::is_same_v<T, float> ||
                          (std::is_same_v<U, std::uint8_t> && sizeof(T) > 1);
   if constexpr (kFits) {
-    for (int k = 0; k < count; ++k) to[k] = static_cast<T>(from[k]);
-    return true;
-  } else {
-    for (int k = 0; k < count; ++k) {
-      if (!Store(static_cast<float>(from[k]), to + k, 1)) return false;
-    }
+    std::copy_n(from, count, to);
     return true;
   }
+  for (int k = 0; k < count; ++k) {
+    if (!Store(static_cast<float>(from[k]), to + k, 1)) return false;
+  }
+  return true;
 }
 
 // A part of a target: `count` corners along each axis.
@@ -66,49 +67,41 @@ struct Part {
 }  // namespace
 
 template <class T>
-bool CopyCorners(const ViewVolume& volume, const Vec3i& cell_brick, const CornerTarget<T>& to) {
+bool CornerTarget<T>::Copy(const ViewVolume& volume, const Vec3i& cell_brick) const {
   const VolumeLattice& lattice = *volume.lattice();
   const Vec3i counts = lattice.BrickCounts();
   for (int n = 0; n < 8; ++n) {
     // The first corner along an axis is the last voxel of the brick before.
     const Vec3i before(n >> 2, n >> 1 & 1, n & 1);
     const Vec3i after = Vec3i::Ones() - before;
-    T* const first = to.first + after.x() * to.image + after.y() * to.row + after.z();
-    const Part<T> part{{first, to.row, to.image}, Vec3i::Ones() + after * (kBrickEdge - 1)};
+    T* const begin = first + after.x() * image + after.y() * row + after.z();
+    const Part<T> part{{begin, row, image}, Vec3i::Ones() + after * (kBrickEdge - 1)};
     const Vec3i brick = cell_brick - before;
-    if ((brick.array() < 0).any() || (brick.array() >= counts.array()).any()) {
-      if (!part.Fill(lattice.Background())) return false;
-      continue;
-    }
+    const bool is_within = (brick.array() >= 0).all() && (brick.array() < counts.array()).all();
     const Vec3i extent = (lattice.size - brick * kBrickEdge).cwiseMin(kBrickEdge);
-    if (!part.Copy(*volume.bricks().At(brick), before * (kBrickEdge - 1), extent,
-                   lattice.Background())) {
-      return false;
-    }
+    const bool fits = is_within ? part.Copy(*volume.bricks().At(brick), before * (kBrickEdge - 1),
+                                            extent, lattice.Background())
+                                : part.Fill(lattice.Background());
+    if (!fits) return false;
   }
   return true;
 }
 
 template <class T>
-bool CopyCoarseCorners(const ViewVolume& volume, const Vec3i& block, const CornerTarget<T>& to) {
-  const Part<T> part{to, Vec3i::Constant(kCornerEdge)};
-  const Vec3i first = block * kBrickEdge * kBrickEdge - Vec3i::Ones();
-  return part.ForEachRow([&](int i, int j, T* row) {
+bool CornerTarget<T>::CopyCoarse(const ViewVolume& volume, const Vec3i& block) const {
+  const Part<T> part{*this, Vec3i::Constant(kCornerEdge)};
+  const Vec3i voxel = block * kBrickEdge * kBrickEdge - Vec3i::Ones();
+  return part.ForEachRow([&](int i, int j, T* to) {
     for (int k = 0; k < kCornerEdge; ++k) {
-      if (!Store(volume.Value(first + Vec3i(i, j, k) * kBrickEdge), row + k, 1)) return false;
+      if (!Store(volume.Value(voxel + Vec3i(i, j, k) * kBrickEdge), to + k, 1)) return false;
     }
     return true;
   });
 }
 
-template bool CopyCorners(const ViewVolume&, const Vec3i&, const CornerTarget<std::uint8_t>&);
-template bool CopyCorners(const ViewVolume&, const Vec3i&, const CornerTarget<std::int16_t>&);
-template bool CopyCorners(const ViewVolume&, const Vec3i&, const CornerTarget<std::uint16_t>&);
-template bool CopyCorners(const ViewVolume&, const Vec3i&, const CornerTarget<float>&);
-template bool CopyCoarseCorners(const ViewVolume&, const Vec3i&, const CornerTarget<std::uint8_t>&);
-template bool CopyCoarseCorners(const ViewVolume&, const Vec3i&, const CornerTarget<std::int16_t>&);
-template bool CopyCoarseCorners(const ViewVolume&, const Vec3i&,
-                                const CornerTarget<std::uint16_t>&);
-template bool CopyCoarseCorners(const ViewVolume&, const Vec3i&, const CornerTarget<float>&);
+template struct CornerTarget<std::uint8_t>;
+template struct CornerTarget<std::int16_t>;
+template struct CornerTarget<std::uint16_t>;
+template struct CornerTarget<float>;
 
 }  // namespace palpate::view

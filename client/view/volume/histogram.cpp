@@ -1,6 +1,7 @@
 #include "client/view/volume/histogram.h"
 
 #include <cmath>
+#include <type_traits>
 
 namespace palpate::view {
 namespace {
@@ -23,14 +24,6 @@ bool HasValue(int bin, int steps) {
 
 Histogram::Histogram(double min, double max)
     : min_(min), max_(max), bins_per_unit_(max > min ? kBins / (max - min) : 0.0) {}
-
-void Histogram::Add(std::span<const float> values) {
-  for (const float value : values) ++counts_[BinOf(value)];
-}
-
-void Histogram::Remove(std::span<const float> values) {
-  for (const float value : values) --counts_[BinOf(value)];
-}
 
 Histogram::Bars Histogram::bars() const {
   const int steps = Steps();
@@ -61,6 +54,40 @@ bool Histogram::FitSteps(int steps) const {
     last = value;
   }
   return true;
+}
+
+VoxelCounts::~VoxelCounts() {
+  for (std::size_t n = 0; n < counts_.size(); ++n) {
+    if (counts_[n] != 0)
+      histogram_.Add(static_cast<float>(static_cast<int>(n) + kLeast), counts_[n]);
+  }
+}
+
+void VoxelCounts::Count(const TypedBrick& brick, const Vec3i& end, int sign) {
+  if (brick.is_constant()) {
+    histogram_.Add(brick[0], sign * end.prod());
+    return;
+  }
+  VisitType(brick.type(), [&](auto voxel) {
+    using T = decltype(voxel);
+    const T* const values = brick.values<T>();
+    const auto count = [&](const T* row, int length) {
+      if constexpr (std::is_same_v<T, float>) {
+        for (int k = 0; k < length; ++k) histogram_.Add(row[k], sign);
+      } else {
+        if (counts_.empty()) counts_.resize((1 << 16) - kLeast);
+        std::int64_t* const from_zero = counts_.data() - kLeast;
+        for (int k = 0; k < length; ++k) from_zero[row[k]] += sign;
+      }
+    };
+    if (end == Vec3i::Constant(kBrickEdge)) {
+      count(values, kBrickVoxels);
+      return;
+    }
+    for (int i = 0; i < end.x(); ++i) {
+      for (int j = 0; j < end.y(); ++j) count(values + VoxelInBrick(i, j, 0), end.z());
+    }
+  });
 }
 
 }  // namespace palpate::view

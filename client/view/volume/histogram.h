@@ -5,8 +5,9 @@
 
 #include <array>
 #include <cstdint>
-#include <span>
 #include <vector>
+
+#include "common/bricks/typed_brick.h"
 
 namespace palpate::view {
 
@@ -18,12 +19,10 @@ class Histogram {
   // Equal bins over min .. max. Values outside count in the first and the last bin.
   Histogram(double min, double max);
 
-  void Add(std::span<const float> values);
-  // Removes values that were added before.
-  void Remove(std::span<const float> values);
-  // Adds one value this many times.
-  void Add(float value, std::uint64_t times) { counts_[BinOf(value)] += times; }
-  void Remove(float value, std::uint64_t times) { counts_[BinOf(value)] -= times; }
+  // Adds a value this many times. A negative number removes what was added before.
+  void Add(float value, std::int64_t times) {
+    counts_[BinOf(value)] += static_cast<std::uint64_t>(times);
+  }
 
   int BinOf(float value) const {
     const double bin = (static_cast<double>(value) - min_) * bins_per_unit_;
@@ -54,6 +53,26 @@ class Histogram {
   double max_ = 1.0;
   double bins_per_unit_ = kBins;
   std::array<std::uint64_t, kBins> counts_{};
+};
+
+// Counts voxels of integer types by value, and adds the sums to a histogram at the end: a voxel
+// then costs one addition.
+class VoxelCounts {
+ public:
+  explicit VoxelCounts(Histogram& histogram) : histogram_(histogram) {}
+  ~VoxelCounts();
+  VoxelCounts(const VoxelCounts&) = delete;
+  VoxelCounts& operator=(const VoxelCounts&) = delete;
+
+  // Adds (1) or removes (-1) the voxels of a brick before `end` along each axis.
+  void Count(const TypedBrick& brick, const Vec3i& end, int sign);
+
+ private:
+  // From -2^15 to 2^16 - 1.
+  static constexpr int kLeast = -(1 << 15);
+
+  Histogram& histogram_;
+  std::vector<std::int64_t> counts_;  // empty: no integers yet
 };
 
 }  // namespace palpate::view

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 #include <utility>
 
-#include "client/view/volume/brick_parts.h"
 #include "common/isosurface/cell.h"
 
 namespace palpate::view {
@@ -63,6 +63,48 @@ CellBricks LowerLayers(const Vec3i& shift) {
     places[n] = at.cwiseProduct(shift) == Vec3i::Zero();
   }
   return places;
+}
+
+template <class T>
+ValueRange RangeOfAll(const T* values) {
+  if constexpr (std::is_same_v<T, float>) {
+    const Eigen::Map<const Eigen::Array<float, kBrickVoxels, 1>> all(values);
+    return {all.minCoeff(), all.maxCoeff()};
+  } else {
+    T least = values[0];
+    T most = values[0];
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      least = std::min(least, values[n]);
+      most = std::max(most, values[n]);
+    }
+    return {static_cast<float>(least), static_cast<float>(most)};
+  }
+}
+
+template <class T>
+ValueRange RangeWithin(const T* values, const Vec3i& first, const Vec3i& end) {
+  T least = values[VoxelInBrick(first.x(), first.y(), first.z())];
+  T most = least;
+  for (int i = first.x(); i < end.x(); ++i) {
+    for (int j = first.y(); j < end.y(); ++j) {
+      const T* const row = values + VoxelInBrick(i, j, 0);
+      for (int k = first.z(); k < end.z(); ++k) {
+        least = row[k] < least ? row[k] : least;
+        most = row[k] > most ? row[k] : most;
+      }
+    }
+  }
+  return {static_cast<float>(least), static_cast<float>(most)};
+}
+
+// The range of a brick's voxels from `first` to before `end` along each axis.
+ValueRange RangeOfPart(const TypedBrick& brick, const Vec3i& first, const Vec3i& end) {
+  if (brick.is_constant()) return {brick[0], brick[0]};
+  return VisitType(brick.type(), [&](auto voxel) {
+    const auto* const values = brick.values<decltype(voxel)>();
+    const bool is_all = first == Vec3i::Zero() && end == Vec3i::Constant(kBrickEdge);
+    return is_all ? RangeOfAll(values) : RangeWithin(values, first, end);
+  });
 }
 
 }  // namespace
@@ -134,12 +176,6 @@ bool ViewVolume::IsAwaited(const Vec3i& brick) const {
   return !overview_.empty() && is_awaited_[BrickNumber(brick, lattice_->BrickCounts())];
 }
 
-void ViewVolume::TouchAwaited() {
-  for (std::uint64_t number = 0; number < is_awaited_.size(); ++number) {
-    if (is_awaited_[number]) TouchCellsAt(BrickWithNumber(number, lattice_->BrickCounts()));
-  }
-}
-
 void ViewVolume::ShowOverview(const Vec3i& size, std::vector<float> means) {
   if (is_awaited_.empty()) return;
   overview_size_ = size;
@@ -158,7 +194,9 @@ void ViewVolume::ShowOverview(const Vec3i& size, std::vector<float> means) {
 
 // Bricks that never came are background. They replace their stand-ins.
 void ViewVolume::Complete() {
-  if (!overview_.empty()) TouchAwaited();
+  for (std::uint64_t number = 0; number < is_awaited_.size() && !overview_.empty(); ++number) {
+    if (is_awaited_[number]) TouchCellsAt(BrickWithNumber(number, lattice_->BrickCounts()));
+  }
   overview_ = {};
   mean_ranges_ = {};
   is_awaited_ = {};
@@ -171,8 +209,8 @@ void ViewVolume::TakeBlock(const BrickMap& old, const Vec3i& block, VoxelCounts&
   if (was && is && was->is_constant() && is->is_constant()) {
     if (AreSame(was, is)) return;
     const Vec3i extent = (lattice_->size - first * kBrickEdge).cwiseMin(kBlockVoxels);
-    counts.Remove(*was, extent);
-    counts.Add(*is, extent);
+    counts.Count(*was, extent, -1);
+    counts.Count(*is, extent, 1);
     TouchCellsOfBlock(block);
     return;
   }
@@ -185,8 +223,8 @@ void ViewVolume::TakeBlock(const BrickMap& old, const Vec3i& block, VoxelCounts&
         const TypedBrickPtr& now = bricks_->At(brick);
         if (AreSame(before, now)) continue;
         const Vec3i extent = ExtentWithin(brick, lattice_->size);
-        counts.Remove(*before, extent);
-        counts.Add(*now, extent);
+        counts.Count(*before, extent, -1);
+        counts.Count(*now, extent, 1);
         TouchCellsAt(brick);
       }
     }

@@ -38,8 +38,6 @@ struct ValueRange {
   friend bool operator==(const ValueRange&, const ValueRange&) = default;
 };
 
-class VoxelCounts;
-
 // Cell bricks of a block, by place.
 using CellBricks = std::bitset<kBrickVoxels>;
 
@@ -114,7 +112,6 @@ class ViewVolume {
   // Uses blocks of means, as in VolumeUpdate, for bricks that are still to come.
   void ShowOverview(const Vec3i& size, std::vector<float> means);
   void Complete();
-  void TouchAwaited();
   // Bricks have come: no stand-ins any more.
   void Await(const std::vector<BrickRun>& came);
   bool IsAwaited(const Vec3i& brick) const;

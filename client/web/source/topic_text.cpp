@@ -159,19 +159,23 @@ std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& latt
   const Vec3i& size = lattice.size;
   std::filesystem::path source = info.source;
   if (!source.has_filename()) source = source.parent_path();
-  return Dump({{"type", "volume"},
-               // Of a path no more than the file: guests need not know the daemon's folders.
-               {"name", OneLine(source.filename().string())},
-               {"size", {size.x(), size.y(), size.z()}},
-               {"voxel_type", Name(lattice.type)},
-               {"value_min", info.value_min},
-               {"value_max", info.value_max},
-               {"background", lattice.Background()},
-               {"unit", OneLine(info.unit)},
-               {"world_from_index", Rows(lattice.X_WI)},
-               {"histogram",
-                {{"low", histogram.low}, {"high", histogram.high}, {"counts", histogram.counts}}},
-               {"suggested", suggested}});
+  Json json{{"type", "volume"},
+            // Of a path no more than the file: guests need not know the daemon's folders.
+            {"name", OneLine(source.filename().string())},
+            {"size", {size.x(), size.y(), size.z()}},
+            {"voxel_type", Name(lattice.type)},
+            {"value_min", info.value_min},
+            {"value_max", info.value_max},
+            {"background", lattice.Background()},
+            {"unit", OneLine(info.unit)},
+            {"world_from_index", Rows(lattice.X_WI)},
+            {"histogram",
+             {{"low", histogram.low}, {"high", histogram.high}, {"counts", histogram.counts}}},
+            {"suggested", suggested}};
+  if (lattice.window_width > 0.0) {
+    json["window"] = {{"level", lattice.window_level}, {"width", lattice.window_width}};
+  }
+  return Dump(json);
 }
 
 std::string PlacementText(const VolumePlacement& placement) {

@@ -10,6 +10,10 @@ namespace {
 using client::Filter;
 using client::FilterKind;
 
+constexpr std::string_view kOperations[] = {"remove", "add", "subtract", "set", "smooth", "paint"};
+// In the order of FilterRegion.
+constexpr std::string_view kRegions[] = {"whole volume", "crop box", "ball at the proxy"};
+
 struct KindText {
   const char* name;
   const char* tip;
@@ -23,6 +27,36 @@ constexpr std::array<KindText, 6> kKinds = {{
     {"mean curvature", "level sets: smooths the surface, the more the stronger it curves"},
     {"resample", "another spacing of the voxels, for the whole volume"},
 }};
+
+void EditBrush(Viewer& viewer) {
+  BrushOptions& brush = viewer.state().brush;
+  int operation = brush.removes ? 0 : 1 + static_cast<int>(brush.operation);
+  if (Choose("Operation", operation, kOperations)) {
+    brush.removes = operation == 0;
+    if (operation > 0) brush.operation = static_cast<client::EditOperation>(operation - 1);
+  }
+  Tip("what a stroke does, once for each voxel, within the volume's range of values; remove makes "
+      "them free space");
+  SharedSign(viewer, "voxels");
+  DragDouble("Radius", brush.radius_mm, 0.05, kLeastBrush_mm, kGreatestBrush_mm, "%.2f mm");
+  Tip("of the ball that is shown at the pointer, in mm of the volume ([ and ], comma and point, "
+      "ctrl + wheel)");
+  DragDouble("Fades over", brush.falloff_mm, 0.05, 0.0, 100.0, "%.2f mm");
+  Tip("outside of the ball, to the fainter line");
+  const auto& lattice = viewer.feed().volume().lattice();
+  const double range = lattice ? lattice->value_max - lattice->value_min : 1.0;
+  if (brush.removes) return;
+  if (brush.operation != client::EditOperation::kSmooth) {
+    DragDouble("Value", brush.value, range / 500.0, -1e9, 1e9, "%.5g");
+    Tip("data units");
+    if (lattice) UnitText(lattice->unit);
+  }
+  if (brush.operation == client::EditOperation::kSmooth ||
+      brush.operation == client::EditOperation::kPaint) {
+    DragDouble("Strength", brush.strength, 0.01, 0.01, 1.0, "%.2f");
+    Tip("the share of the full change");
+  }
+}
 
 void ChooseKind(Filter& filter, bool is_level_set) {
   const auto now = static_cast<std::size_t>(filter.kind);
@@ -73,9 +107,7 @@ void EditParameters(Filter& filter, const VolumeLattice& lattice, bool is_level_
 
 void EditRegion(FilterForm& form) {
   if (!HasRegion(form.filter.kind)) return;
-  static const char* const regions[] = {"whole volume", "crop box", "ball at the proxy"};
-  int region = static_cast<int>(form.region);
-  if (Choose("Where", region, regions, 3)) form.region = static_cast<FilterRegion>(region);
+  Choose("Where", form.region, kRegions);
   Tip("the voxels that are replaced");
   if (form.region != FilterRegion::kProxyBall) return;
   DragDouble("Ball", form.radius_mm, 0.05, 0.1, 1000.0, "%.2f mm");
@@ -115,11 +147,7 @@ void StartOrCancel(Viewer& viewer, const VolumeLattice& lattice, bool is_level_s
   SharedSign(viewer, "voxels");
 }
 
-}  // namespace
-
-void FilterPanel(Viewer& viewer) {
-  ImGui::SetNextItemOpen(true, ImGuiCond_Once);
-  if (!ImGui::CollapsingHeader("Filter")) return;
+void FilterPart(Viewer& viewer) {
   const auto& lattice = viewer.feed().volume().lattice();
   if (!lattice) return;
   const std::optional<client::VolumeInfo> info = viewer.feed().volume_info();
@@ -131,11 +159,19 @@ void FilterPanel(Viewer& viewer) {
   EditRegion(form);
   StartOrCancel(viewer, *lattice, is_level_set);
   EndAllowed();
-  if (const std::string problem = viewer.feed().denoiser().problem(); !problem.empty()) {
-    ImGui::PushStyleColor(ImGuiCol_Text, kWarning);
-    ImGui::TextWrapped("%s", OneLine(problem, 200).c_str());
-    ImGui::PopStyleColor();
+  const std::string problem = viewer.feed().denoiser().problem();
+  if (!problem.empty()) WrappedText(kWarning, problem);
+}
+
+}  // namespace
+
+void EditTab(Viewer& viewer) {
+  if (ImGui::CollapsingHeader("Brush", ImGuiTreeNodeFlags_DefaultOpen)) {
+    BeginAllowed(viewer, client::Role::kEditor);
+    EditBrush(viewer);
+    EndAllowed();
   }
+  if (ImGui::CollapsingHeader("Filter", ImGuiTreeNodeFlags_DefaultOpen)) FilterPart(viewer);
 }
 
 }  // namespace palpate::view
