@@ -5,6 +5,8 @@ import { tmpdir } from "node:os";
 import { dirname, join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 
+import { distancesOf } from "./distances.mjs";
+
 const folder = dirname(fileURLToPath(import.meta.url));
 const pageFolder = resolve(folder, "../../client/web/page");
 const require = createRequire(join(pageFolder, "package.json"));
@@ -49,7 +51,6 @@ window.harness = {
   },
   // Steps until a picture of the request is fine. Returns the levels that were shown on the way.
   async cast(request) {
-    request = { ...request, clipFromD: Float64Array.from(request.clipFromD) };
     [canvas.width, canvas.height] = request.size;
     const levels = [];
     do {
@@ -59,7 +60,7 @@ window.harness = {
     } while (!caster.settled);
     return levels;
   },
-  distances: () => toBase64(caster.distances()),
+  caster: () => caster,
   // Colours of the canvas, the top row first, after a clear to \`color\` and \`depth\` and the parts that are named.
   draw(color, depth, parts) {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -133,8 +134,8 @@ export class Harness {
     return this.call("cast", { ...request, clipFromD: [...request.clipFromD] });
   }
 
-  async distances() {
-    return new Float32Array(bytesOf(await this.call("distances")));
+  distances() {
+    return distancesOf(this.page, "harness.caster()");
   }
 
   async draw(color, depth, parts) {

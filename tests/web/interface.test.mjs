@@ -1,6 +1,7 @@
 // The page's interface by hand: what guests see and may do, by keyboard and touch, and whether axe-core
 // finds barriers. Nothing of the gateway or of the picture runs here.
 import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
 import { after, before, test } from "node:test";
 
 import { bundle, findings, launch, open, serve } from "./interface_harness.mjs";
@@ -151,16 +152,16 @@ pageTest("the veil by keyboard", {}, async (page) => {
   await page.focus("#viewport");
   await page.keyboard.press("v");
   assert.equal(await page.evaluate(() => harness.state.view.veil), -300); // the suggestion below the isovalue
-  await page.focus(".handle[data-mark=veil]");
+  await page.focus(".mark[data-mark=veil]");
   const press = async (key) => {
     await page.keyboard.press(key);
-    return page.$eval(":focus", (handle) => [handle.role, handle.ariaValueNow, handle.ariaValueText]);
+    return page.$eval(":focus", (handle) => [handle.type, handle.value, handle.ariaValueText]);
   };
-  assert.deepEqual(await press("ArrowRight"), ["slider", "-290", "−290 HU"]);
-  assert.deepEqual(await press("ArrowLeft"), ["slider", "-300", "−300 HU"]);
-  assert.deepEqual(await press("PageUp"), ["slider", "-200", "−200 HU"]);
-  assert.deepEqual(await press("End"), ["slider", "1000", "1000 HU"]);
-  assert.deepEqual(await press("Home"), ["slider", "-1000", "−1000 HU"]);
+  assert.deepEqual(await press("ArrowRight"), ["range", "-280", "−280 HU"]);
+  assert.deepEqual(await press("ArrowLeft"), ["range", "-300", "−300 HU"]);
+  assert.deepEqual(await press("PageUp"), ["range", "-100", "−100 HU"]);
+  assert.deepEqual(await press("End"), ["range", "1000", "1000 HU"]);
+  assert.deepEqual(await press("Home"), ["range", "-1000", "−1000 HU"]);
   assert.equal(await page.evaluate(() => harness.state.view.veil), -1000);
   assert.deepEqual(await page.evaluate(() => harness.calls), []); // nobody else is disturbed
   await page.keyboard.press("v");
@@ -177,7 +178,7 @@ pageTest("suggestions say why, and take the veil there", {}, async (page) => {
 pageTest("guests see the isovalue and who set it, and cannot move it", {}, async (page) => {
   await page.evaluate(() => harness.connect());
   assert.match(await text(page, "#isovalue"), /320 HU.*lecturer-1/s);
-  assert.ok(await page.$eval(".handle[data-mark=isovalue]", (handle) => handle.hidden));
+  assert.ok(await page.$eval(".mark[data-mark=isovalue]", (handle) => handle.hidden));
   assert.ok(await page.$eval("#steer-section", (section) => section.hidden));
   assert.ok(await page.$eval("#isovalue input[type=number]", (input) => input.hidden));
   const box = await page.$eval(".histogram", (element) => element.getBoundingClientRect().toJSON());
@@ -190,11 +191,12 @@ pageTest("guests see the isovalue and who set it, and cannot move it", {}, async
 
 pageTest("a dragged isovalue is sent at most 8 times a second, and the newest arrives", {}, async (page) => {
   await page.evaluate(() => harness.connect({ mayFeel: ["isovalue"] }));
-  const handle = await page.$eval(".handle[data-mark=isovalue]", (element) => element.getBoundingClientRect().toJSON());
-  await page.mouse.move(handle.x + handle.width / 2, handle.y + 40);
+  const handle = await page.$eval(".mark[data-mark=isovalue]", (element) => element.getBoundingClientRect().toJSON());
+  const x = handle.x + 17 + 0.66 * (handle.width - 34); // half of a thumb from the ends
+  await page.mouse.move(x, handle.y + 40);
   await page.mouse.down();
-  for (let n = 1; n <= 60; ++n) await page.mouse.move(handle.x + handle.width / 2 - 2 * n, handle.y + 40);
-  const shown = Number(await page.$eval(".handle[data-mark=isovalue]", (element) => element.ariaValueNow));
+  for (let n = 1; n <= 60; ++n) await page.mouse.move(x - 2 * n, handle.y + 40);
+  const shown = Number(await page.$eval(".mark[data-mark=isovalue]", (element) => element.value));
   await page.mouse.up();
   await until(page, (value) => harness.calls.at(-1)?.value === value, shown);
   const calls = await page.evaluate(() => harness.calls);
@@ -216,16 +218,14 @@ pageTest("all hear who steers, once for a drag, and not what was before they cam
   await until(page, () => document.querySelector("#events li").textContent.endsWith("Isovalue set by bob"));
 });
 
-pageTest("where there is no clipboard, a dialog shows the link", {}, async (page) => {
+pageTest("where there is no clipboard, the link is shown", {}, async (page) => {
   await page.evaluate(() => {
     harness.connect();
     Object.defineProperty(navigator, "clipboard", { value: undefined });
   });
+  const shown = new Promise((resume) => page.once("dialog", (dialog) => dialog.accept().then(() => resume(dialog.defaultValue()))));
   await page.click("#share");
-  await until(page, () => document.getElementById("share-dialog").open);
-  assert.match(await page.$eval("#share-link", (input) => input.value), /#room=KEY/);
-  await page.click("#share-dialog button");
-  await until(page, () => !document.getElementById("share-dialog").open);
+  assert.match(await shown, /#room=KEY/);
 });
 
 pageTest("controls by the kind of the setting; a refusal is said beside", {}, async (page) => {
@@ -306,29 +306,30 @@ pageTest("the badge says in words how old the stream is, and is announced once",
 });
 
 pageTest("a replay is no live picture, and says what is with the forces", {}, async (page) => {
-  const shown = async (changed) => {
+  const badgeSays = (words) => until(page, (is) => document.getElementById("badge-words").textContent === is, words);
+  // What is said of the forces, once the badge has these words.
+  const shown = async (words, changed) => {
     await page.evaluate((members) => {
       clearInterval(window.replaying);
       const pose = () => harness.pose(performance.now() / 1000, members);
       pose();
       window.replaying = setInterval(pose, 16);
     }, changed);
-    await until(page, (is) => document.getElementById("stage").hasAttribute("data-replay") === is, changed.replayed ?? false);
-    return [await text(page, "#badge-words"), await text(page, "#mode")];
+    await badgeSays(words);
+    assert.equal(await page.$("#stage[data-replay]") !== null, changed.replayed ?? false);
+    return text(page, "#mode");
   };
   await page.evaluate(() => harness.connect());
-  assert.equal((await shown({}))[0], "live");
+  await shown("live", {});
   const words = "replay: forces are off";
-  let [badge, mode] = await shown({ replayed: true, forceState: "held", forceReason: "replay" });
-  assert.equal(badge, words);
+  let mode = await shown(words, { replayed: true, forceState: "held", forceReason: "replay" });
   assert.match(mode, /replay: forces are off until/);
   assert.doesNotMatch(mode, /last known/);
   await page.evaluate(() => clearInterval(window.replaying));
   await until(page, () => document.getElementById("badge-words").textContent.endsWith("old"));
   assert.equal(await page.$("#stage[data-replay]"), null);
-  await shown({});
-  [badge, mode] = await shown({ replayed: true, forceState: "stopped", forceReason: "stop call" });
-  assert.equal(badge, words);
+  await shown("live", {});
+  mode = await shown(words, { replayed: true, forceState: "stopped", forceReason: "stop call" });
   assert.match(mode, /replay: forces are off; .*emergency stop/);
 });
 
@@ -336,10 +337,10 @@ pageTest("the progress of the volume, and why there is the overview alone", {}, 
   const says = (pattern) => until(page, (p) => new RegExp(p).test(document.getElementById("progress-words").textContent), pattern);
   await page.evaluate(() => {
     harness.connect();
-    Object.assign(harness.copy, { isOverview: true, groupsAll: 4096, groupsLeft: 2896 });
+    Object.assign(harness.copy, { isOverview: true, groupsAll: 4096, groupsLeft: 2896, groupBytes: 65536, fetching: { sinceMs: performance.now() - 9_990, groups: 4096 } });
     harness.state.emit("copyProgress");
   });
-  await says("^overview; 1\\s200 of 4\\s096 groups$");
+  await says("^overview; 75 of 256 MiB, 29 %, about 25 s left$");
   assert.equal(await page.$eval("#progress-bar", (bar) => bar.value), 1200 / 4096);
   await page.evaluate(() => {
     Object.assign(harness.copy, { factor: 4, groupsLeft: 0, whyOverview: "1 GiB is more than this page holds" });
@@ -424,7 +425,7 @@ pageTest("keys of the picture turn and zoom it; letters can be switched off", {}
 });
 
 for (const [width, height] of [[320, 568], [844, 390], [3840, 2160]]) {
-  pageTest(`nothing is wider than ${width} pixels, and targets are at least 32 high`, { width, height, isMobile: width < 1000 }, async (page) => {
+  pageTest(`nothing is wider than ${width} pixels, and targets are at least ${width < 1000 ? 44 : 32} high`, { width, height, isMobile: width < 1000 }, async (page) => {
     await page.evaluate(() => {
       harness.connect({ mayFeel: ["isovalue", "stiffness_n_per_mm", "friction", "method"], name: "a_very_long_name_".repeat(12) });
       Object.assign(harness.state.view, { slices: true, veil: 0 });
@@ -436,10 +437,10 @@ for (const [width, height] of [[320, 568], [844, 390], [3840, 2160]]) {
       .filter((element) => element.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5)
       .map((element) => element.outerHTML.slice(0, 80)));
     assert.deepEqual(wide, []);
-    const small = await page.$$eval("button, summary, select, input, label.check, [role=slider]", (targets) => targets
+    const small = await page.$$eval("button, summary, select, input, label.check, [role=slider]", (targets, least) => targets
       .filter((target) => target.checkVisibility() && !target.closest("label.check:not(:scope)") && target.type !== "checkbox" && target.type !== "radio")
       .map((target) => [target.outerHTML.slice(0, 80), target.getBoundingClientRect().toJSON()])
-      .filter(([, { width: w, height: h }]) => w < 31.99 || h < 31.99));
+      .filter(([, { width: w, height: h }]) => w < least || h < least), (width < 1000 ? 44 : 32) - 0.01);
     assert.deepEqual(small, []);
   });
 }
@@ -512,6 +513,68 @@ pageTest("keys 1 to 6 look from the patient's sides", {}, async (page) => {
     const alike = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     assert.ok(alike(back, sides[n]) > 0.99 && alike(up, ups[n]) > 0.99, `${n + 1}: from ${back}, up ${up}`);
   }
+});
+
+pageTest("the cube has the patient's letters, and a click looks from there", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.connect();
+    Object.assign(harness.state.view, { azimuthDeg: 20, elevationDeg: 10 });
+    harness.state.emit("view");
+  });
+  const letters = () => page.$$eval("#cube g:not([hidden]) text", (texts) => texts.map(({ textContent }) => textContent).sort().join(""));
+  const seen = (wanted) => until(page, (is) => [...document.querySelectorAll("#cube g:not([hidden]) text")]
+    .map(({ textContent }) => textContent).sort().join("") === is, wanted);
+  await seen("ALS");
+  const place = await page.$$eval("#cube g:not([hidden])", (groups) => groups.find((group) => group.textContent === "L").getBoundingClientRect().toJSON());
+  await page.mouse.click(place.x + place.width * 0.6, place.y + place.height / 2);
+  await seen("L");
+  assert.deepEqual(await page.evaluate(() => [harness.state.view.azimuthDeg, harness.state.view.elevationDeg]), [90, 0]);
+  // Of what is no patient, the axes of the world.
+  await page.evaluate(() => harness.connect({ axes: "", name: "builtin:bumps" }));
+  await seen("+x");
+  assert.equal(await letters(), "+x");
+});
+
+pageTest("a link shows the isovalue of its maker as the veil, for this guest alone", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.state.linkIsovalue = -300;
+    harness.connect({ mayFeel: ["isovalue"] });
+  });
+  assert.equal(await page.evaluate(() => harness.state.view.veil), -300);
+  assert.match(await text(page, "#message"), /−300 HU.*320 HU/);
+  assert.deepEqual(await page.evaluate(() => harness.calls), []);
+});
+
+pageTest("window and level by choice and by a finger; two fingers come closer", { isMobile: true, width: 390, height: 844 }, async (page) => {
+  await page.evaluate(() => {
+    harness.connect();
+    harness.receive("volume", { ...harness.state.volume, name: "other", window: { level: 700, width: 2600 } });
+    harness.state.view.slices = true;
+    harness.state.emit("view");
+  });
+  const slice = "#slices-planes figure:first-child canvas";
+  const chosen = (is) => until(page, (wanted) => document.getElementById("slices-window").selectedOptions[0]?.text === wanted, is);
+  await chosen("As in the file");
+  await page.select("#slices-window", "Lung");
+  await chosen("Lung");
+  await page.tap("#slices-drag");
+  const { x, y, width, height } = await page.$eval(slice, (canvas) => {
+    canvas.scrollIntoView();
+    return canvas.getBoundingClientRect().toJSON();
+  });
+  const [middleX, middleY] = [x + width / 2, y + height / 2];
+  const finger = await page.touchscreen.touchStart(middleX, middleY);
+  await finger.move(middleX + 20, middleY);
+  await until(page, () => /^Level −600, width (1[6-9]|[2-9]\d)\d\d/.test(document.getElementById("slices-window").selectedOptions[0].text));
+  const other = await page.touchscreen.touchStart(middleX - 20, middleY);
+  const [mm, px] = (await page.$eval(slice, (canvas) => canvas.dataset.scaleBar)).split(" ").map(Number);
+  await other.move(middleX - 60, middleY);
+  await until(page, (selector, before) => {
+    const [barMm, barPx] = document.querySelector(selector).dataset.scaleBar.split(" ").map(Number);
+    return Math.abs(barPx / barMm / before - 2) < 1e-6;
+  }, slice, px / mm);
+  await finger.end();
+  await other.end();
 });
 
 pageTest("wheel and drags on a slice do what they do in the desktop viewer", {}, async (page) => {
@@ -606,11 +669,11 @@ const pixelsOf = (width, height) => ({ width, height, data: new Uint8ClampedArra
 test("a slice's picture is turned and mirrored as its section says", async () => {
   const { paintSlice } = await pure("slice_picture");
   const plane = { width: 3, height: 2, values: Float32Array.of(0, 10, 20, 100, 110, 120) }; // i and j
-  const frame = { left: 1, top: 0, scaleX: 1, scaleY: 1 };
+  const frame = { begin: [1, 0], scale: [1, 1] };
   const shows = (right, down, rows) => {
     const [width, height] = [rows[0].length + 2, rows.length]; // a column outside on both sides
     const pixels = pixelsOf(width, height);
-    paintSlice(pixels, plane, { right, down }, frame, [0, 255], []);
+    paintSlice(pixels, plane, { right, down }, frame, { level: 127.5, width: 255 }, []);
     const gray = (x, y) => (pixels.data[4 * (y * width + x) + 3] === 255 ? pixels.data[4 * (y * width + x)] : null);
     assert.deepEqual(rows.map((_, y) => Array.from({ length: width }, (__, x) => gray(x, y))), rows.map((row) => [null, ...row, null]));
   };
@@ -627,9 +690,36 @@ test("a level's line is where the interpolated value is the level", async () => 
   const plane = { width: 4, height: 2, values: Float32Array.of(0, 10, 20, 30, 0, 10, 20, 30) };
   const section = { right: { axis: 0, sign: 1 }, down: { axis: 1, sign: 1 } };
   const pixels = pixelsOf(32, 16);
-  paintSlice(pixels, plane, section, { left: 0, top: 0, scaleX: 8, scaleY: 8 }, [0, 300], [{ value: 15, color: [0, 0, 255] }]);
+  paintSlice(pixels, plane, section, { begin: [0, 0], scale: [8, 8] }, { level: 150, width: 300 }, [{ value: 15, color: [0, 0, 255] }]);
   // 15 is half way between voxels 1 and 2, whose middles are at 12 and 20.
   const blue = Array.from({ length: 32 }, (_, x) => pixels.data[4 * (5 * 32 + x) + 2] - pixels.data[4 * (5 * 32 + x)]);
   assert.deepEqual(blue.flatMap((value, x) => (value > 0 ? [x] : [])), [15, 16]);
   assert.ok(blue[15] > 100 && Math.abs(blue[15] - blue[16]) <= 10, String(blue));
+});
+
+test("window and page call the directions of a volume the same", async () => {
+  const { sectionsOf } = await pure("sections");
+  const { faceLabels, patientFrame } = await import(`data:text/javascript;base64,${Buffer.from(
+    await bundle('export * from "./src/view/patient_axes";', "esm")).toString("base64")}`);
+  const lines = (await readFile(new URL("../support/patient_letters.txt", import.meta.url), "utf8")).split("\n").filter((line) => /^[^#]/.test(line));
+  assert.equal(lines.length, 10);
+  for (const line of lines) {
+    const words = line.split(/\s+/);
+    const world_from_index = [0, 1, 2].flatMap((row) => [...[0, 3, 6].map((column) => Number(words[column + row])), 0]);
+    const frame = patientFrame({ world_from_index }, { patient_axes: "LPS" });
+    const slices = sectionsOf(frame).flatMap(({ labels: { left, right, up, down } }) => [left, right, up, down]);
+    assert.deepEqual([...faceLabels(frame).map(({ label }) => label), ...slices], words.slice(9), line);
+  }
+});
+
+test("there are no lines where no value is on the other side of the isovalue", async () => {
+  const { paintSlice } = await pure("slice_picture");
+  const plane = { width: 8, height: 8, values: new Float32Array(64).fill(-1000) };
+  const section = { right: { axis: 0, sign: 1 }, down: { axis: 1, sign: 1 } };
+  for (const value of [-1000, -1000 + 1e-4, -1001, 1000 + 1e-4]) {
+    if (Math.abs(value) > 1000) plane.values[0] = 1000; // values beside it are steep
+    const pixels = pixelsOf(64, 64);
+    paintSlice(pixels, plane, section, { begin: [0, 0], scale: [8, 8] }, { level: 0, width: 100 }, [{ value, color: [0, 0, 255] }]);
+    assert.ok(pixels.data.every((part, at) => at % 4 !== 2 || part === pixels.data[at - 1]), String(value));
+  }
 });

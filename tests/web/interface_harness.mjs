@@ -19,7 +19,7 @@ import { buildInterface } from "./src/ui/index";
 const kSize = [64, 56, 48];
 const ball = (i, j, k) => 1000 - 40 * Math.hypot(i - 30, j - 28, k - 24);
 const copy = {
-  shape: null, factor: 1, groupsLeft: 0, groupsAll: 8, revision: 1, contentHash: "", isOverview: false, whyOverview: "",
+  shape: null, factor: 1, groupsLeft: 0, groupsAll: 8, groupBytes: 65536, fetching: { sinceMs: 0, groups: 8 }, revision: 1, contentHash: "", isOverview: false, whyOverview: "",
   memoryBytes: 0, groups: () => [],
   value: ball,
   plane(axis, index) {
@@ -56,7 +56,7 @@ const actions = {
   savePng: () => calls.push({ what: "png" }),
   shareLink: () => location.origin + "/#room=KEY&view=1",
 };
-buildInterface(document.body, state, room, copy, actions);
+buildInterface(state, room, copy, actions);
 
 const kIsovalue = { key: "isovalue", label: "Isovalue", unit: "HU", help: "the surface is where the volume has this value", kind: "number", minimum: null, maximum: null, words: [] };
 const kOthers = [
@@ -92,8 +92,8 @@ function pose(seconds = performance.now() / 1000, changed = {}) {
   state.receivePose({
     sequence: ++tick, tick, timeMs: 1000 * seconds, sentMs: 1000 * seconds, ageMs: 3 + 2 * Math.abs(Math.sin(7 * seconds)), contact, freeAbove: false, fresh: true,
     mode: contact ? "constrained" : "free", forceState: "on", forceReason: "none",
-    hip: [-2 + 8 * Math.sin(seconds), 1, 2 - depth], scpH: [-2 + 8 * Math.sin(seconds), 1, 2], scpHNormal: null, scpV: null, orientation: [0, 0, 0, 1],
-    force: [0, 0, depth * 0.6], forceLimit: 3.3, density: 320.4, isovalue: 320, buttons: 0, missedTicks: 3, updateUs: 8.4, settingsRevision: 1, volumeRevision: 1, ...changed,
+    hip: [-2 + 8 * Math.sin(seconds), 1, 2 - depth], scpH: [-2 + 8 * Math.sin(seconds), 1, 2], scpV: null, orientation: [0, 0, 0, 1],
+    force: [0, 0, depth * 0.6], forceLimit: 3.3, density: 320.4, isovalue: 320, missedTicks: 3, updateUs: 8.4, ...changed,
   });
 }
 let timer = 0;

@@ -5,6 +5,7 @@ import { readFileSync } from "node:fs";
 import path from "node:path";
 import { test } from "node:test";
 
+import { distancesOf } from "./distances.mjs";
 import { Room, awaitPage, awaitWhole, dataFile, runToEnd } from "./support.mjs";
 
 const SAME_VOXELS = 0.05;
@@ -14,21 +15,15 @@ const MOST_OUTLINES = 0.001;
 
 // The page's and the viewer's distances in mm of one view.
 async function bothPictures(room, tab, view) {
-  await tab.evaluate((wanted) => window.palpate.setView(wanted), view);
-  await awaitPage(tab, "p.isFine()");
+  await tab.evaluate((wanted) => window.palpate.state.setView(wanted), view);
+  await awaitPage(tab, "p.viewport.isFine()");
   const seen = await tab.evaluate(() => {
-    const { state, distances } = window.palpate;
+    const { state } = window.palpate;
     const canvas = document.querySelector("#viewport");
     const { azimuthDeg, elevationDeg, distanceMm, target } = state.view;
-    const bytes = new Uint8Array(distances().buffer);
-    let text = "";
-    for (let n = 0; n < bytes.length; n += 8192) {
-      text += String.fromCharCode(...bytes.subarray(n, n + 8192));
-    }
     return {
       size: [canvas.width, canvas.height],
       camera: [azimuthDeg, elevationDeg, distanceMm, ...target],
-      distances: btoa(text),
     };
   });
   const out = path.join(room.folder, "viewer.bin");
@@ -39,7 +34,7 @@ async function bothPictures(room, tab, view) {
   return {
     width,
     height,
-    page: new Float32Array(Uint8Array.from(Buffer.from(seen.distances, "base64")).buffer),
+    page: await distancesOf(tab, "palpate.viewport.caster"),
     viewer: new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + 4 * width * height)),
   };
 }

@@ -26,7 +26,7 @@ function contentHash({ type, size, voxels }) {
 // Keeps the voxels of every manifest that the page shows from now on.
 function keepCopies(tab) {
   return tab.evaluate(() => {
-    const { copy, onShown } = window.palpate;
+    const { copy, state } = window.palpate;
     window.kept = [];
     const keep = () => {
       const [ni, nj, nk] = copy.shape.size;
@@ -41,7 +41,7 @@ function keepCopies(tab) {
         size: copy.shape.size, voxels,
       });
     };
-    onShown(keep);
+    state.on("copyShown", keep);
     keep();
   });
 }

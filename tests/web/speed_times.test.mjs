@@ -26,6 +26,24 @@ function writeBall(file, edge) {
   writeFileSync(file, Buffer.concat([Buffer.from(header), voxels]));
 }
 
+// Marks in the page when the first pictures of the overview and of the whole volume are there.
+function markPictures() {
+  let palpate;
+  Object.defineProperty(window, "palpate", {
+    get: () => palpate,
+    set(made) {
+      palpate = made;
+      const { state, copy, viewport } = made;
+      state.on("picture", () => {
+        const isOverview = copy.contentHash === "" && (!viewport.first.canvas.hidden || viewport.caster.shown !== null);
+        if (!isOverview && !viewport.caster.isCurrent) return;
+        const name = isOverview ? "palpate-overview" : "palpate-volume";
+        if (performance.getEntriesByName(name).length === 0) performance.mark(name);
+      });
+    },
+  });
+}
+
 const CASES = [
   { edge: 256, volumeMs: 3000 },
   { edge: 512, volumeMs: 8000 },
@@ -44,7 +62,7 @@ for (const { edge, volumeMs } of CASES) {
     const first = await room.openBrowser();
     await awaitPage(first, "p.copy.revision > 0");
     await first.browser().close();
-    const tab = await room.openBrowser();
+    const tab = await room.openBrowser({ first: markPictures });
     await awaitPage(tab, "performance.getEntriesByName('palpate-volume').length > 0");
     const seen = await tab.evaluate(() => {
       const at = (name) => performance.getEntriesByName(name)[0]?.startTime;

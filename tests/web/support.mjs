@@ -114,7 +114,8 @@ export class Room {
   async palpate(...args) {
     return runToEnd(env.PALPATE, [...args, "--socket", this.socket]);
   }
-  async openBrowser({ width = 1000, height = 700, link = this.link } = {}) {
+  // `first`: runs in the page before its scripts.
+  async openBrowser({ width = 1000, height = 700, link = this.link, first = () => {} } = {}) {
     const browser = await launch();
     this.browsers.push(browser);
     const tab = await browser.newPage();
@@ -124,6 +125,7 @@ export class Room {
     tab.on("console", (message) => {
       if (message.type() === "error") tab.problems.push(message.text());
     });
+    await tab.evaluateOnNewDocument(first);
     await tab.goto(link);
     return tab;
   }

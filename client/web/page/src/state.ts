@@ -1,26 +1,27 @@
 // What the page knows: the newest message of each topic, the newest poses, the link and the view. Whoever
 // changes a member emits its topic, and whoever shows it listens.
+import { norm, subtract } from "./view/geometry";
 import { kTopics } from "./wire/messages";
 import type * as wire from "./wire/messages";
-import { distance, length } from "./wire/pose";
-import type { Pose, Vec3 } from "./wire/pose";
+import type { Pose } from "./wire/pose";
 
 export type Link = "login" | "connecting" | "open" | "lost"; // to the gateway
 export type Theme = "system" | "dark" | "light";
 
 // Topics of messages, and the page's own.
-export type StateTopic = wire.Topic | "pose" | "link" | "events" | "view" | "copyProgress" | "picture";
+type StateTopic = wire.Topic | "pose" | "link" | "events" | "view" | "copyProgress" | "copyShown" | "picture";
 
-export interface View {
-  azimuthDeg: number;
-  elevationDeg: number;
-  distanceMm: number;
-  target: Vec3; // D
-  follow: boolean; // the target follows SCP_H
-  veil: number | null; // the isovalue of the transparent surface
-  veilOpacity: number; // 0 to 1
-  slices: boolean;
-  theme: Theme;
+export class View {
+  azimuthDeg = 30;
+  elevationDeg = 20;
+  distanceMm = 300;
+  target: wire.Vec3 = [0, 0, 0]; // D
+  follow = false; // the target follows SCP_H
+  veil: number | null = null; // the isovalue of the transparent surface
+  veilOpacity = 0.3; // 0 to 1
+  slices = false;
+  cross: wire.Vec3 | null = null; // where the guest put the slices, in voxels; null: in the middle, or through the proxy
+  theme: Theme = "system";
 }
 
 export interface PoseSample {
@@ -30,27 +31,8 @@ export interface PoseSample {
   ageMs: number; // when it arrived
 }
 
-// The poses of the last 10 s.
-export class PoseHistory {
-  static readonly kSpanMs = 10_000;
-  readonly samples: PoseSample[] = []; // oldest first
-
-  add(pose: Pose, ageMs: number): void {
-    const newest = this.samples.at(-1);
-    if (newest && pose.timeMs < newest.timeMs) this.samples.length = 0; // another clock
-    this.samples.push({
-      timeMs: pose.timeMs,
-      forceN: length(pose.force),
-      penetrationMm: pose.contact ? distance(pose.hip, pose.scpH) : 0,
-      ageMs,
-    });
-    const old = this.samples.findIndex((s) => s.timeMs >= pose.timeMs - PoseHistory.kSpanMs);
-    if (old > 0) this.samples.splice(0, old);
-  }
-}
-
-// Clocks of two machines may drift apart this much.
-const kClockDrift = 1e-4;
+export const kHistoryMs = 10_000;
+const kClockDrift = 1e-4; // clocks of two machines may drift apart this much
 const kMaxEvents = 50;
 
 // The newest message of each topic; null: none yet.
@@ -64,21 +46,13 @@ export class State {
   events: string[] = [];
   // Why there is no three-dimensional view; "": there is one.
   whyNoPicture = "";
+  // Everybody's when the link was made that opened the page; null: the link does not say, or it was shown.
+  linkIsovalue: number | null = null;
 
   pose: Pose | null = null;
-  readonly poses = new PoseHistory();
+  readonly samples: PoseSample[] = []; // of the last kHistoryMs, oldest first
 
-  view: View = {
-    azimuthDeg: 30,
-    elevationDeg: 20,
-    distanceMm: 300,
-    target: [0, 0, 0],
-    follow: false,
-    veil: null,
-    veilOpacity: 0.3,
-    slices: false,
-    theme: "system",
-  };
+  readonly view = new View();
 
   private readonly listeners = new Map<StateTopic, (() => void)[]>();
   // The least of (time of arrival - sentMs): the offset of the clocks and the shortest way.
@@ -89,12 +63,23 @@ export class State {
     for (const topic of kTopics) this[topic] = null;
   }
 
-  on(topic: StateTopic, listener: () => void): void {
-    this.listeners.set(topic, [...(this.listeners.get(topic) ?? []), listener]);
+  on(topics: StateTopic | StateTopic[], listener: () => void): void {
+    for (const topic of [topics].flat()) this.listeners.set(topic, [...(this.listeners.get(topic) ?? []), listener]);
+  }
+
+  // As `on`, and calls the listener now, too.
+  watch(topics: StateTopic | StateTopic[], listener: () => void): void {
+    this.on(topics, listener);
+    listener();
   }
 
   emit(topic: StateTopic): void {
     for (const listener of this.listeners.get(topic) ?? []) listener();
+  }
+
+  setView(changes: Partial<View>): void {
+    Object.assign(this.view, changes);
+    this.emit("view");
   }
 
   // Returns false if no topic has the message's type.
@@ -112,8 +97,16 @@ export class State {
     this.clockOffsetMs = Math.min(this.clockOffsetMs + drift, now - pose.sentMs);
     this.offsetTakenMs = now;
     this.pose = pose;
-    this.poses.add(pose, this.poseAgeMs());
+    this.addSample(pose);
     this.emit("pose");
+  }
+
+  private addSample({ timeMs, force, contact, hip, scpH }: Pose): void {
+    const { samples } = this;
+    if (samples.length > 0 && timeMs < samples.at(-1)!.timeMs) samples.length = 0; // another clock
+    const penetrationMm = contact ? norm(subtract(hip, scpH)) : 0;
+    samples.push({ timeMs, forceN: norm(force), penetrationMm, ageMs: this.poseAgeMs() });
+    while (samples[0].timeMs < timeMs - kHistoryMs) samples.shift();
   }
 
   // After a new connection: another gateway may have another clock.
@@ -127,6 +120,12 @@ export class State {
     if (!this.pose) return Infinity;
     const way = performance.now() - this.pose.sentMs - this.clockOffsetMs;
     return (Number.isNaN(this.pose.ageMs) ? 0 : this.pose.ageMs) + Math.max(0, way);
+  }
+
+  // Everybody's. Null: not known.
+  isovalue(): number | null {
+    const value = this.settings?.values["isovalue"];
+    return typeof value === "number" ? value : (this.pose?.isovalue ?? null);
   }
 
   tell(event: string): void {

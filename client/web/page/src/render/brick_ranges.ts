@@ -4,9 +4,10 @@
 // Cell brick b has the voxels 8b - 1 .. 8b + 7 along each axis: all of voxel brick b, and the last layer of
 // the one before. So a voxel brick keeps eight ranges, one for each set of axes along which only its last
 // layer counts, and a cell brick's range is the union of one of each of eight voxel bricks.
-import { kGroupEdge, newVoxels } from "../volume/manifest";
+import { groupCounts, groupNumber as numberOf, groupPlace as placeOf, kGroupEdge, newVoxels } from "../volume/manifest";
+import type { VolumeShape, Voxels } from "../volume/manifest";
+import type { Vec3 } from "../wire/messages";
 import type { ValueScale } from "./value_scale";
-import type { Vec3, VolumeShape, Voxels } from "./types";
 
 const kBricks = 4; // voxel bricks in a group, along each axis
 
@@ -17,8 +18,8 @@ export class BrickRanges {
   readonly bricks: Float32Array;
   readonly blocks: Float32Array;
 
-  private readonly background: number;
-  private readonly pieceCount: Vec3; // voxel bricks
+  private readonly groupCount: Vec3;
+  private readonly pieceCount: Vec3; // voxel bricks, with a layer of background on every side
   // Of voxel brick n and a set of axes (4: x, 2: y, 1: z): the least and the greatest value, at 16 n + 2 set.
   private readonly pieces: Voxels;
   private readonly changed = new Set<number>(); // groups
@@ -27,11 +28,10 @@ export class BrickRanges {
     shape: VolumeShape,
     private readonly scale: ValueScale,
   ) {
-    const along = (f: (size: number) => number): Vec3 => shape.size.map(f) as Vec3;
-    this.background = shape.background;
-    this.pieceCount = along((size) => kBricks * Math.ceil(size / kGroupEdge));
-    this.brickCount = along((size) => Math.ceil((size + 1) / 8));
-    this.blockCount = along((size) => Math.ceil((size + 1) / 64));
+    this.groupCount = groupCounts(shape.size);
+    this.pieceCount = this.groupCount.map((count) => kBricks * count + 2) as Vec3;
+    this.brickCount = shape.size.map((size) => Math.ceil((size + 1) / 8)) as Vec3;
+    this.blockCount = shape.size.map((size) => Math.ceil((size + 1) / 64)) as Vec3;
     const volume = ([x, y, z]: Vec3): number => x * y * z;
     this.pieces = newVoxels(shape.type, 16 * volume(this.pieceCount)).fill(shape.background);
     this.bricks = new Float32Array(2 * volume(this.brickCount)).fill(scale.scaled(shape.background));
@@ -39,32 +39,29 @@ export class BrickRanges {
   }
 
   putGroup(a: number, b: number, c: number, voxels: Voxels): void {
-    const [, ny, nz] = this.pieceCount;
     for (let n = 0; n < kBricks ** 3; ++n) {
       const [x, y, z] = [n >> 4, (n >> 2) & 3, n & 3];
-      const piece = ((kBricks * a + x) * ny + kBricks * b + y) * nz + kBricks * c + z;
+      const piece = numberOf(this.pieceCount, kBricks * a + x + 1, kBricks * b + y + 1, kBricks * c + z + 1);
       const first = 8 * ((x * kGroupEdge + y) * kGroupEdge + z);
       for (let set = 0; set < 8; ++set) this.putPiece(16 * piece + 2 * set, voxels, first, set);
     }
-    this.changed.add(((a * ny) / kBricks + b) * (nz / kBricks) + c);
+    this.changed.add(numberOf(this.groupCount, a, b, c));
   }
 
   // Brings bricks and blocks up to date. Returns the first and the last changed layer of bricks along x, or
   // null if nothing has changed.
   update(): [number, number] | null {
     if (this.changed.size === 0) return null;
-    const [nb, nc] = [this.pieceCount[1] / kBricks, this.pieceCount[2] / kBricks];
     const blocks = new Set<number>();
     let [first, last] = [Infinity, 0];
     for (const group of this.changed) {
-      const low: Vec3 = [Math.floor(group / (nb * nc)), Math.floor(group / nc) % nb, group % nc];
-      const from = low.map((g) => kBricks * g) as Vec3;
+      const from = placeOf(this.groupCount, group).map((g) => kBricks * g) as Vec3;
       const to = from.map((f, axis) => Math.min(f + kBricks, this.brickCount[axis] - 1)) as Vec3;
       first = Math.min(first, from[0]);
       last = Math.max(last, to[0]);
       forEach(from, to, (x, y, z) => {
         this.updateBrick(x, y, z);
-        blocks.add(((x >> 3) * this.blockCount[1] + (y >> 3)) * this.blockCount[2] + (z >> 3));
+        blocks.add(numberOf(this.blockCount, x >> 3, y >> 3, z >> 3));
       });
     }
     for (const block of blocks) this.updateBlock(block);
@@ -94,36 +91,25 @@ export class BrickRanges {
   }
 
   private updateBrick(x: number, y: number, z: number): void {
-    const [nx, ny, nz] = this.pieceCount;
-    const pieces = this.pieces;
     let low = Infinity;
     let high = -Infinity;
     for (let set = 0; set < 8; ++set) {
-      const px = x - (set >> 2);
-      const py = y - ((set >> 1) & 1);
-      const pz = z - (set & 1);
-      const isInside = px >= 0 && py >= 0 && pz >= 0 && px < nx && py < ny && pz < nz;
-      const at = 16 * ((px * ny + py) * nz + pz) + 2 * set;
-      const least = isInside ? pieces[at] : this.background;
-      const greatest = isInside ? pieces[at + 1] : this.background;
-      if (least < low) low = least;
-      if (greatest > high) high = greatest;
+      const piece = numberOf(this.pieceCount, x + 1 - (set >> 2), y + 1 - ((set >> 1) & 1), z + 1 - (set & 1));
+      low = Math.min(low, this.pieces[16 * piece + 2 * set]);
+      high = Math.max(high, this.pieces[16 * piece + 2 * set + 1]);
     }
-    const to = 2 * ((x * this.brickCount[1] + y) * this.brickCount[2] + z);
+    const to = 2 * numberOf(this.brickCount, x, y, z);
     this.bricks[to] = this.scale.scaled(low);
     this.bricks[to + 1] = this.scale.scaled(high);
   }
 
   private updateBlock(block: number): void {
-    const [, ny, nz] = this.blockCount;
-    const from = [Math.floor(block / (ny * nz)), Math.floor(block / nz) % ny, block % nz].map(
-      (b) => 8 * b,
-    ) as Vec3;
+    const from = placeOf(this.blockCount, block).map((b) => 8 * b) as Vec3;
     const to = from.map((f, axis) => Math.min(f + 7, this.brickCount[axis] - 1)) as Vec3;
     let low = Infinity;
     let high = -Infinity;
     forEach(from, to, (x, y, z) => {
-      const at = 2 * ((x * this.brickCount[1] + y) * this.brickCount[2] + z);
+      const at = 2 * numberOf(this.brickCount, x, y, z);
       low = Math.min(low, this.bricks[at]);
       high = Math.max(high, this.bricks[at + 1]);
     });

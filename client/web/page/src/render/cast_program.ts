@@ -8,29 +8,18 @@ import surface from "shading/surface.glsl";
 import surfaceInputs from "shading/surface_inputs.glsl";
 import volumeWeb from "shading/volume_web.glsl";
 import walk from "shading/walk.glsl";
+import { Matrix4, Vector4 } from "three";
 
-import {
-  apply,
-  column,
-  compose,
-  inverse as inverseMap,
-  norm,
-  normalized,
-  row as rowOfMap,
-  scale,
-  subtract,
-  turn,
-} from "../view/geometry";
+import { apply, column, compose, inverse, matrixOf, norm, normalized, row, scale, subtract, turn } from "../view/geometry";
 import type { AffineMap } from "../view/geometry";
-import { fromAffine, inverse, multiply, row } from "./matrix";
+import type { Vec3 } from "../wire/messages";
 import { Program } from "./program";
-import type { Vec3 } from "./types";
 import type { VolumeTexture } from "./volume_texture";
 
 export interface CastRequest {
   size: [number, number]; // of the canvas, pixels
   eye: Vec3; // in D, mm
-  clipFromD: Float64Array; // 4 x 4, column by column
+  clipFromD: number[]; // 4 x 4, column by column
   deviceFromIndex: number[]; // 3 x 4, row by row, as the topic `placement` gives it
   isovalue: number;
   materialAbove: boolean;
@@ -49,38 +38,31 @@ export function newCastProgram(gl: WebGL2RenderingContext, sampler: string, veil
 // Of (x, y, 1) in pixels right and up of the image's centre, column by column: the difference between the
 // point on the near plane and the eye, in homogeneous coordinates.
 function directionFromPixel(request: CastRequest, [width, height]: number[], pFromD: AffineMap): number[] {
-  const fromClip = inverse(request.clipFromD);
-  const near = [0, 1, 2, 3].map((r) => [
-    (fromClip[r] * 2) / width,
-    (fromClip[4 + r] * 2) / height,
-    fromClip[12 + r] - fromClip[8 + r],
-  ]);
-  const columns = [0, 1, 2].map((c) =>
-    turn(pFromD, subtract([near[0][c], near[1][c], near[2][c]], scale(near[3][c], request.eye))),
-  );
+  const fromClip = new Matrix4().fromArray(request.clipFromD).invert();
+  const columns = [[2 / width, 0, 0, 0], [0, 2 / height, 0, 0], [0, 0, -1, 1]].map((clip) => {
+    const { x, y, z, w } = new Vector4().fromArray(clip).applyMatrix4(fromClip);
+    return turn(pFromD, subtract([x, y, z], scale(w, request.eye)));
+  });
   return columns.flatMap((d) => scale(1 / norm(columns[2]), d));
 }
 
 // `size`: of the picture that is cast, which may be coarser than the request's.
-export function setRequest(
-  program: Program,
-  volume: VolumeTexture,
-  request: CastRequest,
-  size: [number, number],
-): void {
+export function setRequest(program: Program, volume: VolumeTexture, request: CastRequest, size: [number, number]): void {
   // In P, voxel (i, j, k) is at (i + 1, j + 1, k + 1).
   const dFromP = compose(request.deviceFromIndex, [1, 0, 0, -1, 0, 1, 0, -1, 0, 0, 1, -1]);
-  const pFromD = inverseMap(dFromP);
-  const clipFromP = multiply(request.clipFromD, fromAffine(dFromP));
-  const across = (n: number): Vec3 => normalized(row(request.clipFromD, n).slice(0, 3) as Vec3);
+  const pFromD = inverse(dFromP);
+  const clipFromD = new Matrix4().fromArray(request.clipFromD);
+  const rowByRow = (matrix: Matrix4) => matrix.clone().transpose().elements;
+  const clipFromP = rowByRow(clipFromD.clone().multiply(matrixOf(dFromP)));
+  const across = (n: number): Vec3 => normalized(row(rowByRow(clipFromD), n));
   program.set("eye", ...apply(pFromD, request.eye));
   program.set("image_center", size[0] / 2, size[1] / 2, 0);
   program.setMatrix("direction_from_pixel", directionFromPixel(request, size, pFromD));
-  program.set("clip_z", ...row(clipFromP, 2));
-  program.set("clip_w", ...row(clipFromP, 3));
+  program.set("clip_z", ...clipFromP.slice(8, 12));
+  program.set("clip_w", ...clipFromP.slice(12));
   program.setMatrix("D_from_P", [0, 1, 2].flatMap((n) => column(dFromP, n)));
   // The transpose of the inverse.
-  program.setMatrix("normal_D_from_P", [0, 1, 2].flatMap((n) => rowOfMap(pFromD, n)));
+  program.setMatrix("normal_D_from_P", [0, 1, 2].flatMap((n) => row(pFromD, n)));
   program.set("right_D", ...across(0));
   program.set("up_D", ...across(1));
   program.set("crop_max", ...volume.shape.size.map((n) => n + 1));

@@ -1,12 +1,9 @@
 // The textures that a picture is cast into: the surface's colour, the veil's colour and depth, the
 // surface's depth. The bottom row comes first.
 
-const kCount = 4;
-
 export class CastTarget {
   size: [number, number] = [0, 0];
-  // Colour, veil colour, veil depth, depth.
-  textures: WebGLTexture[] = [];
+  textures: WebGLTexture[] = []; // colour, veil colour, veil depth, depth; none before the first bind
   private framebuffer: WebGLFramebuffer | null = null;
 
   constructor(private readonly gl: WebGL2RenderingContext) {}
@@ -19,47 +16,24 @@ export class CastTarget {
     gl.viewport(0, 0, ...size);
   }
 
-  readDepths(): Float32Array {
-    const gl = this.gl;
-    const [width, height] = this.size;
-    const texels = new Float32Array(4 * width * height);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
-    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
-    for (const name of [gl.PACK_ROW_LENGTH, gl.PACK_SKIP_PIXELS, gl.PACK_SKIP_ROWS]) gl.pixelStorei(name, 0);
-    gl.readBuffer(gl.COLOR_ATTACHMENT3);
-    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, texels);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    return texels.filter((_, n) => n % 4 === 0);
-  }
-
-  dispose(): void {
-    for (const texture of this.textures) this.gl.deleteTexture(texture);
-    this.gl.deleteFramebuffer(this.framebuffer);
-    this.textures = [];
-    this.framebuffer = null;
-    this.size = [0, 0];
-  }
-
   private resize(size: [number, number]): void {
     const gl = this.gl;
-    this.dispose();
+    for (const texture of this.textures) gl.deleteTexture(texture);
+    gl.deleteFramebuffer(this.framebuffer);
     this.framebuffer = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
     gl.activeTexture(gl.TEXTURE0);
-    for (let n = 0; n < kCount; ++n) {
+    this.textures = [gl.RGBA8, gl.RGBA8, gl.R32F, gl.R32F].map((format, n) => {
       const texture = gl.createTexture();
-      const isColor = n < 2;
       gl.bindTexture(gl.TEXTURE_2D, texture);
-      gl.texStorage2D(gl.TEXTURE_2D, 1, isColor ? gl.RGBA8 : gl.R32F, ...size);
+      gl.texStorage2D(gl.TEXTURE_2D, 1, format, ...size);
       // A coarse picture's colours are interpolated.
-      const filter = isColor ? gl.LINEAR : gl.NEAREST;
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, filter);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+      const filter = format === gl.RGBA8 ? gl.LINEAR : gl.NEAREST;
+      for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, filter);
+      for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
       gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + n, gl.TEXTURE_2D, texture, 0);
-      this.textures.push(texture);
-    }
+      return texture;
+    });
     gl.drawBuffers(this.textures.map((_, n) => gl.COLOR_ATTACHMENT0 + n));
     this.size = [...size];
   }

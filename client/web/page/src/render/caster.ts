@@ -8,17 +8,16 @@
 import { newCastProgram, setRequest } from "./cast_program";
 import type { CastRequest } from "./cast_program";
 import { CastTarget } from "./cast_target";
-import { inverse } from "./matrix";
-import { Pace } from "./pace";
 import { Program } from "./program";
 import type { VolumeTexture } from "./volume_texture";
-
-export type { CastRequest } from "./cast_program";
 
 const kRestMs = 150;
 const kCoarsest = 8;
 const kLevels = [1, 2, 4, kCoarsest];
 const kFirstFreeUnit = 3; // after those of the volume
+const kSlowMs = 50;
+// A tile takes a frame or two however small it is. Where frames are slow, small tiles would take minutes.
+const kFewestPixels = 8192;
 
 const kDrawShader = `
 precision highp float;
@@ -49,8 +48,8 @@ interface Job {
 }
 
 function isSame(a: Subject, b: Subject): boolean {
-  const text = (r: CastRequest): string => JSON.stringify({ ...r, clipFromD: [...r.clipFromD] });
-  return a.volume === b.volume && a.version === b.version && text(a.request) === text(b.request);
+  const isSameRequest = JSON.stringify(a.request) === JSON.stringify(b.request);
+  return a.volume === b.volume && a.version === b.version && isSameRequest;
 }
 
 // What the graphics card is at.
@@ -60,6 +59,17 @@ interface Tile {
   pixels: number;
   since: number; // ms
   looks: number;
+}
+
+// How many pixels are cast at once, so that frames go on. It follows what earlier ones took.
+class Pace {
+  pixels = kFewestPixels;
+
+  // `atOnce`: the first look has found them done, so they took a frame at most.
+  took(pixels: number, ms: number, atOnce: boolean): void {
+    if (ms > kSlowMs && !atOnce) this.pixels = Math.max(pixels / 2, kFewestPixels);
+    else if ((atOnce || ms < kSlowMs / 3) && 2 * pixels > this.pixels) this.pixels *= 2;
+  }
 }
 
 export class Caster {
@@ -79,8 +89,7 @@ export class Caster {
 
   private wanted: Subject | null = null;
   private changedAt = 0;
-  private frontSubject: Subject | null = null;
-  private frontLevel = 0;
+  private frontJob: Job | null = null; // whose picture is shown
   private job: Job | null = null;
   private tile: Tile | null = null;
 
@@ -96,23 +105,23 @@ export class Caster {
 
   // Pixels per cast pixel along a side, as shown now. 1: fine. 0: nothing is shown yet.
   get level(): number {
-    return this.frontLevel;
+    return this.frontJob?.level ?? 0;
   }
 
   // What is shown now. It lags behind the last request while a picture is being cast.
   get shown(): CastRequest | null {
-    return this.frontSubject?.request ?? null;
+    return this.frontJob?.subject.request ?? null;
   }
 
   // A picture of the last request and of the volume as it is now is shown.
   get isCurrent(): boolean {
-    const front = this.frontSubject;
-    return front !== null && front === this.wanted && front.version === front.volume.version;
+    const subject = this.frontJob?.subject;
+    return subject !== undefined && subject === this.wanted && subject.version === subject.volume.version;
   }
 
   // It is the fine one.
   get settled(): boolean {
-    return this.frontLevel === 1 && this.isCurrent;
+    return this.level === 1 && this.isCurrent;
   }
 
   // Call this once a frame. Returns true if the picture has changed: draw a frame then. Throws an Error with the
@@ -133,37 +142,12 @@ export class Caster {
   // Draws the surface into the bound framebuffer, over what is there, and its depth. Call this before
   // the objects of the scene are drawn. The viewport is the framebuffer's size.
   draw(): void {
-    this.drawTextures(this.front.textures[0], this.front.textures[3], false);
+    if (this.shown) this.drawTextures(this.front.textures[0], this.front.textures[3], false);
   }
 
   // Draws the veil over everything that lies behind it. Call this after the objects of the scene.
   drawVeil(): void {
-    if (!this.shown?.veil) return;
-    this.drawTextures(this.front.textures[1], this.front.textures[2], true);
-  }
-
-  // Distances from the eye to the surface, in mm, of the picture that is shown. The top row comes first.
-  // Infinity: no surface. At level n, rows have ceil(width / n) entries.
-  distances(): Float32Array {
-    if (!this.shown) return new Float32Array(0);
-    const [width, height] = this.front.size;
-    const depths = this.front.readDepths();
-    const fromClip = inverse(this.shown.clipFromD);
-    const eye = this.shown.eye;
-    return depths.map((_, n) => {
-      const [x, y] = [n % width, height - 1 - Math.floor(n / width)];
-      const depth = depths[y * width + x];
-      if (depth >= 1) return Infinity;
-      const clip = [(2 * (x + 0.5)) / width - 1, (2 * (y + 0.5)) / height - 1, 2 * depth - 1, 1];
-      const p = [0, 1, 2, 3].map((r) => clip.reduce((sum, value, c) => sum + fromClip[4 * c + r] * value, 0));
-      return Math.hypot(...eye.map((e, axis) => p[axis] / p[3] - e));
-    });
-  }
-
-  dispose(): void {
-    for (const part of [...this.programs.values(), this.drawing, this.front, this.back]) part.dispose();
-    if (this.tile) this.gl.deleteSync(this.tile.fence);
-    this.gl.deleteTexture(this.noColors);
+    if (this.shown?.veil) this.drawTextures(this.front.textures[1], this.front.textures[2], true);
   }
 
   private want(subject: Subject): Subject {
@@ -193,26 +177,23 @@ export class Caster {
     const job = this.job;
     if (!job || job.nextRow < job.size[1]) return false;
     [this.front, this.back] = [this.back, this.front];
-    this.frontSubject = job.subject;
-    this.frontLevel = job.level;
-    this.job = null;
+    [this.frontJob, this.job] = [job, null];
     return true;
   }
 
   private nextJob(subject: Subject): Job | null {
-    const isCoarse = this.frontSubject !== subject;
-    if (!isCoarse && (this.frontLevel === 1 || performance.now() - this.changedAt < kRestMs)) return null;
+    const isCoarse = this.frontJob?.subject !== subject;
+    if (!isCoarse && (this.level === 1 || performance.now() - this.changedAt < kRestMs)) return null;
     const sizeAt = (level: number) => subject.request.size.map((n) => Math.ceil(n / level)) as [number, number];
     const isQuick = (level: number) => sizeAt(level)[0] * sizeAt(level)[1] <= this.coarsePace.pixels;
-    const level = isCoarse ? (kLevels.find(isQuick) ?? kCoarsest) : this.frontLevel > 2 ? 2 : 1;
-    const size = sizeAt(level);
-    return { subject, level, isCoarse, size, nextRow: 0 };
+    const level = isCoarse ? (kLevels.find(isQuick) ?? kCoarsest) : this.level > 2 ? 2 : 1;
+    return { subject, level, isCoarse, size: sizeAt(level), nextRow: 0 };
   }
 
   private castTile(job: Job): void {
     const gl = this.gl;
     const { volume, request } = job.subject;
-    const program = this.programFor(volume.sampler, request.veil !== null);
+    const program = this.programFor(volume.format.sampler, request.veil !== null);
     if (!program.isReady() || !this.drawing.isReady()) return;
     const [width, height] = job.size;
     const rows = job.isCoarse ? height : Math.min(Math.ceil(this.tilePace.pixels / width), height - job.nextRow);
@@ -249,8 +230,7 @@ export class Caster {
   }
 
   // Colours are premultiplied by alpha. `behindScene`: hidden by what is nearer, and leaves the depth.
-  private drawTextures(color: WebGLTexture | undefined, depth: WebGLTexture | undefined, behindScene: boolean): void {
-    if (!color || !depth) return;
+  private drawTextures(color: WebGLTexture, depth: WebGLTexture, behindScene: boolean): void {
     const gl = this.gl;
     for (const name of [gl.CULL_FACE, gl.SCISSOR_TEST, gl.STENCIL_TEST]) gl.disable(name);
     for (const name of [gl.BLEND, gl.DEPTH_TEST]) gl.enable(name);

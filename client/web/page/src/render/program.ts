@@ -30,10 +30,7 @@ export class Program {
   ) {
     this.program = gl.createProgram();
     this.noVertices = gl.createVertexArray();
-    this.shaders = [
-      compile(gl, gl.VERTEX_SHADER, kCoverViewport),
-      compile(gl, gl.FRAGMENT_SHADER, fragment),
-    ];
+    this.shaders = [compile(gl, gl.VERTEX_SHADER, kCoverViewport), compile(gl, gl.FRAGMENT_SHADER, fragment)];
     for (const shader of this.shaders) gl.attachShader(this.program, shader);
     gl.linkProgram(this.program);
   }
@@ -59,17 +56,12 @@ export class Program {
 
   // Sets a uniform of the program in use: one to four floats.
   set(name: string, ...values: number[]): void {
-    const place = this.place(name);
-    if (values.length === 1) this.gl.uniform1f(place, values[0]);
-    if (values.length === 2) this.gl.uniform2fv(place, values);
-    if (values.length === 3) this.gl.uniform3fv(place, values);
-    if (values.length === 4) this.gl.uniform4fv(place, values);
+    this.gl[`uniform${values.length as 1 | 2 | 3 | 4}fv`](this.place(name), values);
   }
 
-  // One or three ints, or a bool.
+  // One to four ints, or a bool.
   setInt(name: string, ...values: number[]): void {
-    if (values.length === 1) this.gl.uniform1i(this.place(name), values[0]);
-    else this.gl.uniform3iv(this.place(name), values);
+    this.gl[`uniform${values.length as 1 | 2 | 3 | 4}iv`](this.place(name), values);
   }
 
   // 3 x 3, column by column.
@@ -81,11 +73,6 @@ export class Program {
     this.gl.bindVertexArray(this.noVertices);
     this.gl.drawArrays(this.gl.TRIANGLES, 0, 3);
     this.gl.bindVertexArray(null);
-  }
-
-  dispose(): void {
-    this.gl.deleteProgram(this.program);
-    this.gl.deleteVertexArray(this.noVertices);
   }
 
   private place(name: string): WebGLUniformLocation | null {

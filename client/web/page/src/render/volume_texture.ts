@@ -2,55 +2,43 @@
 // background on every side (frame P of client/shading/shading.h), and the ranges of its bricks.
 //
 // Like the atlas of the desktop viewer, the textures have z along their x axis. Floats are stored scaled.
-import { kGroupEdge, kGroupVoxels, newVoxels } from "../volume/manifest";
+import { bytesPerVoxel, kGroupEdge, kGroupVoxels } from "../volume/manifest";
+import type { VolumeShape, Voxels } from "../volume/manifest";
+import type { VoxelType } from "../wire/messages";
 import { BrickRanges } from "./brick_ranges";
 import type { Program } from "./program";
 import { ValueScale } from "./value_scale";
-import type { VolumeShape, VoxelType, Voxels } from "./types";
 
-interface Format {
-  sampler: string;
-  internal: number;
-  format: number;
-  type: number;
-  bytes: number;
-}
-
-function formatOf(gl: WebGL2RenderingContext, type: VoxelType): Format {
+// `sampler`: GLSL's type.
+function formatOf(gl: WebGL2RenderingContext, type: VoxelType) {
   const integer = { format: gl.RED_INTEGER };
   return {
-    uint8: { ...integer, sampler: "usampler3D", internal: gl.R8UI, type: gl.UNSIGNED_BYTE, bytes: 1 },
-    int16: { ...integer, sampler: "isampler3D", internal: gl.R16I, type: gl.SHORT, bytes: 2 },
-    uint16: { ...integer, sampler: "usampler3D", internal: gl.R16UI, type: gl.UNSIGNED_SHORT, bytes: 2 },
-    float32: { format: gl.RED, sampler: "sampler3D", internal: gl.R32F, type: gl.FLOAT, bytes: 4 },
+    uint8: { ...integer, sampler: "usampler3D", internal: gl.R8UI, type: gl.UNSIGNED_BYTE },
+    int16: { ...integer, sampler: "isampler3D", internal: gl.R16I, type: gl.SHORT },
+    uint16: { ...integer, sampler: "usampler3D", internal: gl.R16UI, type: gl.UNSIGNED_SHORT },
+    float32: { format: gl.RED, sampler: "sampler3D", internal: gl.R32F, type: gl.FLOAT },
   }[type];
 }
 
-function product([x, y, z]: ArrayLike<number> & Iterable<number>): number {
-  return x * y * z;
-}
-
 // Along the texture's axes.
-function paddedSize(shape: VolumeShape): [number, number, number] {
-  return [shape.size[2] + 2, shape.size[1] + 2, shape.size[0] + 2];
-}
+const paddedSize = ({ size }: VolumeShape) => size.map((edge) => edge + 2).reverse();
+const bytesOf = (shape: VolumeShape) => paddedSize(shape).reduce((all, edge) => all * edge, bytesPerVoxel(shape.type));
 
 function newTexture(gl: WebGL2RenderingContext, format: number, size: number[]): WebGLTexture {
   const texture = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_3D, texture);
   gl.texStorage3D(gl.TEXTURE_3D, 1, format, size[0], size[1], size[2]);
-  gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-  gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_3D, name, gl.NEAREST);
   return texture;
 }
 
 // three.js leaves others.
 function resetUnpacking(gl: WebGL2RenderingContext): void {
   gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, null);
-  gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
-  gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   for (const name of [
+    gl.UNPACK_FLIP_Y_WEBGL,
+    gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL,
     gl.UNPACK_ROW_LENGTH,
     gl.UNPACK_IMAGE_HEIGHT,
     gl.UNPACK_SKIP_PIXELS,
@@ -63,24 +51,22 @@ function resetUnpacking(gl: WebGL2RenderingContext): void {
 
 export class VolumeTexture {
   // Returns "" if a volume of this shape fits the budget and the card, and otherwise why not.
-  static problem(gl: WebGL2RenderingContext, shape: VolumeShape, budgetBytes: number): string {
+  static problem(gl: WebGL2RenderingContext, shape: VolumeShape, budgetMiB: number): string {
     const most = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
     if (Math.max(...paddedSize(shape)) > most) {
       return `the graphics card takes at most ${most - 2} voxels along an axis`;
     }
-    const bytes = product(paddedSize(shape)) * formatOf(gl, shape.type).bytes;
-    if (bytes <= budgetBytes) return "";
-    const mib = (n: number): number => Math.ceil(n / 2 ** 20);
-    return `the volume needs ${mib(bytes)} MiB on the graphics card; the limit is ${mib(budgetBytes)} MiB`;
+    const mib = bytesOf(shape) / 2 ** 20;
+    if (mib <= budgetMiB) return "";
+    return `the volume needs ${Math.ceil(mib)} MiB on the graphics card; the limit is ${Math.ceil(budgetMiB)} MiB`;
   }
 
   readonly scale: ValueScale;
   readonly bytes: number; // on the graphics card
-  readonly sampler: string; // GLSL's type for the values
+  readonly format: ReturnType<typeof formatOf>; // of the values
   // Rises with each group.
   version = 0;
 
-  private readonly format: Format;
   private readonly ranges: BrickRanges;
   private readonly textures: [WebGLTexture, WebGLTexture, WebGLTexture]; // values, blocks, bricks
   private readonly scaled: Float32Array | null; // scratch of one group
@@ -95,7 +81,6 @@ export class VolumeTexture {
     this.scale = new ValueScale(shape.valueMin, shape.valueMax);
     this.ranges = new BrickRanges(shape, this.scale);
     this.format = formatOf(gl, shape.type);
-    this.sampler = this.format.sampler;
     this.scaled = shape.type === "float32" ? new Float32Array(kGroupVoxels) : null;
     const { blockCount, brickCount } = this.ranges;
     this.textures = [
@@ -105,8 +90,7 @@ export class VolumeTexture {
     ];
     if (shape.background !== 0) this.fillWithBackground();
     this.uploadRanges(0, brickCount[0] - 1);
-    this.bytes =
-      product(paddedSize(shape)) * this.format.bytes + 8 * (product(blockCount) + product(brickCount));
+    this.bytes = bytesOf(shape) + this.ranges.bricks.byteLength + this.ranges.blocks.byteLength;
     if (gl.getError() === gl.NO_ERROR) return;
     this.dispose();
     throw new Error("the graphics card has too little memory for the volume");
@@ -116,15 +100,14 @@ export class VolumeTexture {
   // is not kept. The caster draws all groups that were put before its next step().
   putGroup(a: number, b: number, c: number, voxels: Voxels): void {
     const gl = this.gl;
-    const first = [a, b, c].map((n) => kGroupEdge * n) as [number, number, number];
-    const extent = first.map((n, axis) => Math.min(kGroupEdge, this.shape.size[axis] - n));
+    const first = [a, b, c].map((n) => kGroupEdge * n);
+    const [depth, height, width] = first.map((n, axis) => Math.min(kGroupEdge, this.shape.size[axis] - n));
     resetUnpacking(gl);
     gl.pixelStorei(gl.UNPACK_ROW_LENGTH, kGroupEdge);
     gl.pixelStorei(gl.UNPACK_IMAGE_HEIGHT, kGroupEdge);
     gl.bindTexture(gl.TEXTURE_3D, this.textures[0]);
-    const [x, y, z] = [first[2] + 1, first[1] + 1, first[0] + 1];
+    const [z, y, x] = first.map((n) => n + 1);
     const { format, type } = this.format;
-    const [depth, height, width] = extent as [number, number, number];
     gl.texSubImage3D(gl.TEXTURE_3D, 0, x, y, z, width, height, depth, format, type, this.stored(voxels));
     this.ranges.putGroup(a, b, c, voxels);
     ++this.version;
@@ -183,13 +166,13 @@ export class VolumeTexture {
     gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
     gl.disable(gl.SCISSOR_TEST);
     gl.colorMask(true, true, true, true);
-    const { type } = this.shape;
-    const value = this.stored(newVoxels(type, 4).fill(this.shape.background)).slice(0, 4);
+    const { type, background } = this.shape;
+    const value = new Array<number>(4).fill(type === "float32" ? this.scale.scaled(background) : background);
     for (let layer = 0; layer < this.shape.size[0] + 2; ++layer) {
       gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, this.textures[0], 0, layer);
-      if (type === "float32") gl.clearBufferfv(gl.COLOR, 0, Float32Array.from(value));
-      else if (type === "int16") gl.clearBufferiv(gl.COLOR, 0, Int32Array.from(value));
-      else gl.clearBufferuiv(gl.COLOR, 0, Uint32Array.from(value));
+      if (type === "float32") gl.clearBufferfv(gl.COLOR, 0, value);
+      else if (type === "int16") gl.clearBufferiv(gl.COLOR, 0, value);
+      else gl.clearBufferuiv(gl.COLOR, 0, value);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.deleteFramebuffer(framebuffer);

@@ -4,8 +4,8 @@ import type { State } from "../state";
 import { find, setAttribute, setText } from "./dom";
 import { fixed, kReplay } from "./words";
 
-export type Tone = "acting" | "idle" | "caution" | "alarm";
-export interface Badge {
+type Tone = "acting" | "idle" | "caution" | "alarm";
+interface Badge {
   tone: Tone;
   words: string;
   kind: string; // announced when it changes
@@ -27,34 +27,26 @@ function ageText(ageMs: number): string {
 }
 
 export function badgeOf(state: State): Badge {
-  switch (state.link) {
-    case "login":
-      return { tone: "idle", words: "not logged in", kind: "not logged in" };
-    case "connecting":
-      return { tone: "caution", words: "connecting", kind: "connecting" };
-    case "lost":
-      return { tone: "alarm", words: "connection lost, trying again", kind: "connection lost, trying again" };
-    case "open":
-      break;
-  }
-  const connection = state.connection;
-  if (connection && connection.state !== "connected") {
-    return { tone: connection.state === "lost" ? "alarm" : "caution", words: connection.why, kind: connection.why };
-  }
-  if (!state.pose) return { tone: "caution", words: "no pose yet", kind: "no pose yet" };
+  const { link, connection, pose } = state;
+  const badge = (tone: Tone, words: string, kind = words) => ({ tone, words, kind });
+  if (link === "login") return badge("idle", "not logged in");
+  if (link === "connecting") return badge("caution", "connecting");
+  if (link === "lost") return badge("alarm", "connection lost, trying again");
+  if (connection?.state === "lost") return badge("alarm", connection.why);
+  if (connection?.state === "connecting") return badge("caution", connection.why);
+  if (!pose) return badge("caution", "no pose yet");
   const ageMs = state.poseAgeMs();
-  if (ageMs > kOldMs) return { tone: "caution", words: ageText(ageMs), kind: "the stream is old" };
-  if (state.pose.replayed) return { tone: "caution", words: kReplay, kind: kReplay };
-  return { tone: "acting", words: "live", kind: "live" };
+  if (ageMs > kOldMs) return badge("caution", ageText(ageMs), "the stream is old");
+  return pose.replayed ? badge("caution", kReplay) : badge("acting", "live");
 }
 
 // Returns a function to call several times a second.
-export function showBadge(root: HTMLElement, state: State): () => void {
-  const chip = find(root, "badge");
-  const words = find(root, "badge-words");
+export function showBadge(state: State): () => void {
+  const chip = find("badge");
+  const words = find("badge-words");
   const sign = chip.querySelector("path")!;
-  const announcement = find(root, "announcement");
-  const stage = find(root, "stage");
+  const announcement = find("announcement");
+  const stage = find("stage");
   let kind = "";
   let sinceMs = 0;
   const update = () => {
@@ -65,15 +57,9 @@ export function showBadge(root: HTMLElement, state: State): () => void {
     setAttribute(sign, "d", kSigns[badge.tone]);
     stage.toggleAttribute("data-replay", badge.kind === kReplay);
     const now = performance.now();
-    if (badge.kind !== kind) {
-      kind = badge.kind;
-      sinceMs = now;
-    } else if (now - sinceMs > kAnnounceAfterMs) {
-      setText(announcement, kind);
-    }
+    if (badge.kind !== kind) [kind, sinceMs] = [badge.kind, now];
+    else if (now - sinceMs > kAnnounceAfterMs) setText(announcement, kind);
   };
-  state.on("link", update);
-  state.on("connection", update);
-  update();
+  state.watch(["link", "connection"], update);
   return update;
 }

@@ -57,18 +57,15 @@ const kBuilders = { number: numberControl, flag: flagControl, choice: choiceCont
 // Returns a function that shows palpated's value.
 function addControl(body: HTMLElement, setting: SettingInfo, state: State, room: Room): () => void {
   const { key, kind, help } = setting;
-  const [error, who] = [make("p", { class: "error", role: "alert" }), make("span")];
-  const steered = new Steered((value) => room.steer(key, value), (why) => {
-    setText(error, why);
-    update();
-  });
+  const who = make("span");
+  const steered = new Steered(room, key, () => update());
   const control = kBuilders[kind](setting, `steer-${key}`, (value) => {
     steered.set(value);
     control.show(value);
   });
   const helpText = make("span", { id: `help-${key}` }, help);
-  body.append(make("div", { class: "field" }, ...control.parts, make("p", { class: "help" }, helpText, who), error));
-  const input = find(body, `steer-${key}`);
+  body.append(make("div", { class: "field" }, ...control.parts, make("p", { class: "help" }, helpText, who), steered.error));
+  const input = find(`steer-${key}`);
   input.setAttribute("aria-describedby", helpText.id);
   input.addEventListener("blur", () => update()); // palpated's value is back if it refused the typed one
   const update = () => {
@@ -81,9 +78,9 @@ function addControl(body: HTMLElement, setting: SettingInfo, state: State, room:
   return update;
 }
 
-export function showControls(root: HTMLElement, state: State, room: Room): void {
-  const section = find(root, "steer-section");
-  const body = find(root, "steer");
+export function showControls(state: State, room: Room): void {
+  const section = find("steer-section");
+  const body = find("steer");
   let updates: (() => void)[] = [];
   let shown = "";
   state.on("hello", () => {
@@ -96,5 +93,5 @@ export function showControls(root: HTMLElement, state: State, room: Room): void 
     body.replaceChildren();
     updates = mine.map((setting) => addControl(body, setting, state, room));
   });
-  for (const topic of ["settings", "steering"] as const) state.on(topic, () => updates.forEach((update) => update()));
+  state.on(["settings", "steering"], () => updates.forEach((update) => update()));
 }

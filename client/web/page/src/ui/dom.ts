@@ -1,22 +1,29 @@
 // Small functions over the DOM. Text is only ever set as text, never as HTML: names of volumes and
 // users come from outside.
 
-type Attributes = Record<string, string | number | boolean>;
+type Attributes = Record<string, string | number>;
 
-export function make<Tag extends keyof HTMLElementTagNameMap>(
-  tag: Tag, attributes: Attributes = {}, ...children: (Node | string)[]
-): HTMLElementTagNameMap[Tag] {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (value !== false) element.setAttribute(name, value === true ? "" : String(value));
-  }
+function fill<E extends Element>(element: E, attributes: Attributes, children: (Node | string)[]): E {
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
   element.append(...children);
   return element;
 }
 
+export function make<Tag extends keyof HTMLElementTagNameMap>(
+  tag: Tag, attributes: Attributes = {}, ...children: (Node | string)[]
+): HTMLElementTagNameMap[Tag] {
+  return fill(document.createElement(tag), attributes, children);
+}
+
+export function makeSvg<Tag extends keyof SVGElementTagNameMap>(
+  tag: Tag, attributes: Attributes = {}, ...children: Node[]
+): SVGElementTagNameMap[Tag] {
+  return fill(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, children);
+}
+
 // The element of index.html with this id.
-export function find<T extends HTMLElement = HTMLElement>(root: HTMLElement, id: string): T {
-  const element = root.querySelector<T>(`#${id}`);
+export function find<T extends HTMLElement = HTMLElement>(id: string): T {
+  const element = document.querySelector<T>(`#${id}`);
   if (!element) throw new Error(`index.html has no element #${id}`);
   return element;
 }
@@ -36,47 +43,29 @@ export function paced(perSecond: number, draw: () => void): () => void {
   let isDue = false;
   let lastMs = -Infinity;
   const onFrame = (nowMs: number) => {
-    // Frames come a little early or late.
-    if (nowMs - lastMs < 1000 / perSecond - 4) {
-      requestAnimationFrame(onFrame);
-      return;
-    }
-    isDue = false;
+    isDue = nowMs - lastMs < 1000 / perSecond - 4; // frames come a little early or late
+    if (isDue) return void requestAnimationFrame(onFrame);
     lastMs = nowMs;
     draw();
   };
   return () => {
-    if (isDue) return;
+    if (!isDue) requestAnimationFrame(onFrame);
     isDue = true;
-    requestAnimationFrame(onFrame);
   };
 }
 
-// Fits the canvas's pixels to the screen's and clears it. Units of drawing are CSS pixels. Null: the canvas
-// is not shown.
+// Fits the canvas's pixels to the screen's and clears it. Units of drawing are CSS pixels, the font is the
+// page's. Null: the canvas is not shown.
 export function beginDrawing(canvas: HTMLCanvasElement): CanvasRenderingContext2D | null {
   const { clientWidth, clientHeight } = canvas;
   const context = canvas.getContext("2d");
   if (!context || clientWidth === 0 || clientHeight === 0) return null;
   const scale = window.devicePixelRatio;
-  const width = Math.round(clientWidth * scale);
-  const height = Math.round(clientHeight * scale);
-  if (canvas.width !== width || canvas.height !== height) {
-    canvas.width = width;
-    canvas.height = height;
-  }
+  const [width, height] = [clientWidth, clientHeight].map((n) => Math.round(n * scale));
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   context.setTransform(scale, 0, 0, scale, 0, 0);
   context.clearRect(0, 0, clientWidth, clientHeight);
-  return context;
-}
-
-// A colour of style.css in the theme that is shown.
-export function color(name: string): string {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-}
-
-// The font of the page, for canvases.
-export function font(canvas: HTMLCanvasElement): string {
   const style = getComputedStyle(canvas);
-  return `${0.8 * parseFloat(style.fontSize)}px ${style.fontFamily}`;
+  context.font = `${0.8 * parseFloat(style.fontSize)}px ${style.fontFamily}`;
+  return context;
 }

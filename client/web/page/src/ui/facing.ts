@@ -14,14 +14,15 @@ function lineOf({ volume, placement }: State): string {
   return placement.patient_axes === "" && !volume.name.startsWith("builtin:") ? "Which way does it face?" : "";
 }
 
-export function showFacing(root: HTMLElement, state: State, room: Room): void {
-  const line = find(root, "facing");
-  const dialog = find<HTMLDialogElement>(root, "facing-dialog");
-  const [face, head] = ["facing-face", "facing-head"].map((id) => find<HTMLSelectElement>(root, id));
-  const keep = find<HTMLButtonElement>(root, "facing-keep");
-  const error = find(root, "facing-error");
+export function showFacing(state: State, room: Room): void {
+  const line = find("facing");
+  const dialog = find<HTMLDialogElement>("facing-dialog");
+  const [face, head] = ["facing-face", "facing-head"].map((id) => find<HTMLSelectElement>(id));
+  const keep = find<HTMLButtonElement>("facing-keep");
+  const error = find("facing-error");
   for (const select of [face, head]) {
-    select.append(make("option", { value: "" }, ""), ...kDirections.map((name, value) => make("option", { value }, name)));
+    select.append(make("option", { value: "" }), ...kDirections.map((name, value) => make("option", { value }, name)));
+    select.addEventListener("change", () => update());
   }
   const chosen = () => [face, head].map((select) => (select.value === "" ? -1 : Number(select.value)));
   const update = () => {
@@ -29,8 +30,8 @@ export function showFacing(root: HTMLElement, state: State, room: Room): void {
     line.hidden = text === "";
     setText(line, text);
     const may = state.hello?.may_steer.includes(kFacingKey) ?? false;
-    find(root, "facing-fields").hidden = !may;
-    find(root, "facing-may-not").hidden = may;
+    find("facing-fields").hidden = !may;
+    find("facing-may-not").hidden = may;
     const [f, h] = chosen();
     keep.disabled = f < 0 || h < 0 || f >> 1 === h >> 1;
   };
@@ -40,13 +41,11 @@ export function showFacing(root: HTMLElement, state: State, room: Room): void {
     update();
     dialog.showModal();
   });
-  for (const select of [face, head]) select.addEventListener("change", update);
   keep.addEventListener("click", (event) => {
     event.preventDefault();
     const [f, h] = chosen();
     room.steer(kFacingKey, kDirections.length * f + h).then(() => dialog.close(), (refusal: Error) => setText(error, refusal.message));
   });
-  for (const topic of ["volume", "placement", "hello"] as const) state.on(topic, update);
+  state.watch(["volume", "placement", "hello"], update);
   state.on("volume", () => dialog.close()); // it asked about the one before
-  update();
 }

@@ -3,11 +3,11 @@ import type { State } from "../state";
 import { find, make, setText } from "./dom";
 import { kFacingKey } from "./facing";
 
-export function showHeader(root: HTMLElement, state: State): void {
-  const name = find(root, "volume-name");
-  const facts = find(root, "volume-facts");
-  const guests = find(root, "guests");
-  const recording = find(root, "recording");
+export function showHeader(state: State): void {
+  const name = find("volume-name");
+  const facts = find("volume-facts");
+  const guests = find("guests");
+  const recording = find("recording");
   state.on("volume", () => {
     const { volume } = state;
     setText(name, volume?.name || "Palpate");
@@ -25,25 +25,45 @@ export function showHeader(root: HTMLElement, state: State): void {
     setText(recording, `● REC ${Math.round(state.recording?.seconds ?? 0)} s`);
     recording.title = "palpated records";
   });
-  const server = find(root, "server");
-  const showServer = () => {
+  const server = find("server");
+  state.on(["connection", "hello"], () => {
     const palpated = state.connection?.palpated ? `palpated at ${state.connection.palpated}` : "";
     setText(server, [palpated, state.hello ? `palpate-web ${state.hello.version}` : ""].filter(Boolean).join(" · "));
-  };
-  state.on("connection", showServer);
-  state.on("hello", showServer);
+  });
 }
 
-const kMostEvents = 50;
+const kNextTheme = { system: "dark", dark: "light", light: "system" } as const;
+
+export function nextTheme(state: State): void {
+  state.setView({ theme: kNextTheme[state.view.theme] });
+}
+
+// Dark, light, or as the system has it. style.css has the colours for both values of data-theme.
+export function showTheme(state: State): void {
+  const system = matchMedia("(prefers-color-scheme: dark)");
+  const words = find("theme-words");
+  const { dataset } = document.documentElement;
+  const update = () => {
+    const { theme } = state.view;
+    setText(words, `Theme: ${theme === "system" ? "auto" : theme}`);
+    const shown = theme !== "system" ? theme : system.matches ? "dark" : "light";
+    if (dataset.theme === shown) return;
+    dataset.theme = shown;
+    state.emit("view"); // the picture takes its colours anew
+  };
+  system.addEventListener("change", update);
+  state.watch("view", update);
+}
+
 const kSameChangeMs = 10_000; // a drag is one change
 
 // The newest first, each with the time at which this page heard of it.
-export function showEvents(root: HTMLElement, state: State): void {
-  const list = find(root, "events");
+export function showEvents(state: State): void {
+  const list = find("events");
   const add = (event: string) => {
     const time = new Date().toLocaleTimeString([], { hour12: false });
     list.prepend(make("li", {}, make("time", {}, time), ` ${event}`));
-    while (list.children.length > kMostEvents) list.lastElementChild!.remove();
+    while (list.children.length > state.events.length) list.lastElementChild!.remove();
   };
   state.events.forEach(add);
   state.on("events", () => add(state.events.at(-1)!));

@@ -4,17 +4,18 @@ import type { VolumeCopy } from "../volume/copy";
 import type { Room } from "../wire/room";
 import { showBadge } from "./badge";
 import { showControls } from "./controls";
+import { showCube } from "./cube";
 import { find, setText } from "./dom";
 import { showFacing } from "./facing";
-import { showEvents, showHeader, tellSteering } from "./header";
+import { nextTheme, showEvents, showHeader, showTheme, tellSteering } from "./header";
 import { showHistogram, toggleVeil } from "./histogram";
 import { listenToKeys } from "./keys";
 import { showLogin } from "./login";
 import { showPlots } from "./plots";
 import { showProgress } from "./progress";
 import { showSlices } from "./slices";
-import { nextTheme, showTheme } from "./theme";
 import { showValues } from "./values";
+import { valueText } from "./words";
 
 export interface Actions {
   resetView(): void;
@@ -25,8 +26,8 @@ export interface Actions {
 const kMessageMs = 5000;
 
 // Says something for a while in the line at the bottom.
-function messenger(root: HTMLElement): (text: string) => void {
-  const message = find(root, "message");
+function messenger(): (text: string) => void {
+  const message = find("message");
   let timer = 0;
   return (text) => {
     clearTimeout(timer);
@@ -35,32 +36,45 @@ function messenger(root: HTMLElement): (text: string) => void {
   };
 }
 
-// Where the browser gives no clipboard (plain http beyond this machine), a dialog shows the link.
-async function share(root: HTMLElement, link: string, say: (text: string) => void): Promise<void> {
+// Where the browser gives no clipboard (plain http beyond this machine), it asks to copy by hand.
+async function share(link: string, say: (text: string) => void): Promise<void> {
   const hasKey = /[#&]room=/.test(link);
   const note = hasKey ? "Who has the link can watch: it has the room's key." : "Others log in with a key of their own.";
   try {
     await navigator.clipboard.writeText(link);
     say(`Link copied. ${note}`);
   } catch {
-    setText(find(root, "share-note"), note);
-    const field = find<HTMLInputElement>(root, "share-link");
-    field.value = link;
-    find<HTMLDialogElement>(root, "share-dialog").showModal();
-    field.select();
+    prompt(note, link);
   }
 }
 
-function showPanelToggle(root: HTMLElement): void {
-  const toggle = find(root, "panel-toggle");
-  const panel = find(root, "panel");
+// A link shows the surface that its maker saw. The isovalue is everybody's, so the veil shows it.
+function keepIsovalueOfLink(state: State, say: (text: string) => void): void {
+  const keep = () => {
+    const [was, is] = [state.linkIsovalue, state.isovalue()];
+    if (was === null || is === null || !state.volume?.size) return;
+    state.linkIsovalue = null;
+    if (Math.abs(was - is) <= 1e-5 * Math.abs(was)) return; // the link's digits
+    const unit = state.volume.unit;
+    const veil = state.view.veil === null ? ", which the veil shows" : "";
+    const text = `The link is of the isovalue ${valueText(was, unit)}${veil}; now it is ${valueText(is, unit)}.`;
+    say(text);
+    state.tell(text);
+    state.setView({ veil: state.view.veil ?? was });
+  };
+  state.on(["volume", "settings", "pose"], keep);
+}
+
+function showPanelToggle(): void {
+  const toggle = find("panel-toggle");
+  const panel = find("panel");
   const show = (isShown: boolean) => {
     panel.hidden = !isShown;
-    find(root, "main").classList.toggle("alone", !isShown);
+    find("main").classList.toggle("alone", !isShown);
     toggle.setAttribute("aria-expanded", String(isShown));
   };
   toggle.addEventListener("click", () => show(panel.hidden));
-  find(root, "skip").addEventListener("click", (event) => {
+  find("skip").addEventListener("click", (event) => {
     event.preventDefault(); // the fragment holds the room's key
     show(true);
     panel.focus();
@@ -69,17 +83,10 @@ function showPanelToggle(root: HTMLElement): void {
   show(!matchMedia("(max-width: 56rem)").matches);
 }
 
-function flip(state: State, member: "follow" | "slices"): void {
-  state.view[member] = !state.view[member];
-  state.emit("view");
-}
-
-function showLook(root: HTMLElement, state: State): void {
-  const follow = find<HTMLInputElement>(root, "follow");
-  const slices = find<HTMLInputElement>(root, "slices-shown");
-  const ofPicture = [follow, find<HTMLButtonElement>(root, "reset"), find<HTMLButtonElement>(root, "png")];
-  follow.addEventListener("change", () => flip(state, "follow"));
-  slices.addEventListener("change", () => flip(state, "slices"));
+function showLook(state: State): void {
+  const follow = find<HTMLInputElement>("follow");
+  const slices = find<HTMLInputElement>("slices-shown");
+  const ofPicture = [follow, find<HTMLButtonElement>("reset"), find<HTMLButtonElement>("png")];
   const update = () => {
     follow.checked = state.view.follow;
     const isFlat = state.whyNoPicture !== "";
@@ -87,45 +94,39 @@ function showLook(root: HTMLElement, state: State): void {
     slices.disabled = isFlat;
     for (const control of ofPicture) control.disabled = isFlat;
   };
-  state.on("view", update);
-  state.on("picture", update);
-  update();
+  state.watch(["view", "picture"], update);
 }
 
-export function buildInterface(root: HTMLElement, state: State, room: Room, copy: VolumeCopy, actions: Actions): void {
-  const say = messenger(root);
-  const help = find<HTMLDialogElement>(root, "help");
-  const act = {
-    reset: () => actions.resetView(),
-    png: () => actions.savePng(),
-    share: () => void share(root, actions.shareLink(), say),
-    help: () => help.showModal(),
-  };
-  find(root, "reset").addEventListener("click", act.reset);
-  find(root, "png").addEventListener("click", act.png);
-  find(root, "share").addEventListener("click", act.share);
-  find(root, "help-open").addEventListener("click", act.help);
-  listenToKeys(root, state, [
-    { keys: ["r"], shown: "R", what: "reset the view", act: act.reset },
-    { keys: ["f"], shown: "F", what: "follow the stylus", act: () => flip(state, "follow") },
-    { keys: ["v"], shown: "V", what: "veil", act: () => toggleVeil(state) },
-    { keys: ["s"], shown: "S", what: "slices", act: () => flip(state, "slices") },
-    { keys: ["t"], shown: "T", what: "theme: dark, light, as the system", act: () => nextTheme(state) },
-    { keys: ["p"], shown: "P", what: "save the picture as PNG", act: act.png },
-    { keys: ["?"], shown: "?", what: "this list", act: act.help },
-  ]);
-  showPanelToggle(root);
-  showLook(root, state);
-  showTheme(root, state);
-  showHeader(root, state);
-  showEvents(root, state);
+export function buildInterface(state: State, room: Room, copy: VolumeCopy, actions: Actions): void {
+  const say = messenger();
+  const help = find<HTMLDialogElement>("help");
+  // `id`: of the button or box that does the same.
+  const letters: { key: string; what: string; id?: string; act(): void }[] = [
+    { key: "r", what: "reset the view", id: "reset", act: () => actions.resetView() },
+    { key: "f", what: "follow the stylus", id: "follow", act: () => state.setView({ follow: !state.view.follow }) },
+    { key: "v", what: "veil", act: () => toggleVeil(state) },
+    { key: "s", what: "slices", id: "slices-shown", act: () => state.setView({ slices: !state.view.slices }) },
+    { key: "t", what: "theme: dark, light, as the system", id: "theme", act: () => nextTheme(state) },
+    { key: "p", what: "save the picture as PNG", id: "png", act: () => actions.savePng() },
+    { key: "?", what: "this list", id: "help-open", act: () => help.showModal() },
+  ];
+  for (const { id, act } of letters) if (id) find(id).addEventListener("click", act);
+  listenToKeys(state, letters.map(({ key, what, act }) => ({ keys: [key], shown: key.toUpperCase(), what, act })));
+  find("share").addEventListener("click", () => void share(actions.shareLink(), say));
+  showPanelToggle();
+  showLook(state);
+  showCube(state);
+  keepIsovalueOfLink(state, say);
+  showTheme(state);
+  showHeader(state);
+  showEvents(state);
   tellSteering(state);
-  showProgress(root, state, copy);
-  showHistogram(find(root, "isovalue"), state, room);
-  showControls(root, state, room);
-  showSlices(root, state, copy);
-  showFacing(root, state, room);
-  showLogin(root, state, room);
-  const updates = [showBadge(root, state), showValues(root, state, copy), showPlots(root, state)];
+  showProgress(state, copy);
+  showHistogram(find("isovalue"), state, room);
+  showControls(state, room);
+  showSlices(state, copy);
+  showFacing(state, room);
+  showLogin(state, room);
+  const updates = [showBadge(state), showValues(state, copy), showPlots(state)];
   setInterval(() => updates.forEach((update) => update()), 200);
 }

@@ -8,17 +8,16 @@ function inWords(why: string): string {
   return why === "wrong key" ? "This key is wrong. Ask your host for a new link." : why;
 }
 
-export function showLogin(root: HTMLElement, state: State, room: Room): void {
-  const dialog = find<HTMLDialogElement>(root, "login");
-  const secret = find<HTMLInputElement>(root, "login-secret");
-  const error = find(root, "login-error");
-  const go = find<HTMLButtonElement>(root, "login-go");
-  const isToken = find<HTMLInputElement>(root, "login-by-token");
-  const visible = find<HTMLInputElement>(root, "login-visible");
-  let isBusy = false;
+export function showLogin(state: State, room: Room): void {
+  const dialog = find<HTMLDialogElement>("login");
+  const secret = find<HTMLInputElement>("login-secret");
+  const error = find("login-error");
+  const go = find<HTMLButtonElement>("login-go");
+  const isToken = find<HTMLInputElement>("login-by-token");
+  const visible = find<HTMLInputElement>("login-visible");
 
   const update = () => {
-    const isShown = isBusy || state.link === "login";
+    const isShown = go.disabled || state.link === "login";
     if (isShown && !dialog.open) {
       if (state.linkWhy) setText(error, inWords(state.linkWhy));
       dialog.showModal();
@@ -37,27 +36,21 @@ export function showLogin(root: HTMLElement, state: State, room: Room): void {
       secret.focus();
       return;
     }
-    isBusy = true;
-    go.disabled = true;
+    go.disabled = true; // while the gateway is asked
     setText(error, "");
-    try {
-      await room.login(isToken.checked ? { token: typed } : { room: typed });
-    } catch (refusal) {
-      setText(error, inWords(refusal instanceof Error ? refusal.message : String(refusal)));
-    }
-    isBusy = false;
+    await room.login(isToken.checked ? { token: typed } : { room: typed }).catch((refusal: Error) => {
+      setText(error, inWords(refusal.message));
+      secret.select();
+    });
     go.disabled = false;
-    if (error.textContent) secret.select();
     update();
   };
 
-  find(root, "login-form").addEventListener("submit", (event) => {
+  find("login-form").addEventListener("submit", (event) => {
     event.preventDefault();
-    if (!isBusy) void submit();
+    if (!go.disabled) void submit();
   });
-  visible.addEventListener("change", () => {
-    secret.type = visible.checked ? "text" : "password";
-  });
+  visible.addEventListener("change", () => (secret.type = visible.checked ? "text" : "password"));
   // There is nothing behind the form.
   dialog.addEventListener("cancel", (event) => event.preventDefault());
   dialog.addEventListener("close", update); // browsers close it after the third Escape all the same

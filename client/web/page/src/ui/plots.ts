@@ -1,7 +1,7 @@
 // Force, penetration and age of the last 10 s.
-import { PoseHistory } from "../state";
+import { kHistoryMs } from "../state";
 import type { PoseSample, State } from "../state";
-import { beginDrawing, color, find, font, make, paced, setAttribute, setText } from "./dom";
+import { find, make, makeSvg, paced, setText } from "./dom";
 import { fixed } from "./words";
 
 interface PlotKind {
@@ -26,66 +26,38 @@ export function niceStep(least: number): number {
   return power * ([1, 2, 5, 10].find((factor) => factor * power >= least * (1 - 1e-9)) ?? 10);
 }
 
+const kHeight = 60; // of the drawing, in its units; it is 100 wide
+const kGrid = `M0 0H100M0 ${kHeight / 2}H100M0 ${kHeight}H100M50 0V${kHeight}M0 0V${kHeight}M100 0V${kHeight}`;
+
 class Plot {
   readonly element: HTMLElement;
-  private readonly canvas: HTMLCanvasElement;
   private readonly now = make("strong");
-  private readonly most = make("span", { class: "note number" });
+  private readonly most = make("span", { class: "note" });
+  private readonly values = [make("span"), make("span"), make("span")]; // of the axis, from above
+  private readonly line = makeSvg("path", { class: "values" });
+  private readonly drawing: SVGElement;
 
   constructor(private readonly kind: PlotKind) {
-    this.canvas = make("canvas", { role: "img", "aria-label": `${kind.label} of the last 10 s` });
+    this.drawing = makeSvg("svg", { role: "img", viewBox: `0 0 100 ${kHeight}`, preserveAspectRatio: "none" },
+      makeSvg("path", { d: kGrid }), this.line);
     const names = make("span", {}, `${kind.label} `, this.now);
-    this.element = make("div", { class: "plot" }, make("div", { class: "row" }, names, this.most), this.canvas);
+    const times = ["−10 s", "−5 s", "now"].map((time) => make("span", {}, time));
+    this.element = make("div", { class: "plot" }, make("div", { class: "row" }, names, this.most),
+      make("div", { class: "axis" }, ...this.values), this.drawing, make("div", { class: "row times" }, ...times));
   }
 
   draw(samples: PoseSample[], nowMs: number): void {
-    const context = beginDrawing(this.canvas);
-    if (!context) return;
-    const { member } = this.kind;
-    let greatest = 0;
-    for (const sample of samples) if (Number.isFinite(sample[member])) greatest = Math.max(greatest, sample[member]);
-    const step = niceStep(Math.max(greatest, this.kind.least) / 2);
-    context.font = font(this.canvas);
-    const area = this.drawAxes(context, step);
-    const x = (timeMs: number) => area.left + area.width * (1 - (nowMs - timeMs) / PoseHistory.kSpanMs);
-    context.strokeStyle = color("plot");
-    context.lineWidth = 1.5;
-    context.lineJoin = "round";
-    context.beginPath();
-    let lastMs = -Infinity;
-    for (const sample of samples) {
-      if (!Number.isFinite(sample[member]) || nowMs - sample.timeMs > PoseHistory.kSpanMs) continue;
-      const y = area.bottom - (area.height * sample[member]) / (2 * step);
-      if (sample.timeMs - lastMs > kGapMs) context.moveTo(x(sample.timeMs), y);
-      else context.lineTo(x(sample.timeMs), y);
-      lastMs = sample.timeMs;
-    }
-    context.stroke();
-  }
-
-  private drawAxes(context: CanvasRenderingContext2D, step: number) {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    const line = parseFloat(context.font) * 1.25;
-    const text = (value: number) => String(Number((value * step).toPrecision(3)));
-    const left = Math.ceil(Math.max(...[0, 1, 2].map((n) => context.measureText(text(n)).width), line * 1.6)) + 6;
-    const area = { left, width: width - left - 1, bottom: height - 1.25 * line, height: height - 1.85 * line };
-    context.strokeStyle = color("grid");
-    context.fillStyle = color("dim");
-    context.textBaseline = "middle";
-    context.textAlign = "right";
-    for (const n of [0, 1, 2]) {
-      const y = Math.round(area.bottom - (area.height * n) / 2) + 0.5;
-      context.strokeRect(left, y, area.width, 0);
-      context.fillText(text(n), left - 6, y);
-    }
-    context.textBaseline = "bottom";
-    for (const seconds of [10, 5, 0]) {
-      const x = left + area.width * (1 - seconds / 10);
-      context.textAlign = seconds === 10 ? "left" : seconds === 0 ? "right" : "center";
-      context.fillText(seconds === 0 ? "now" : `−${seconds} s`, x, height);
-      context.strokeRect(Math.min(width - 0.5, Math.round(x) + 0.5), area.bottom - area.height, 0, area.height);
-    }
-    return area;
+    const { member, least } = this.kind;
+    const seen = samples.filter((s) => Number.isFinite(s[member]) && nowMs - s.timeMs <= kHistoryMs);
+    const step = niceStep(Math.max(least, ...seen.map((s) => s[member])) / 2);
+    this.values.forEach((value, n) => setText(value, String(Number(((2 - n) * step).toPrecision(3)))));
+    const points = seen.map((sample, n) => {
+      const isGap = n === 0 || sample.timeMs - seen[n - 1].timeMs > kGapMs;
+      const x = 100 * (1 - (nowMs - sample.timeMs) / kHistoryMs);
+      const y = kHeight * (1 - sample[member] / (2 * step));
+      return `${isGap ? "M" : "L"}${x.toFixed(2)} ${y.toFixed(2)}`;
+    });
+    this.line.setAttribute("d", points.join(""));
   }
 
   // The numbers, also for those who do not see the line.
@@ -96,19 +68,19 @@ class Plot {
     const most = fixed(values.length > 0 ? Math.max(...values) : NaN, digits, unit);
     setText(this.now, now);
     setText(this.most, `at most ${most}`);
-    setAttribute(this.canvas, "aria-label", `${label} of the last 10 s: now ${now}, at most ${most}`);
+    this.drawing.setAttribute("aria-label", `${label} of the last 10 s: now ${now}, at most ${most}`);
   }
 }
 
 // Returns a function to call several times a second: the plots go on while no poses come.
-export function showPlots(root: HTMLElement, state: State): () => void {
-  const section = find<HTMLDetailsElement>(root, "plots-section");
+export function showPlots(state: State): () => void {
+  const section = find<HTMLDetailsElement>("plots-section");
   const plots = kPlots.map((kind) => new Plot(kind));
-  find(root, "plots").append(...plots.map((plot) => plot.element));
+  find("plots").append(...plots.map((plot) => plot.element));
   let describedMs = -Infinity;
   const request = paced(20, () => {
     if (!section.open) return;
-    const { samples } = state.poses;
+    const { samples } = state;
     const nowMs = (state.pose?.timeMs ?? 0) + state.poseAgeMs();
     for (const plot of plots) plot.draw(samples, nowMs);
     if (performance.now() - describedMs < 500) return;
@@ -117,6 +89,5 @@ export function showPlots(root: HTMLElement, state: State): () => void {
   });
   section.addEventListener("toggle", request);
   state.on("pose", request);
-  state.on("view", request);
   return request;
 }

@@ -4,52 +4,58 @@ import type { VolumeCopy } from "../volume/copy";
 import { find, paced, setText } from "./dom";
 import { grouped } from "./words";
 
-export interface Progress {
+const kTellAfterS = 1;
+
+interface Progress {
   words: string; // "": everything is shown
-  share: number | null; // of the groups; null: there is nothing to wait for
+  share?: number; // absent: there is nothing to wait for
 }
 
-export function progressOf(state: State, copy: VolumeCopy): Progress {
+// "" before it can be told.
+function timeLeft({ fetching, groupsLeft }: VolumeCopy): string {
+  const here = fetching.groups - groupsLeft;
+  const sinceS = (performance.now() - fetching.sinceMs) / 1000;
+  if (here <= 0 || sinceS < kTellAfterS) return "";
+  const leftS = Math.ceil((groupsLeft * sinceS) / here);
+  return leftS < 100 ? `, about ${leftS} s left` : `, about ${Math.ceil(leftS / 60)} min left`;
+}
+
+function progressOf(state: State, copy: VolumeCopy): Progress {
   const { volume } = state;
-  if (volume?.loading) return { words: `palpated loads: ${volume.loading}`, share: null };
-  if (volume && volume.size === undefined) return { words: "no volume yet", share: null };
+  if (volume?.loading) return { words: `palpated loads: ${volume.loading}` };
+  if (volume && volume.size === undefined) return { words: "no volume yet" };
   // The badge says what is lost.
   const problem = state.connection?.state === "connected" ? (state.copy?.problem ?? "") : "";
-  if (problem) return { words: `the volume does not follow: ${problem}`, share: null };
-  if ((state.copy?.bricks_left ?? 0) > 0) {
-    return { words: `the gateway waits for ${grouped(state.copy!.bricks_left)} bricks`, share: null };
-  }
+  if (problem) return { words: `the volume does not follow: ${problem}` };
+  const bricksLeft = state.copy?.bricks_left ?? 0;
+  if (bricksLeft > 0) return { words: `the gateway waits for ${grouped(bricksLeft)} bricks` };
   if (copy.whyOverview) {
     const points = `each point is the mean of ${[copy.factor, copy.factor, copy.factor].join(" × ")} voxels`;
-    return { words: `shown from the overview (${points}): ${copy.whyOverview}`, share: null };
+    return { words: `shown from the overview (${points}): ${copy.whyOverview}` };
   }
-  if (copy.groupsLeft > 0) {
-    const here = copy.groupsAll - copy.groupsLeft;
-    const overview = copy.isOverview ? "overview; " : "";
-    return { words: `${overview}${grouped(here)} of ${grouped(copy.groupsAll)} groups`, share: here / copy.groupsAll };
-  }
-  return { words: "", share: null };
+  if (copy.groupsLeft === 0) return { words: "" };
+  const share = 1 - copy.groupsLeft / copy.groupsAll;
+  const [here, all] = [share, 1].map((part) => grouped((part * copy.groupsAll * copy.groupBytes) / 2 ** 20));
+  const overview = copy.isOverview ? "overview; " : "";
+  return { words: `${overview}${here} of ${all} MiB, ${Math.floor(100 * share)} %${timeLeft(copy)}`, share };
 }
 
-export function showProgress(root: HTMLElement, state: State, copy: VolumeCopy): void {
-  const box = find(root, "progress");
-  const bar = find<HTMLProgressElement>(root, "progress-bar");
-  const words = find(root, "progress-words");
+export function showProgress(state: State, copy: VolumeCopy): void {
+  const box = find("progress");
+  const bar = find<HTMLProgressElement>("progress-bar");
   const request = paced(10, () => {
-    const progress = progressOf(state, copy);
-    box.hidden = progress.words === "";
-    bar.hidden = progress.share === null;
-    bar.value = progress.share ?? 0;
-    setText(words, progress.words);
+    const { words, share } = progressOf(state, copy);
+    box.hidden = words === "";
+    bar.hidden = share === undefined;
+    bar.value = share ?? 0;
+    setText(find("progress-words"), words);
   });
-  for (const topic of ["volume", "copy", "copyProgress", "picture"] as const) state.on(topic, request);
+  state.on(["volume", "copy", "copyProgress", "picture"], request);
 
-  const notice = find(root, "no-picture");
-  const flatten = () => {
+  const notice = find("no-picture");
+  state.watch("picture", () => {
     notice.hidden = state.whyNoPicture === "";
-    find(root, "main").classList.toggle("flat", state.whyNoPicture !== "");
-    setText(find(root, "no-picture-why"), state.whyNoPicture);
-  };
-  state.on("picture", flatten);
-  flatten();
+    find("main").classList.toggle("flat", state.whyNoPicture !== "");
+    setText(find("no-picture-why"), state.whyNoPicture);
+  });
 }

@@ -1,15 +1,15 @@
 // A slice as a picture: grey values between the voxels by linear interpolation, and lines where they equal a
 // level. The time depends on the picture's size alone, not on how many lines there are.
-import type { Plane, VolumeCopy } from "../volume/copy";
-import type { Vec3 } from "../wire/messages";
+import { clamp } from "../view/geometry";
+import type { VolumeCopy } from "../volume/copy";
+import type { Plane } from "../volume/grouped_volume";
+import type { ValueWindow, Vec3 } from "../wire/messages";
 import type { Section } from "./sections";
 
-// Where the picture's voxels are, in its pixels. Voxels (0, 0) begin at the corner.
+// Where the picture's voxels are, in its pixels, to the right and down.
 export interface Frame {
-  left: number;
-  top: number;
-  scaleX: number; // pixels per voxel
-  scaleY: number;
+  begin: number[]; // of voxel 0, at its edge
+  scale: number[]; // pixels per voxel
 }
 
 export interface Level {
@@ -17,19 +17,7 @@ export interface Level {
   color: [number, number, number];
 }
 
-// The values that are shown from black to white.
-export interface Window {
-  level: number; // the middle
-  width: number;
-}
-
 const kLineHalfPx = 0.7;
-const kSoftTissueAndBone: Window = { level: 240, width: 800 }; // HU
-
-// As the desktop viewer begins where the file proposes no window.
-export function firstWindow(unit: string, valueMin: number, valueMax: number): Window {
-  return unit === "HU" ? kSoftTissueAndBone : { level: (valueMin + valueMax) / 2, width: valueMax - valueMin || 1 };
-}
 
 // Of the voxels around a point.
 export function valueBetween(copy: Pick<VolumeCopy, "value">, [i, j, k]: Vec3): number {
@@ -54,7 +42,7 @@ function samplesAlong(pixels: number, begin: number, scale: number, voxels: numb
   for (let n = 0; n < pixels; ++n) {
     const along = (n + 0.5 - begin) / scale - 0.5;
     const isInside = along >= -0.5 && along <= voxels - 0.5;
-    const voxel = Math.min(voxels - 1, Math.max(0, sign > 0 ? along : voxels - 1 - along));
+    const voxel = clamp(sign > 0 ? along : voxels - 1 - along, 0, voxels - 1);
     const first = Math.min(Math.floor(voxel), Math.max(0, voxels - 2));
     samples.first[n] = first * step;
     samples.second[n] = Math.min(first + 1, voxels - 1) * step;
@@ -68,8 +56,8 @@ function valuesAt(pixels: ImageData, plane: Plane, { right, down }: Section, fra
   const isTurned = right.axis > down.axis; // the plane's rows go down in the picture, or to the right
   const [width, height] = isTurned ? [plane.height, plane.width] : [plane.width, plane.height];
   const [stepX, stepY] = isTurned ? [plane.width, 1] : [1, plane.width];
-  const x = samplesAlong(pixels.width, frame.left, frame.scaleX, width, right.sign, stepX);
-  const y = samplesAlong(pixels.height, frame.top, frame.scaleY, height, down.sign, stepY);
+  const x = samplesAlong(pixels.width, frame.begin[0], frame.scale[0], width, right.sign, stepX);
+  const y = samplesAlong(pixels.height, frame.begin[1], frame.scale[1], height, down.sign, stepY);
   const values = new Float32Array(pixels.width * pixels.height).fill(NaN);
   const from = plane.values;
   for (let row = 0, at = 0; row < pixels.height; ++row) {
@@ -85,17 +73,17 @@ function valuesAt(pixels: ImageData, plane: Plane, { right, down }: Section, fra
   return values;
 }
 
-// `window`: the values that are black and white. Pixels outside of the volume stay as they are.
+// Pixels outside of the volume stay as they are.
 export function paintSlice(
-  pixels: ImageData, plane: Plane, section: Section, frame: Frame, window: [number, number], levels: Level[],
+  pixels: ImageData, plane: Plane, section: Section, frame: Frame, window: ValueWindow, levels: Level[],
 ): void {
   const values = valuesAt(pixels, plane, section, frame);
-  const perGray = 255 / (window[1] - window[0] || 1);
+  const black = window.level - window.width / 2;
   const { width, data } = pixels;
   for (let at = 0, pixel = 0; at < values.length; ++at, pixel += 4) {
     const value = values[at];
     if (Number.isNaN(value)) continue;
-    data[pixel] = data[pixel + 1] = data[pixel + 2] = (value - window[0]) * perGray;
+    data[pixel] = data[pixel + 1] = data[pixel + 2] = (255 * (value - black)) / window.width;
     data[pixel + 3] = 255;
     // The line's distance in pixels, from how fast the values change. No line where no pixel beside this one is
     // on the other side of the level: next to steep values the distance alone would promise one.

@@ -1,41 +1,39 @@
 // Sends the newest value of one setting to the gateway: one call at a time, at most 8 a second. The
 // gateway refuses more than ten.
+import type { Room } from "../wire/room";
+import { make, setText } from "./dom";
 
 const kPauseMs = 125;
 
 export class Steered {
+  readonly error = make("p", { class: "error", role: "alert" }); // the gateway's, "" after success
   // What the user set and palpated does not state yet; null: palpated's value counts.
   own: number | null = null;
   private isDue = false;
-  private isBusy = false;
 
-  // `send` rejects with the gateway's error. `onChange` is told it, "" after success.
+  // `onEnd`: palpated's value counts again.
   constructor(
-    private readonly send: (value: number) => Promise<void>,
-    private readonly onChange: (error: string) => void,
+    private readonly room: Room,
+    private readonly key: string,
+    private readonly onEnd: () => void,
   ) {}
 
   set(value: number): void {
+    const isBusy = this.own !== null;
     this.own = value;
     this.isDue = true;
-    if (!this.isBusy) void this.run();
+    if (!isBusy) void this.run();
   }
 
   private async run(): Promise<void> {
-    this.isBusy = true;
     let error = "";
-    while (this.isDue && this.own !== null) {
+    while (this.isDue) {
       this.isDue = false;
-      try {
-        await this.send(this.own);
-        error = "";
-      } catch (refusal) {
-        error = refusal instanceof Error ? refusal.message : String(refusal);
-      }
+      error = await this.room.steer(this.key, this.own!).then(() => "", (refusal: Error) => refusal.message);
       await new Promise((resume) => setTimeout(resume, kPauseMs));
     }
-    this.isBusy = false;
     this.own = null;
-    this.onChange(error);
+    setText(this.error, error);
+    this.onEnd();
   }
 }

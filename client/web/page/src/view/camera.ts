@@ -3,12 +3,13 @@
 //
 // Frames: D device (mm); U what is upright (x right, y up, z to the front); V view (mm, x right, y up, z towards
 // the viewer).
-import { fromAffine, multiply } from "../render/matrix";
+import { Matrix4 } from "three";
+
 import type { Vec3 } from "../wire/messages";
-import { add, apply, column, cross, dot, fromColumns, inverse, norm, normalized, scale, subtract, turn } from "./geometry";
+import { add, apply, clamp, column, cross, dot, fromColumns, inverse, matrixOf, norm, normalized, row, scale, subtract, turn } from "./geometry";
 import type { AffineMap } from "./geometry";
 
-export const kFieldOfViewDeg = 35; // of the picture's shorter side
+const kHalfView = Math.tan((17.5 * Math.PI) / 180); // of the picture's shorter side, at a distance of 1
 const kMaxElevationDeg = 89;
 const kMinDistanceMm = 1e-3;
 const kMaxDistanceMm = 1e6;
@@ -23,28 +24,24 @@ export interface Bounds {
   max: Vec3;
 }
 
-const radians = (degrees: number) => (degrees * Math.PI) / 180;
-const clamp = (x: number, low: number, high: number) => Math.min(Math.max(x, low), high);
+const middleOf = ({ min, max }: Bounds) => scale(0.5, add(min, max));
 
-function cornersOf(bounds: Bounds): Vec3[] {
-  return [0, 1, 2, 3, 4, 5, 6, 7].map(
-    (n) => [0, 1, 2].map((axis) => ((n >> axis) & 1 ? bounds.max : bounds.min)[axis]) as Vec3,
-  );
+// How far a box reaches from its middle along a direction, times the direction's length.
+function reach({ min, max }: Bounds, direction: Vec3): number {
+  return dot(scale(0.5, subtract(max, min)), direction.map(Math.abs) as Vec3);
 }
 
-// The box in D around the lattice's points from `low` to `high` (voxels).
-export function boundsIn(deviceFromIndex: AffineMap, low: Vec3, high: Vec3): Bounds {
-  const corners = cornersOf({ min: low, max: high }).map((p) => apply(deviceFromIndex, p));
-  const least = (pick: (...values: number[]) => number) =>
-    [0, 1, 2].map((axis) => pick(...corners.map((p) => p[axis]))) as Vec3;
-  return { min: least(Math.min), max: least(Math.max) };
+// The box in D around the lattice's points from `min` to `max` (voxels).
+export function boundsIn(deviceFromIndex: AffineMap, min: Vec3, max: Vec3): Bounds {
+  const middle = apply(deviceFromIndex, middleOf({ min, max }));
+  const half = [0, 1, 2].map((axis) => reach({ min, max }, row(deviceFromIndex, axis))) as Vec3;
+  return { min: subtract(middle, half), max: add(middle, half) };
 }
 
 // Half of the visible width and height at a distance of 1.
 export function halfView(size: Size): [number, number] {
-  const shorter = Math.tan(radians(kFieldOfViewDeg / 2));
   const aspect = Math.max(size[0], 1) / Math.max(size[1], 1);
-  return [shorter * Math.max(aspect, 1), shorter * Math.max(1 / aspect, 1)];
+  return [kHalfView * Math.max(aspect, 1), kHalfView * Math.max(1 / aspect, 1)];
 }
 
 export class Camera {
@@ -80,16 +77,11 @@ export class Camera {
 
   // Sees all of `bounds` from its direction, from as near as possible, in a picture of any shape.
   fit(bounds: Bounds): void {
-    const middle = scale(0.5, add(bounds.min, bounds.max));
-    const half = Math.tan(radians(kFieldOfViewDeg / 2));
     const [right, up, back] = this.axes();
-    let distanceMm = 0;
-    for (const corner of cornersOf(bounds)) {
-      const p = subtract(corner, middle);
-      const aside = Math.max(Math.abs(dot(right, p)), Math.abs(dot(up, p)));
-      distanceMm = Math.max(distanceMm, dot(back, p) + (kFitMargin * aside) / half);
-    }
-    this.set(middle, this.azimuthDeg, this.elevationDeg, distanceMm);
+    // A point at p from the middle is seen from a distance of back · p + kFitMargin |side · p| / kHalfView.
+    const sides = [right, up].flatMap((side) => [1, -1].map((sign) => scale((sign * kFitMargin) / kHalfView, side)));
+    const distances = sides.map((side) => reach(bounds, add(back, side)));
+    this.set(middleOf(bounds), this.azimuthDeg, this.elevationDeg, Math.max(...distances));
   }
 
   // The axes of V in D: right, up, and towards the viewer.
@@ -103,43 +95,24 @@ export class Camera {
     return add(this.target, scale(this.distanceMm, this.back()));
   }
 
-  viewFromD(): AffineMap {
+  // OpenGL clip coordinates, 4×4 column by column. Nothing near `bounds` and the target is cut.
+  clipFromD(size: Size, bounds: Bounds): number[] {
     const [right, up, back] = this.axes();
     const eye = this.eye();
-    return [...right, -dot(right, eye), ...up, -dot(up, eye), ...back, -dot(back, eye)];
-  }
-
-  // OpenGL clip coordinates, 4×4 column by column. Nothing near `bounds` and the target is cut.
-  clipFromView(size: Size, bounds: Bounds): Float64Array {
-    const [across, up] = halfView(size);
-    const [near, far] = this.depths(bounds);
-    const clip = new Float64Array(16);
-    clip[0] = 1 / across;
-    clip[5] = 1 / up;
-    clip[10] = -(far + near) / (far - near);
-    clip[14] = (-2 * far * near) / (far - near);
-    clip[11] = -1;
-    return clip;
-  }
-
-  clipFromD(size: Size, bounds: Bounds): Float64Array {
-    return multiply(this.clipFromView(size, bounds), fromAffine(this.viewFromD()));
+    const middleMm = dot(back, subtract(eye, middleOf(bounds)));
+    const reachMm = reach(bounds, back);
+    // Room for objects that stick out: a stylus, an arrow.
+    const marginMm = 0.5 * norm(subtract(bounds.max, bounds.min)) + 0.1 * this.distanceMm;
+    const near = Math.max(Math.min(this.distanceMm, middleMm - reachMm) - marginMm, kNearShare * this.distanceMm);
+    const far = Math.max(this.distanceMm, middleMm + reachMm) + marginMm;
+    const [x, y] = halfView(size).map((half) => half * near);
+    const viewFromD = matrixOf([right, up, back].flatMap((axis) => [...axis, -dot(axis, eye)]));
+    return new Matrix4().makePerspective(-x, x, y, -y, near, far).multiply(viewFromD).elements;
   }
 
   private back(): Vec3 {
-    const [a, e] = [radians(this.azimuthDeg), radians(this.elevationDeg)];
+    const [a, e] = [this.azimuthDeg, this.elevationDeg].map((degrees) => (degrees * Math.PI) / 180);
     return turn(this.upright, [Math.sin(a) * Math.cos(e), Math.sin(e), Math.cos(a) * Math.cos(e)]);
-  }
-
-  // Distances along the view.
-  private depths(bounds: Bounds): [number, number] {
-    const view = this.viewFromD();
-    const depths = cornersOf(bounds).map((p) => -apply(view, p)[2]);
-    const nearest = Math.min(this.distanceMm, ...depths);
-    const farthest = Math.max(this.distanceMm, ...depths);
-    // Room for objects that stick out: a stylus, an arrow.
-    const margin = 0.5 * norm(subtract(bounds.max, bounds.min)) + 0.1 * this.distanceMm;
-    return [Math.max(nearest - margin, kNearShare * this.distanceMm), farthest + margin];
   }
 }
 

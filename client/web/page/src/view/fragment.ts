@@ -1,15 +1,20 @@
-// The state of the view in the URL's fragment: room=KEY&view=AZ,EL,DISTANCE,X,Y,Z&veil=VALUE,OPACITY&follow=1&slices=1,
-// and budget=MIB for the memory that the volume may take.
+// The state of the view in the URL's fragment:
+// room=KEY&view=AZ,EL,DISTANCE,X,Y,Z&veil=VALUE,OPACITY&follow=1&slices=1&cross=I,J,K&isovalue=VALUE, and budget=MIB
+// for the memory that the volume may take.
 import type { View } from "../state";
 import type { Vec3 } from "../wire/messages";
 
 export interface Fragment {
   room: string | null;
   budgetMiB: number | null;
+  isovalue: number | null; // everybody's when the link was made
   view: Partial<View>; // what the fragment states of it
 }
 
-const inDigits = (value: number) => String(Number(value.toPrecision(6)));
+// "": one of them is none.
+function inDigits(...values: (number | null | undefined)[]): string {
+  return values.every((value) => typeof value === "number") ? values.map((v) => Number(v!.toPrecision(6))).join() : "";
+}
 
 export function readFragment(hash: string): Fragment {
   const parts = new URLSearchParams(hash.replace(/^#/, ""));
@@ -20,24 +25,30 @@ export function readFragment(hash: string): Fragment {
     [view.azimuthDeg, view.elevationDeg, view.distanceMm] = look;
     view.target = look.slice(3) as Vec3;
   }
+  const cross = numbers("cross");
+  if (cross.length === 3 && cross.every(Number.isFinite)) view.cross = cross as Vec3;
   const [veil, opacity] = numbers("veil");
   if (Number.isFinite(veil)) view.veil = veil;
   if (Number.isFinite(veil) && opacity > 0 && opacity <= 1) view.veilOpacity = opacity;
   if (parts.get("follow") === "1") view.follow = true;
   if (parts.get("slices") === "1") view.slices = true;
-  const [budget] = numbers("budget");
-  return { room: parts.get("room") || null, budgetMiB: budget > 0 ? budget : null, view };
+  const [[budget], [isovalue]] = [numbers("budget"), numbers("isovalue")];
+  return { room: parts.get("room") || null, budgetMiB: budget > 0 ? budget : null, isovalue: Number.isFinite(isovalue) ? isovalue : null, view };
 }
 
-// `isAimed`: the camera has been aimed at a volume, so where it looks is worth keeping.
-export function writeFragment(room: string | null, budgetMiB: number | null, view: View, isAimed: boolean): string {
-  const { azimuthDeg, elevationDeg, distanceMm, target } = view;
-  const parts = [];
-  if (room !== null) parts.push(`room=${encodeURIComponent(room)}`);
-  if (isAimed) parts.push(`view=${[azimuthDeg, elevationDeg, distanceMm, ...target].map(inDigits).join()}`);
-  if (view.veil !== null) parts.push(`veil=${[view.veil, view.veilOpacity].map(inDigits).join()}`);
-  if (view.follow) parts.push("follow=1");
-  if (view.slices) parts.push("slices=1");
-  if (budgetMiB !== null) parts.push(`budget=${budgetMiB}`);
-  return `#${parts.join("&")}`;
+// `isovalue`: in links that are shared. `isAimed`: the camera has been aimed at a volume, so where it looks is
+// worth keeping.
+export function writeFragment({ room, budgetMiB, isovalue, view }: Fragment, isAimed: boolean): string {
+  const { azimuthDeg, elevationDeg, distanceMm, target = [], cross, veil, veilOpacity, follow, slices } = view;
+  const texts: [string, string | null | undefined | false][] = [
+    ["room", room !== null && encodeURIComponent(room)],
+    ["view", isAimed && inDigits(azimuthDeg, elevationDeg, distanceMm, ...target)],
+    ["veil", inDigits(veil, veilOpacity)],
+    ["follow", follow && "1"],
+    ["slices", slices && "1"],
+    ["cross", cross && inDigits(...cross)],
+    ["isovalue", inDigits(isovalue)],
+    ["budget", inDigits(budgetMiB)],
+  ];
+  return `#${texts.filter(([, text]) => text).map(([key, text]) => `${key}=${text}`).join("&")}`;
 }

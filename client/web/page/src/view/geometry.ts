@@ -1,4 +1,6 @@
 // Vectors and affine maps. A map is the 3×4 matrix of 12 numbers, row by row, as in the message `placement`.
+import { Matrix4 } from "three";
+
 import type { Vec3 } from "../wire/messages";
 
 export type AffineMap = number[];
@@ -14,6 +16,8 @@ export const cross = (a: Vec3, b: Vec3): Vec3 => [
   a[2] * b[0] - a[0] * b[2],
   a[0] * b[1] - a[1] * b[0],
 ];
+
+export const clamp = (x: number, low: number, high: number) => Math.min(Math.max(x, low), high);
 
 export const column = (m: AffineMap, n: number): Vec3 => [m[n], m[4 + n], m[8 + n]];
 export const row = (m: AffineMap, n: number): Vec3 => [m[4 * n], m[4 * n + 1], m[4 * n + 2]];
@@ -36,6 +40,8 @@ export function compose(a: AffineMap, b: AffineMap): AffineMap {
   const columns = [0, 1, 2].map((n) => turn(a, column(b, n)));
   return fromColumns(columns[0], columns[1], columns[2], apply(a, column(b, 3)));
 }
+
+export const matrixOf = (m: AffineMap): Matrix4 => new Matrix4().fromArray([...m, 0, 0, 0, 1]).transpose();
 
 // From blocks of factor³ voxels to voxels: the centre of block 0 is that of voxels 0 to factor - 1.
 export function indexFromBlocks(factor: number): AffineMap {

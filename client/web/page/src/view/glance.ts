@@ -1,9 +1,11 @@
 // A first look at the surface: cast by the processor from the overview, with few pixels. It is there before
 // the graphics driver has compiled the program that casts the exact surface.
-import { inverse as inverseMatrix } from "../render/matrix";
-import type { CastRequest } from "../render/caster";
-import type { Vec3, VolumeShape, Voxels } from "../render/types";
-import { apply, inverse, norm, subtract, turn } from "./geometry";
+import { Matrix4, Vector3 } from "three";
+
+import type { CastRequest } from "../render/cast_program";
+import type { VolumeShape, Voxels } from "../volume/manifest";
+import type { Vec3 } from "../wire/messages";
+import { apply, dot, inverse, norm, normalized, subtract, turn } from "./geometry";
 
 const kMostPixels = 12_000;
 const kStep = 0.8; // voxels
@@ -15,55 +17,44 @@ export function glance(shape: VolumeShape, voxels: Voxels, request: CastRequest)
   const [width, height] = request.size.map((edge) => Math.max(1, Math.round(edge / shrink)));
   const picture = new ImageData(width, height);
   const indexFromD = inverse(request.deviceFromIndex);
-  const fromClip = inverseMatrix(request.clipFromD);
-  const ray = new Ray(shape, voxels, request, apply(indexFromD, request.eye));
+  const fromClip = new Matrix4().fromArray(request.clipFromD).invert();
+  const light = lightFrom(apply(indexFromD, request.eye), shape, voxels, request);
   for (let n = 0; n < width * height; ++n) {
-    const clip = [(2 * ((n % width) + 0.5)) / width - 1, 1 - (2 * (Math.floor(n / width) + 0.5)) / height, 1, 1];
-    const p = [0, 1, 2, 3].map((r) => clip.reduce((sum, value, c) => sum + fromClip[4 * c + r] * value, 0));
-    const towards = subtract([p[0] / p[3], p[1] / p[3], p[2] / p[3]], request.eye);
-    const light = ray.light(turn(indexFromD, towards));
-    if (light === 0) continue;
-    picture.data.set([...request.color.map((part) => 255 * part * light), 255], 4 * n);
+    const [x, y] = [n % width, Math.floor(n / width)];
+    const far = new Vector3((2 * (x + 0.5)) / width - 1, 1 - (2 * (y + 0.5)) / height, 1).applyMatrix4(fromClip);
+    const share = light(turn(indexFromD, subtract(far.toArray(), request.eye)));
+    if (share > 0) picture.data.set([...request.color.map((part) => 255 * part * share), 255], 4 * n);
   }
   return picture;
 }
 
-class Ray {
-  constructor(
-    private readonly shape: VolumeShape,
-    private readonly voxels: Voxels,
-    private readonly request: CastRequest,
-    private readonly eye: Vec3, // index coordinates
-  ) {}
-
-  // Of the first point where the ray enters material, 0 to 1; 0: it enters none.
-  light(towards: Vec3): number {
-    const direction = towards.map((part) => part / norm(towards)) as Vec3;
+// Returns a function that tells how bright a ray from the eye is (index coordinates), 0 to 1, where it first enters
+// material; 0: it enters none.
+function lightFrom(eye: Vec3, { size, background }: VolumeShape, voxels: Voxels, request: CastRequest): (towards: Vec3) => number {
+  const value = (i: number, j: number, k: number) => {
+    const isInside = i >= 0 && j >= 0 && k >= 0 && i < size[0] && j < size[1] && k < size[2];
+    return isInside ? voxels[(i * size[1] + j) * size[2] + k] : background;
+  };
+  return (towards) => {
+    const direction = normalized(towards);
     let near = 0;
     let far = Infinity;
     for (let axis = 0; axis < 3; ++axis) {
-      const ends = [-1, this.shape.size[axis]].map((end) => (end - this.eye[axis]) / direction[axis]);
+      const ends = [-1, size[axis]].map((end) => (end - eye[axis]) / direction[axis]);
       near = Math.max(near, Math.min(...ends));
       far = Math.min(far, Math.max(...ends));
     }
     for (let t = near; t < far; t += kStep) {
-      const [i, j, k] = direction.map((part, axis) => Math.round(this.eye[axis] + t * part)) as Vec3;
-      if (this.value(i, j, k) > this.request.isovalue !== this.request.materialAbove) continue;
+      const [i, j, k] = direction.map((part, axis) => Math.round(eye[axis] + t * part));
+      if (value(i, j, k) > request.isovalue !== request.materialAbove) continue;
       const gradient: Vec3 = [
-        this.value(i + 1, j, k) - this.value(i - 1, j, k),
-        this.value(i, j + 1, k) - this.value(i, j - 1, k),
-        this.value(i, j, k + 1) - this.value(i, j, k - 1),
+        value(i + 1, j, k) - value(i - 1, j, k),
+        value(i, j + 1, k) - value(i, j - 1, k),
+        value(i, j, k + 1) - value(i, j, k - 1),
       ];
-      const size = norm(gradient) || 1;
-      const facing = Math.abs(gradient.reduce((sum, part, axis) => sum + part * direction[axis], 0)) / size;
+      const facing = Math.abs(dot(gradient, direction)) / (norm(gradient) || 1);
       return kAmbient + (1 - kAmbient) * facing;
     }
     return 0;
-  }
-
-  private value(i: number, j: number, k: number): number {
-    const [ni, nj, nk] = this.shape.size;
-    const isInside = i >= 0 && j >= 0 && k >= 0 && i < ni && j < nj && k < nk;
-    return isInside ? this.voxels[(i * nj + j) * nk + k] : this.shape.background;
-  }
+  };
 }

@@ -22,6 +22,8 @@ export interface FaceLabel extends SignedAxis {
   label: string;
 }
 
+// The faces of a box.
+export const kFaces = ([0, 1, 2] as Axis[]).flatMap((axis) => ([1, -1] as const).map((sign): SignedAxis => ({ axis, sign })));
 const kOrders: Axis[][] = [
   [0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0],
 ];
@@ -61,12 +63,9 @@ export function lettersOf(direction: Vec3): string {
 
 // The turn from W to P; null if `axes` (PlacementMessage.patient_axes) is "" or mirrors.
 function patientFromWorld(axes: string): AffineMap | null {
-  const columns = [...axes].map((letter): Vec3 => {
-    const unit: Vec3 = [0, 0, 0];
-    const [positive, negative] = ["LPS".indexOf(letter), "RAI".indexOf(letter)];
-    if (positive >= 0) unit[positive] = 1;
-    if (negative >= 0) unit[negative] = -1;
-    return unit;
+  const columns = [...axes].map((letter) => {
+    const part = (axis: number) => Number(letter === "LPS"[axis]) - Number(letter === "RAI"[axis]);
+    return [0, 1, 2].map(part) as Vec3;
   });
   if (columns.length !== 3 || dot(cross(columns[0], columns[1]), columns[2]) !== 1) return null;
   return fromColumns(columns[0], columns[1], columns[2], [0, 0, 0]);
@@ -101,8 +100,7 @@ export function labelOf({ isKnown, fromIndex }: PatientFrame, { axis, sign }: Si
 
 // The labels beside the faces of the box, towards the last voxel or the first.
 export function faceLabels(frame: PatientFrame): FaceLabel[] {
-  return ([0, 1, 2] as Axis[]).flatMap((axis) => ([1, -1] as const).map((sign) => (
-    { label: labelOf(frame, { axis, sign }), axis, sign })));
+  return kFaces.map((face) => ({ label: labelOf(frame, face), ...face }));
 }
 
 // The slice across an axis of P: "axial", or how far its plane is from that one, such as "oblique 31°".

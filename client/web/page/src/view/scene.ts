@@ -7,18 +7,9 @@ import type { Vec3 } from "../wire/messages";
 import type { Pose } from "../wire/pose";
 import { halfView } from "./camera";
 import type { Camera, Size } from "./camera";
-import { add, apply, column, norm, scale, subtract } from "./geometry";
+import { add, column, compose, dot, fromColumns, matrixOf, norm, normalized, scale, subtract } from "./geometry";
 import type { AffineMap } from "./geometry";
 import type { FaceLabel } from "./patient_axes";
-
-// Colours of the desktop viewer (client/view/scene/overlay.h).
-const kHipColor = 0xeb4b3c;
-const kScpHColor = 0x3cc85a;
-const kScpVColor = 0x4682ff;
-const kForceColor = 0xffcd3c;
-const kSpringColor = 0xf5f5f5; // HIP to SCP_H
-const kGapColor = 0xa0c3ff; // SCP_H to SCP_V
-const kBoxColor = 0x808c9e;
 
 // CSS pixels.
 const kPointRadius = 7;
@@ -63,24 +54,23 @@ function spriteOf(label: string, color: string): three.Sprite {
   return new three.Sprite(new three.SpriteMaterial({ map, transparent: true }));
 }
 
-type Axes = [three.Vector3, three.Vector3, three.Vector3];
-
 export class PalpationScene {
   readonly camera = new three.PerspectiveCamera();
   readonly scene = new three.Scene();
   private readonly box = new three.Group();
   private readonly edges = new three.LineSegments(
     new three.EdgesGeometry(new three.BoxGeometry(1, 1, 1)),
-    new three.LineBasicMaterial({ color: kBoxColor, transparent: true, opacity: 0.6 }),
+    new three.LineBasicMaterial({ color: 0x808c9e, transparent: true, opacity: 0.6 }),
   );
   private letters: { sprite: three.Sprite; face: Vec3; outward: Vec3 }[] = [];
-  private readonly hip = seenThrough(new three.SphereGeometry(1, 24, 16), kHipColor);
-  private readonly scpH = seenThrough(new three.BoxGeometry(1.6, 1.6, 1.6), kScpHColor);
-  private readonly scpV = seenThrough(new three.OctahedronGeometry(1.25), kScpVColor);
-  private readonly spring = seenThrough(unitTube(), kSpringColor);
-  private readonly gap = seenThrough(unitTube(), kGapColor);
-  private readonly shaft = seenThrough(unitTube(), kForceColor);
-  private readonly head = seenThrough(new three.ConeGeometry(1, 1, 16).translate(0, 0.5, 0), kForceColor);
+  // In the desktop viewer's colours (client/view/scene/overlay.h).
+  private readonly hip = seenThrough(new three.SphereGeometry(1, 24, 16), 0xeb4b3c);
+  private readonly scpH = seenThrough(new three.BoxGeometry(1.6, 1.6, 1.6), 0x3cc85a);
+  private readonly scpV = seenThrough(new three.OctahedronGeometry(1.25), 0x4682ff);
+  private readonly spring = seenThrough(unitTube(), 0xf5f5f5); // HIP to SCP_H
+  private readonly gap = seenThrough(unitTube(), 0xa0c3ff); // SCP_H to SCP_V
+  private readonly shaft = seenThrough(unitTube(), 0xffcd3c); // of the force
+  private readonly head = seenThrough(new three.ConeGeometry(1, 1, 16).translate(0, 0.5, 0), 0xffcd3c);
   private readonly stylus = new three.Group();
   private readonly touched = new three.Group();
   private readonly light = new three.DirectionalLight(0xffffff, 2);
@@ -103,36 +93,36 @@ export class PalpationScene {
     for (const { sprite } of this.letters) sprite.material.map?.dispose();
     this.letters = [];
     this.box.clear();
-    const centre = apply(deviceFromIndex, scale(0.5, subtract(size, [1, 1, 1])));
-    this.edges.matrix
-      .makeBasis(...([0, 1, 2].map((axis) => new three.Vector3(...scale(size[axis], column(deviceFromIndex, axis)))) as Axes))
-      .setPosition(...centre);
+    const [x, y, z] = size;
+    // The edges are those of a cube of edge 1 around the origin.
+    const fromCube = compose(deviceFromIndex, [x, 0, 0, (x - 1) / 2, 0, y, 0, (y - 1) / 2, 0, 0, z, (z - 1) / 2]);
+    this.edges.matrix.copy(matrixOf(fromCube));
     this.box.add(this.edges);
     for (const { label, axis, sign } of labels) {
-      const toFace = scale(0.5 * sign * size[axis], column(deviceFromIndex, axis));
+      const toFace = scale(0.5 * sign, column(fromCube, axis));
       const sprite = spriteOf(label, color);
-      this.letters.push({ sprite, face: add(centre, toFace), outward: scale(1 / norm(toFace), toFace) });
+      this.letters.push({ sprite, face: add(column(fromCube, 3), toFace), outward: normalized(toFace) });
       this.box.add(sprite);
     }
   }
 
   // `size` and `pixelRatio`: of the canvas.
   update(pose: Pose | null, camera: Camera, size: Size, pixelRatio: number): void {
-    const [right, up, back] = camera.axes().map((axis) => new three.Vector3(...axis)) as Axes;
-    const eye = new three.Vector3(...camera.eye());
-    this.camera.matrix.makeBasis(right, up, back).setPosition(eye);
+    const [right, up, back] = camera.axes();
+    const eye = camera.eye();
+    this.camera.matrix.copy(matrixOf(fromColumns(right, up, back, eye)));
     this.camera.updateMatrixWorld(true);
     // From above and from the left of the eye.
-    this.light.position.copy(back).addScaledVector(up, 0.7).addScaledVector(right, -0.5);
+    this.light.position.set(...add(back, subtract(scale(0.7, up), scale(0.5, right))));
     // The size of a CSS pixel at a point, mm.
     const perDepth = (2 * halfView(size)[1] * pixelRatio) / Math.max(size[1], 1);
-    const pixelAt = (p: Vec3) => perDepth * Math.max(eye.clone().sub(new three.Vector3(...p)).dot(back), 1e-3);
+    const pixelAt = (p: Vec3) => perDepth * Math.max(dot(subtract(eye, p), back), 1e-3);
     for (const { sprite, face, outward } of this.letters) {
       const height = kLetterHeight * pixelAt(face);
       sprite.position.set(...add(face, scale(height, outward)));
       sprite.scale.setScalar(height * 1.4);
       // A letter on the line of sight would tell nothing, and cover what is looked at.
-      sprite.visible = Math.abs(new three.Vector3(...outward).dot(back)) < 0.8;
+      sprite.visible = Math.abs(dot(outward, back)) < 0.8;
     }
     this.touched.visible = pose !== null;
     if (pose) this.updatePose(pose, pixelAt);
@@ -141,8 +131,9 @@ export class PalpationScene {
   private updatePose(pose: Pose, pixelAt: (p: Vec3) => number): void {
     const pointAt = (mesh: three.Object3D, p: Vec3 | null) => {
       mesh.visible = p !== null;
-      if (p) mesh.position.set(...p);
-      if (p) mesh.scale.setScalar(kPointRadius * pixelAt(p));
+      if (!p) return;
+      mesh.position.set(...p);
+      mesh.scale.setScalar(kPointRadius * pixelAt(p));
     };
     // In free motion HIP and SCP_H are the same point.
     const apart = pose.contact && norm(subtract(pose.hip, pose.scpH)) > 0;
@@ -164,12 +155,12 @@ export class PalpationScene {
 
   // Stretches a body that is 1 long between two points.
   private span(mesh: three.Mesh, from: Vec3, to: Vec3 | null, radius: number): void {
-    const along = to && new three.Vector3(...to).sub(new three.Vector3(...from));
-    const length = along?.length() ?? 0;
+    const along = subtract(to ?? from, from);
+    const length = norm(along);
     mesh.visible = length > 0;
-    if (!along || length === 0) return;
+    if (length === 0) return;
     mesh.position.set(...from);
-    mesh.quaternion.setFromUnitVectors(new three.Vector3(0, 1, 0), along.divideScalar(length));
+    mesh.quaternion.setFromUnitVectors(mesh.up, new three.Vector3(...normalized(along)));
     mesh.scale.set(radius, length, radius);
   }
 }

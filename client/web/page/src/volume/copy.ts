@@ -1,62 +1,44 @@
 // The page's copy of the volume, which follows the gateway's manifests. What is shown changes from one whole
 // manifest to the next, except while a volume comes for the first time: then the overview is shown, and after
 // it the volume as far as it is there.
-import type { Vec3, VolumeShape, Voxels } from "../render/types";
 import type { State } from "../state";
 import { apply, norm, subtract } from "../view/geometry";
-import { allDone, fetchBlob, fetchEqual, forEachAtATime, Gone, kMostTogether } from "./fetch";
+import { cameraOf } from "../view/look";
+import type { Viewport } from "../view/viewport";
+import type { Vec3 } from "../wire/messages";
+import { allDone, fetchBlob, fetchEqual, Gone } from "./fetch";
 import { GroupedVolume } from "./grouped_volume";
 import type { Plane } from "./grouped_volume";
 import { bytesPerVoxel, groupPlace, kGroupEdge, kGroupVoxels, newVoxels, parseManifest, voxelsOf } from "./manifest";
-import type { Manifest } from "./manifest";
+import type { Manifest, VolumeShape, Voxels } from "./manifest";
 import { OverviewVoxels } from "./overview_voxels";
 
-export type { Plane };
-
-// Where the copy is drawn.
-export interface VolumeTarget {
-  // Why a volume of this shape cannot be drawn; "": it can.
-  problem(shape: VolumeShape, budgetBytes: number): string;
-  // A quick look at the overview, when nothing is shown yet. Resolves when it was painted.
-  glance(shape: VolumeShape, blocks: Voxels, factor: number): Promise<void>;
-  // Begins a new volume beside the one that is shown, all background. A voxel has this many of the volume's
-  // voxels along each edge. Throws if there is no memory for it.
-  prepare(shape: VolumeShape, factor: number): void;
-  // Of the new volume while there is one. The array is not kept.
-  putGroup(a: number, b: number, c: number, voxels: Voxels): void;
-  // Shows the new volume instead of the old one.
-  present(): void;
-  eye(): Vec3; // D
-  readonly bytes: number;
-}
-
-export const kBudgetBytes = 256 * 2 ** 20;
+export const kBudgetMiB = 256;
 const kRetryMs = 1000;
-// While the overview alone is shown, it is taken up at most this often.
-const kOverviewMs = 500;
-// While a volume comes, newer manifests are taken up this often.
-const kRestartMs = 1000;
-// While a volume comes, the picture is drawn anew this often.
-const kPutMs = 200;
+const kOverviewMs = 500; // while the overview alone is shown, it is taken up at most this often
+const kRestartMs = 1000; // while a volume comes, newer manifests are taken up this often
+const kPutMs = 200; // while a volume comes, the picture is drawn anew this often
 // Before that, most groups come too soon for the overview's values to be worth the work.
 const kFillAfterMs = 500;
 const kFillMs = 8;
-const kInterpolated = "?"; // in `placed_`: the overview's values
+const kInterpolated = "?"; // in `placed`: the overview's values
 
 class Restart extends Error {}
 
+const isSame = (a: VolumeShape | undefined, b: VolumeShape) => JSON.stringify(a) === JSON.stringify(b);
 const pause = (ms: number) => new Promise<void>((resolve) => setTimeout(resolve, ms));
 
 // Indices are voxels of `shape`: of blocks of factor³ voxels if it is the overview.
 export class VolumeCopy {
-  factor = 1;
   groupsLeft = 0;
   groupsAll = 0;
+  groupBytes = 0;
+  fetching = { sinceMs: 0, groups: 0 }; // when the groups that were not here began to come, and how many they were
   revision = 0;
   contentHash = ""; // palpated's; "": the copy is not whole, or is the overview
   isOverview = false;
   whyOverview = "";
-  target: VolumeTarget | null = null;
+  target: Viewport | null = null; // where the copy is drawn
 
   private front: GroupedVolume | null = null;
   // What each group of the front holds: a blob's name, "" for background.
@@ -67,11 +49,10 @@ export class VolumeCopy {
   private noMemory = { size: "", why: "" };
   private overviewBytes = 0;
   private wake = () => {};
-  private readonly shownListeners: ((manifest: Manifest) => void)[] = [];
 
   constructor(
     private readonly state: State,
-    private readonly budgetBytes = kBudgetBytes,
+    private readonly budgetMiB = kBudgetMiB,
   ) {
     state.on("manifest", () => this.wake());
     state.on("link", () => {
@@ -86,6 +67,10 @@ export class VolumeCopy {
     return this.front?.shape ?? null;
   }
 
+  get factor(): number {
+    return this.shape?.factor ?? 1;
+  }
+
   // Background outside of the lattice.
   value(i: number, j: number, k: number): number {
     return this.front?.value(i, j, k) ?? 0;
@@ -95,21 +80,11 @@ export class VolumeCopy {
     return this.front?.plane(axis, index) ?? { width: 0, height: 0, values: new Float32Array(0) };
   }
 
-  // Numbers and voxels of the groups that are there. The others are background.
-  groups(): Iterable<[number, Voxels]> {
-    return this.front?.groups ?? [];
-  }
-
   // Of voxels, here and on the graphics card.
   get memoryBytes(): number {
     let bytes = this.overviewBytes + (this.target?.bytes ?? 0);
     for (const voxels of this.blobs.values()) bytes += voxels.byteLength;
     return bytes;
-  }
-
-  // Called whenever a whole manifest is shown.
-  onShown(listener: (manifest: Manifest) => void): void {
-    this.shownListeners.push(listener);
   }
 
   private async follow(): Promise<never> {
@@ -136,27 +111,27 @@ export class VolumeCopy {
   }
 
   private async take(name: string): Promise<void> {
-    const manifest = parseManifest(name, await (await this.fetch(name)).text());
+    const manifest = parseManifest(name, await (await fetchBlob(name, this.abort.signal)).text());
     this.forgetBlobs(new Set([...(manifest.groups ?? []), ...this.placed]));
     this.whyOverview = this.problem(manifest);
     if (this.whyOverview !== "") {
-      await this.showOverview(manifest, await this.fetchOverview(manifest));
+      await this.showOverview(await this.fetchOverview(manifest));
       this.placed = [];
       this.shown(manifest);
       return pause(kOverviewMs);
     }
-    const isSameShape = JSON.stringify(this.front?.shape) === JSON.stringify(manifest.shape);
+    const isSameShape = isSame(this.front?.shape, manifest.shape);
     const isSameSize = this.front?.shape.size.join() === manifest.shape.size.join();
     if (this.isOverview || !isSameSize || (this.front?.overview && !isSameShape)) {
       const overview = await this.fetchOverview(manifest);
-      await this.showOverview(manifest, overview);
+      await this.showOverview(overview);
       this.front = this.beginWhole(manifest, overview);
     }
     const front = this.front!;
     if (front.overview) {
-      await allDone([this.fetchGroups(manifest, true), this.fillIn(front)]);
+      await allDone([this.fetchGroups(manifest), this.fillIn(front)]);
     } else {
-      await this.fetchGroups(manifest, false);
+      await this.fetchGroups(manifest);
       if (!isSameShape) this.front = this.beginWhole(manifest, null);
     }
     this.showWhole(manifest);
@@ -166,34 +141,27 @@ export class VolumeCopy {
     for (const name of this.blobs.keys()) if (!but.has(name)) this.blobs.delete(name);
   }
 
-  private fetch(name: string): Promise<Response> {
-    return fetchBlob(name, this.abort.signal);
-  }
-
   // Why only the overview is shown.
   private problem({ shape, groups }: Manifest): string {
     if (!groups) return "the gateway gives the overview alone";
     if (this.noMemory.size === shape.size.join()) return this.noMemory.why;
-    if (this.target) return this.target.problem(shape, this.budgetBytes);
+    if (this.target) return this.target.problem(shape, this.budgetMiB);
     const bytes = shape.size[0] * shape.size[1] * shape.size[2] * bytesPerVoxel(shape.type);
-    return bytes <= this.budgetBytes ? "" : `the volume needs more than ${this.budgetBytes / 2 ** 20} MiB`;
+    return bytes <= this.budgetMiB * 2 ** 20 ? "" : `the volume needs more than ${this.budgetMiB} MiB`;
   }
 
-  private async fetchOverview({ shape, overview }: Manifest): Promise<OverviewVoxels> {
-    const bytes = await (await this.fetch(overview.name)).arrayBuffer();
+  private async fetchOverview({ shape, overview: { name, size, factor } }: Manifest): Promise<OverviewVoxels> {
+    const bytes = await (await fetchBlob(name, this.abort.signal)).arrayBuffer();
     this.overviewBytes = bytes.byteLength;
-    const count = overview.size[0] * overview.size[1] * overview.size[2];
-    return new OverviewVoxels(overview.size, overview.factor, shape.type, voxelsOf(shape.type, bytes, count));
+    return new OverviewVoxels({ ...shape, size, factor }, voxelsOf(shape.type, bytes, size[0] * size[1] * size[2]));
   }
 
-  private async showOverview(manifest: Manifest, overview: OverviewVoxels): Promise<void> {
-    const shape = { ...manifest.shape, size: overview.size };
-    await this.target?.glance(shape, overview.blocks, overview.factor);
-    const front = GroupedVolume.fromDense(shape, overview.blocks);
-    const isNew = !this.isOverview || this.front?.shape.size.join() !== shape.size.join() || this.front.shape.type !== shape.type;
-    if (isNew) this.target?.prepare(shape, overview.factor);
+  private async showOverview({ shape, blocks }: OverviewVoxels): Promise<void> {
+    await this.target?.glance(shape, blocks);
+    const isNew = !this.isOverview || !isSame(this.front?.shape, shape);
+    if (isNew) this.target?.prepare(shape);
+    const front = GroupedVolume.fromDense(shape, blocks);
     this.front = front;
-    this.factor = overview.factor;
     this.isOverview = true;
     this.contentHash = "";
     for (const [number, voxels] of front.groups) this.target?.putGroup(...groupPlace(front.counts, number), voxels);
@@ -206,19 +174,19 @@ export class VolumeCopy {
     const front = new GroupedVolume(manifest.shape);
     front.overview = overview;
     try {
-      this.target?.prepare(manifest.shape, 1);
+      this.target?.prepare(manifest.shape);
     } catch (error) {
       this.noMemory = { size: manifest.shape.size.join(), why: String(error) };
       throw new Restart("no memory");
     }
     this.placed = manifest.groups!.map(() => "");
     this.isOverview = false;
-    this.factor = 1;
     return front;
   }
 
   // Fetches the groups that are not here, each blob once.
-  private async fetchGroups(manifest: Manifest, comesFirst: boolean): Promise<void> {
+  private async fetchGroups(manifest: Manifest): Promise<void> {
+    const comesFirst = this.front!.overview !== null;
     const numbers = new Map<string, number[]>();
     manifest.groups!.forEach((name, number) => {
       if (name === "" || this.blobs.has(name)) return;
@@ -228,10 +196,11 @@ export class VolumeCopy {
       else numbers.set(name, [number]);
     });
     this.groupsAll = manifest.groups!.filter((name) => name !== "").length;
-    this.groupsLeft = [...numbers.values()].reduce((sum, same) => sum + same.length, 0);
+    this.groupsLeft = [...numbers.values()].flat().length;
     const names = [...numbers.keys()];
     if (comesFirst) this.sortByDistance(names, numbers);
     const begun = performance.now();
+    this.fetching = { sinceMs: begun, groups: this.groupsLeft };
     let put = begun;
     let arrived: string[] = [];
     const putArrived = () => {
@@ -240,11 +209,8 @@ export class VolumeCopy {
       put = performance.now();
       this.state.emit("picture");
     };
-    const bytesEach = kGroupVoxels * bytesPerVoxel(manifest.shape.type);
-    const together: string[][] = [];
-    for (let n = 0; n < names.length; n += kMostTogether) together.push(names.slice(n, n + kMostTogether));
-    await forEachAtATime(together, async (some) => {
-      const blobs = await fetchEqual(some, bytesEach, this.abort.signal);
+    this.groupBytes = kGroupVoxels * bytesPerVoxel(manifest.shape.type);
+    await fetchEqual(names, this.groupBytes, this.abort.signal, (some, blobs) => {
       some.forEach((name, n) => {
         this.blobs.set(name, voxelsOf(manifest.shape.type, blobs[n], kGroupVoxels));
         this.groupsLeft -= numbers.get(name)!.length;
@@ -263,8 +229,8 @@ export class VolumeCopy {
   private sortByDistance(names: string[], numbers: Map<string, number[]>): void {
     const { counts } = this.front!;
     const map = this.state.placement?.device_from_index;
-    const eye = this.target?.eye();
-    if (!map || !eye) return;
+    const eye = cameraOf(this.state).eye();
+    if (!map) return;
     const distances = new Map<string, number>();
     for (const [name, [first]] of numbers) {
       const middle = groupPlace(counts, first).map((n) => (n + 0.5) * kGroupEdge) as Vec3;
@@ -321,6 +287,6 @@ export class VolumeCopy {
     this.shownName = manifest.name;
     this.state.emit("copyProgress");
     this.state.emit("picture");
-    for (const listener of this.shownListeners) listener(manifest);
+    this.state.emit("copyShown");
   }
 }

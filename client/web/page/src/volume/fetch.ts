@@ -14,11 +14,10 @@ export async function fetchBlob(name: string, signal: AbortSignal): Promise<Resp
 }
 
 // Blobs in one request: each costs a browser milliseconds.
-export const kMostTogether = 16;
+const kMostTogether = 16;
 let canTakeTogether = true;
 
-// Fetches blobs that all have so many bytes.
-export async function fetchEqual(names: readonly string[], bytesEach: number, signal: AbortSignal): Promise<ArrayBuffer[]> {
+async function fetchTogether(names: string[], bytesEach: number, signal: AbortSignal): Promise<ArrayBuffer[]> {
   if (canTakeTogether && names.length > 1) {
     const response = await fetch(`volume/${names.join()}`, { signal });
     const bytes = response.status === 406 ? null : await check(response).arrayBuffer();
@@ -39,15 +38,23 @@ export async function allDone(parts: Promise<void>[]): Promise<void> {
 // More at a time gain nothing: a browser opens six connections to a host.
 const kAtATime = 8;
 
-// Works on all items, several at a time, in their order. After an error no further item is begun.
-export async function forEachAtATime<T>(items: readonly T[], work: (item: T) => Promise<void>): Promise<void> {
+// Fetches blobs that all have so many bytes, in their order, and has them taken as they come. After an error no
+// further one is fetched.
+export async function fetchEqual(
+  names: string[],
+  bytesEach: number,
+  signal: AbortSignal,
+  take: (names: string[], blobs: ArrayBuffer[]) => void,
+): Promise<void> {
   let next = 0;
   const worker = async () => {
-    while (next < items.length) {
+    while (next < names.length) {
+      const some = names.slice(next, next + kMostTogether);
+      next += some.length;
       try {
-        await work(items[next++]);
+        take(some, await fetchTogether(some, bytesEach, signal));
       } catch (error) {
-        next = items.length;
+        next = names.length;
         throw error;
       }
     }

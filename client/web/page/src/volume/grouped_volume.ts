@@ -1,6 +1,7 @@
 // A volume in groups of 32³ voxels. A group that is absent is background, or is taken from the overview.
-import type { Vec3, VolumeShape, Voxels } from "../render/types";
+import type { Vec3 } from "../wire/messages";
 import { groupCounts, groupNumber, kGroupEdge, kGroupVoxels, newVoxels } from "./manifest";
+import type { VolumeShape, Voxels } from "./manifest";
 import type { OverviewVoxels } from "./overview_voxels";
 
 // A slice: value (x, y) is at y * width + x. Across axis 0, x is j and y is k; across 1, i and k; across 2, i and j.

@@ -1,13 +1,19 @@
 // Groups of 32³ voxels, and the manifest that names them. client/web/volume makes both.
-import type { Vec3, VolumeShape, VoxelType, Voxels } from "../render/types";
+import type { Vec3, VoxelType } from "../wire/messages";
 
 export const kGroupEdge = 32;
 export const kGroupVoxels = kGroupEdge ** 3;
 
-export interface Overview {
-  name: string;
-  size: Vec3; // blocks
-  factor: number; // a block is the mean of factor³ voxels
+export type Voxels = Uint8Array | Int16Array | Uint16Array | Float32Array;
+
+export interface VolumeShape {
+  size: Vec3; // voxels
+  type: VoxelType;
+  background: number;
+  // The range when the volume was loaded. Later values may lie beyond it.
+  valueMin: number;
+  valueMax: number;
+  factor: number; // a voxel is the mean of factor³ ones of the volume: 1 but in the overview
 }
 
 export interface Manifest {
@@ -15,7 +21,7 @@ export interface Manifest {
   shape: VolumeShape;
   revision: number;
   contentHash: string; // palpated's, 32 hex digits
-  overview: Overview;
+  overview: { name: string; size: Vec3; factor: number };
   // The blob of each group, "" where all voxels are background. Null: the gateway gives the overview alone.
   groups: string[] | null;
 }
@@ -52,28 +58,22 @@ export function groupPlace(counts: Vec3, number: number): Vec3 {
 
 const kHex = Array.from({ length: 256 }, (_, byte) => byte.toString(16).padStart(2, "0"));
 const kNameBytes = 16;
+const kNoName = "00".repeat(kNameBytes);
 
 function decodeNames(base64: string): string[] {
   const text = atob(base64);
-  const names: string[] = [];
-  for (let at = 0; at + kNameBytes <= text.length; at += kNameBytes) {
-    let name = "";
-    let any = 0;
-    for (let n = at; n < at + kNameBytes; ++n) {
-      const byte = text.charCodeAt(n);
-      any |= byte;
-      name += kHex[byte];
-    }
-    names.push(any === 0 ? "" : name);
-  }
-  return names;
+  return Array.from({ length: Math.floor(text.length / kNameBytes) }, (_, n) => {
+    const bytes = text.slice(kNameBytes * n, kNameBytes * (n + 1));
+    const name = Array.from(bytes, (byte) => kHex[byte.charCodeAt(0)]).join("");
+    return name === kNoName ? "" : name;
+  });
 }
 
 // The manifest's JSON. Throws if it does not name every group of its lattice.
 export function parseManifest(name: string, text: string): Manifest {
   const json = JSON.parse(text);
   const { size, voxel_type, background, value_min, value_max } = json.lattice;
-  const shape: VolumeShape = { size, type: voxel_type, background, valueMin: value_min, valueMax: value_max };
+  const shape: VolumeShape = { size, type: voxel_type, background, valueMin: value_min, valueMax: value_max, factor: 1 };
   if (!(shape.type in kArrays)) throw new Error(`voxels of type ${shape.type}`);
   const groups = json.groups === "" ? null : decodeNames(json.groups);
   const [a, b, c] = groupCounts(size);

@@ -1,5 +1,6 @@
 // Says in plain words what happened while the page or the gateway was cut off, and when a new volume comes.
 import type { State } from "../state";
+import { valueText } from "../ui/words";
 
 interface Away {
   sinceMs: number;
@@ -7,8 +8,6 @@ interface Away {
   why: string; // of the gateway's
   gateway: boolean; // the gateway was lost, not only what is behind it
 }
-
-const inDigits = (value: number) => String(Number(value.toPrecision(6)));
 
 export class Meanwhile {
   private away: Away | null = null;
@@ -18,8 +17,7 @@ export class Meanwhile {
   private isovalueBefore: number | null = null; // until it is compared
 
   constructor(private readonly state: State) {
-    state.on("link", () => this.look());
-    state.on("connection", () => this.look());
+    state.on(["link", "connection"], () => this.look());
     state.on("volume", () => this.lookAtVolume());
     state.on("pose", () => this.compare());
   }
@@ -34,11 +32,8 @@ export class Meanwhile {
   }
 
   private look(): void {
-    if (this.isWell()) {
-      this.wasWell = true;
-      return;
-    }
-    if (!this.wasWell) return;
+    this.wasWell ||= this.isWell();
+    if (this.isWell() || !this.wasWell) return;
     const why = this.state.connection?.why ?? "";
     this.away ??= { sinceMs: this.heardMs, tick: this.state.pose?.tick ?? 0, why, gateway: false };
     this.isovalueBefore ??= this.isovalue();
@@ -70,7 +65,7 @@ export class Meanwhile {
     if (before === null || now === null || !this.state.volume?.size) return;
     if (Math.fround(now) !== this.state.pose?.isovalue) return;
     this.isovalueBefore = null;
-    if (now !== before) this.state.tell(`isovalue changed from ${inDigits(before)} to ${inDigits(now)}`);
+    if (now !== before) this.state.tell(`isovalue changed from ${valueText(before)} to ${valueText(now)}`);
   }
 
   private lookAtVolume(): void {

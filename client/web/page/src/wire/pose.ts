@@ -1,19 +1,49 @@
 // The pose as the gateway's binary message carries it: 176 bytes, little-endian. The layout is that of
-// client/web/source/pose_bytes.h.
+// client/web/source/pose_bytes.h; what the page does not show is not read.
 import type { Vec3 } from "./messages";
-export type { Vec3 };
-export type Quat = [number, number, number, number]; // x, y, z, w
 
 export const kPoseBytes = 176;
 const kKind = 1;
 
-// Numbered as the enumerators of client/sdk/pose.h.
-export const kProxyModes = ["unknown", "free", "constrained", "ejecting", "fault", "suspended", "inside"] as const;
-export const kForceStates = ["unknown", "off", "ramp in", "on", "held", "fault", "stopped"] as const;
-export const kForceReasons = [
-  "unknown", "none", "operator", "docked", "uncalibrated", "stale", "deadlines", "device",
-  "position", "force", "speed", "stop call", "stop button", "replay",
-] as const;
+// Names and words, in the order of the enumerators of client/sdk/pose.h.
+export const kProxyModes = {
+  unknown: "unknown",
+  free: "in free space",
+  constrained: "held by the surface",
+  ejecting: "the surface moved over the tip, the proxy is being moved out",
+  fault: "nothing is felt after a fault",
+  suspended: "nothing is felt: the volume is moved",
+  inside: "nothing is felt: the tip is inside the material until it is pulled out",
+};
+export const kForceStates = {
+  unknown: "forces unknown",
+  off: "forces off",
+  "ramp in": "forces are coming on",
+  on: "forces on",
+  held: "forces held back",
+  fault: "forces off after a fault",
+  stopped: "forces stopped",
+};
+export const kForceReasons = {
+  unknown: "",
+  none: "",
+  operator: "not enabled",
+  docked: "the stylus rests in its holder",
+  uncalibrated: "the device is not calibrated",
+  stale: "the device's readings are late",
+  deadlines: "the haptic loop is late",
+  device: "the device is gone or broken",
+  position: "a position was no number",
+  force: "a force was no number",
+  speed: "the stylus moved too fast",
+  "stop call": "emergency stop",
+  "stop button": "emergency stop by the stylus",
+  replay: "until the replay ends",
+};
+
+function nameOf<Names extends { unknown: string }>(names: Names, number: number): keyof Names {
+  return (Object.keys(names) as (keyof Names)[])[number] ?? "unknown";
+}
 
 // Lengths in mm of D (x right, y up, z to the user), forces in N, values in data units.
 export interface Pose {
@@ -26,23 +56,19 @@ export interface Pose {
   freeAbove: boolean; // the stylus is free above the isovalue
   fresh: boolean; // the gateway hears from palpated
   replayed: boolean; // of a recording that is replayed; the forces are those of now
-  mode: (typeof kProxyModes)[number];
-  forceState: (typeof kForceStates)[number];
-  forceReason: (typeof kForceReasons)[number];
+  mode: keyof typeof kProxyModes;
+  forceState: keyof typeof kForceStates;
+  forceReason: keyof typeof kForceReasons;
   hip: Vec3;
   scpH: Vec3;
-  scpHNormal: Vec3 | null;
   scpV: Vec3 | null;
-  orientation: Quat; // the stylus points along its -z
+  orientation: [number, number, number, number]; // x, y, z, w; the stylus points along its -z
   force: Vec3;
   forceLimit: number;
   density: number; // at SCP_H
   isovalue: number;
-  buttons: number;
   missedTicks: number;
   updateUs: number;
-  settingsRevision: number;
-  volumeRevision: number;
 }
 
 // Returns null if the bytes are no pose of this layout.
@@ -64,30 +90,18 @@ export function decodePose(bytes: ArrayBuffer): Pose | null {
     freeAbove: (flags & 8) !== 0,
     fresh: (flags & 16) !== 0,
     replayed: (flags & 32) !== 0,
-    mode: kProxyModes[view.getUint8(2)] ?? "unknown",
-    forceState: kForceStates[view.getUint8(3)] ?? "unknown",
-    forceReason: kForceReasons[view.getUint8(156)] ?? "unknown",
+    mode: nameOf(kProxyModes, view.getUint8(2)),
+    forceState: nameOf(kForceStates, view.getUint8(3)),
+    forceReason: nameOf(kForceReasons, view.getUint8(156)),
     hip: vector(56),
     scpH: vector(68),
-    scpHNormal: flags & 2 ? vector(80) : null,
     scpV: flags & 4 ? vector(92) : null,
     orientation: [single(104), single(108), single(112), single(116)],
     force: vector(120),
     forceLimit: single(132),
     density: single(136),
     isovalue: single(140),
-    buttons: view.getUint32(144, true),
     missedTicks: view.getUint32(148, true),
     updateUs: single(152),
-    settingsRevision: double(40),
-    volumeRevision: double(48),
   };
-}
-
-export function length(v: Vec3): number {
-  return Math.hypot(v[0], v[1], v[2]);
-}
-
-export function distance(a: Vec3, b: Vec3): number {
-  return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }

@@ -11,12 +11,11 @@ const kSilenceMs = 5000;
 const kProbeMs = 3000;
 const kWatchMs = 500;
 const kPosesPerAck = 8;
-const kForbidden = 403;
-const kTooMany = 429;
 
 // The secret is wrong: trying again is of no use.
 class Refused extends Error {}
 class TooMany extends Error {}
+const kErrors: Record<number, new (why: string) => Error> = { 403: Refused, 429: TooMany };
 
 const pause = (ms: number) => new Promise<void>((resolve) => setTimeout(resolve, ms));
 
@@ -31,33 +30,29 @@ async function postLogin(secret: Secret): Promise<void> {
   });
   if (response.ok) return void (await response.text()); // Chromium tells of a body that is not read as of an error
   const why = (await response.text()).trim() || `the gateway answers ${response.status}`;
-  throw new (response.status === kForbidden ? Refused : response.status === kTooMany ? TooMany : Error)(why);
-}
-
-interface Pending {
-  resolve: () => void;
-  reject: (error: Error) => void;
+  throw new (kErrors[response.status] ?? Error)(why);
 }
 
 export class Room {
   private secret: Secret | null = null;
   private socket: WebSocket | null = null;
-  private version = "";
   private posesSinceAck = 0;
   private steers = 0;
-  private readonly pending = new Map<number, Pending>();
+  private readonly pending = new Map<number, (error: string) => void>(); // ends the steering of this number
 
   constructor(private readonly state: State) {}
 
   // Logs in and stays connected. Rejects, and does not try again, if the gateway refuses or does not answer.
   async login(secret: Secret): Promise<void> {
     await postLogin(secret);
-    this.begin(secret, true);
+    this.start(secret, true);
   }
 
   // As login, but tries until the gateway answers.
-  start(secret: Secret): void {
-    this.begin(secret, false);
+  start(secret: Secret, isLoggedIn = false): void {
+    this.secret = secret;
+    this.socket?.close();
+    void this.stayConnected(secret, isLoggedIn);
   }
 
   // The room's key if the guest came by one, to share it in a link.
@@ -66,17 +61,13 @@ export class Room {
   }
 
   // Flags: 0 or 1. Choices: the word's number. Rejects with the gateway's error.
-  steer(key: string, value: number): Promise<void> {
-    if (this.state.link !== "open" || !this.socket) return Promise.reject(new Error("not connected"));
+  async steer(key: string, value: number): Promise<void> {
+    if (this.state.link !== "open" || !this.socket) throw new Error("not connected");
     const id = ++this.steers;
     this.socket.send(JSON.stringify({ type: "steer", id, key, value }));
-    return new Promise((resolve, reject) => this.pending.set(id, { resolve, reject }));
-  }
-
-  private begin(secret: Secret, isLoggedIn: boolean): void {
-    this.secret = secret;
-    this.socket?.close();
-    void this.stayConnected(secret, isLoggedIn);
+    return new Promise((resolve, reject) => {
+      this.pending.set(id, (error) => (error ? reject(new Error(error)) : resolve()));
+    });
   }
 
   private setLink(link: State["link"], why = ""): void {
@@ -97,8 +88,11 @@ export class Room {
         why = await this.follow();
       } catch (error) {
         why = (error as Error).message;
-        if (error instanceof Refused) return this.refused(secret, why);
         if (error instanceof TooMany) waitMs = kTooManyWaitMs;
+        if (error instanceof Refused && this.secret === secret) {
+          this.secret = null;
+          this.setLink("login", why);
+        }
       }
       if (this.secret !== secret) return;
       // The session may have ended if the stream did not open at all.
@@ -109,12 +103,6 @@ export class Room {
       await pause(waitMs * (0.5 + Math.random()));
       waitMs = Math.min(2 * waitMs, kMostWaitMs);
     }
-  }
-
-  private refused(secret: Secret, why: string): void {
-    if (this.secret !== secret) return;
-    this.secret = null;
-    this.setLink("login", why);
   }
 
   // Follows the stream to its end. Returns why it ended.
@@ -133,8 +121,7 @@ export class Room {
         clearInterval(watch);
         socket.onmessage = socket.onclose = null;
         socket.close();
-        for (const steer of this.pending.values()) steer.reject(new Error("the connection was lost"));
-        this.pending.clear();
+        for (const id of this.pending.keys()) this.steered(id, "the connection was lost");
         resolve(why);
       };
       const watch = setInterval(async () => {
@@ -163,21 +150,17 @@ export class Room {
   private receive(text: string): void {
     const message = JSON.parse(text);
     if (message.type === "steered") return this.steered(message.id, message.error);
-    if (message.type === "hello") {
-      if (this.version !== "" && this.version !== message.version) {
-        this.state.tell("the gateway has another version: reload the page");
-      }
-      this.version = message.version;
+    const before = this.state.hello?.version;
+    if (message.type === "hello" && before && before !== message.version) {
+      this.state.tell("the gateway has another version: reload the page");
     }
     this.state.receive(message);
     if (message.type === "hello") this.setLink("open");
   }
 
   private steered(id: number, error: string): void {
-    const pending = this.pending.get(id);
+    this.pending.get(id)?.(error);
     this.pending.delete(id);
-    if (error) pending?.reject(new Error(error));
-    else pending?.resolve();
   }
 
   private receivePose(bytes: ArrayBuffer): void {

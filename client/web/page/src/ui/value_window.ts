@@ -1,0 +1,48 @@
+// The values that slices show from black to white (client/view/scene/value_window.h).
+import { clamp } from "../view/geometry";
+import type { ValueWindow, VolumeMessage } from "../wire/messages";
+
+export interface NamedWindow {
+  name: string;
+  window: ValueWindow;
+}
+
+const kOfHounsfieldUnits: NamedWindow[] = [
+  { name: "Soft tissue and bone", window: { level: 240, width: 800 } },
+  { name: "Bone", window: { level: 400, width: 1800 } },
+  { name: "Soft tissue", window: { level: 40, width: 400 } },
+  { name: "Lung", window: { level: -600, width: 1500 } },
+  { name: "Brain", window: { level: 40, width: 80 } },
+];
+
+function wholeRange({ value_min: min = 0, value_max: max = 0 }: VolumeMessage): ValueWindow {
+  return { level: (min + max) / 2, width: max - min || 1 };
+}
+
+// The file says so, or states no unit and has the values of air and of bone.
+function hasHounsfieldUnits({ unit, voxel_type, value_min = 0, value_max = 0 }: VolumeMessage): boolean {
+  if (unit) return unit === "HU";
+  return voxel_type === "int16" && value_min <= -900 && value_min >= -4096 && value_max >= 300;
+}
+
+// A volume begins with the first: the file's, if it proposes one that shows anything.
+export function windowsOf(volume: VolumeMessage): NamedWindow[] {
+  const whole = wholeRange(volume);
+  const { window } = volume;
+  const isUseful = window && Math.abs(window.level - whole.level) < (window.width + whole.width) / 2;
+  return [
+    ...(isUseful ? [{ name: "As in the file", window }] : []),
+    ...(hasHounsfieldUnits(volume) ? kOfHounsfieldUnits : []),
+    { name: "Whole range", window: whole },
+  ];
+}
+
+// A drag to the right widens, up raises the level, by the width over a quarter of the picture.
+export function dragged(volume: VolumeMessage, window: ValueWindow, right: number, down: number, picturePx: number): ValueWindow {
+  const whole = wholeRange(volume);
+  const widthsPerPx = 4 / picturePx;
+  return {
+    level: clamp(window.level - down * widthsPerPx * window.width, whole.level - whole.width, whole.level + whole.width),
+    width: clamp(window.width * Math.exp(right * widthsPerPx), 1e-3 * whole.width, 4 * whole.width),
+  };
+}
