@@ -79,7 +79,7 @@ class Clients(unittest.TestCase):
             self.assertRegex(ran.stdout, rf"Usage: \S*{command}( |$)", call)
 
     def test_the_viewer_makes_its_calls(self):
-        source = "".join(path.read_text() for path in (ROOT / "client/view").rglob("*.cpp"))
+        source = "".join(path.read_text() for path in (ROOT / "client/view").rglob("*.[ch]*"))
         for call, (*_, viewer) in CALLS.items():
             if not viewer.startswith("no:"):
                 self.assertRegex(source, rf"(\.|->|::){viewer}(\(| = )", call)

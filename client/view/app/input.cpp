@@ -204,6 +204,7 @@ void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen
     if (const auto p_D = viewer.SurfaceAt(pointer.at_px, size)) camera.LookAt(*p_D);
   }
   if (viewer.state().tool == Tool::kTurn && IsClicked(viewer.state().screen_scale)) {
+    // The slices go to the point, and stay there.
     const auto& X_DI = viewer.feed().volume().X_DI();
     const auto p_D = viewer.SurfaceAt(pointer.at_px, size);
     if (p_D && X_DI) MoveCross(viewer, X_DI->Inverse().Apply(*p_D));

@@ -27,7 +27,11 @@ int Guarded(int argc, char** argv) {
     const std::optional<Options> options = ParseOptions(argc, argv);
     if (!options) return 0;
     const Interrupt interrupt;
-    options->offscreen ? RunOffscreen(*options) : RunWindow(*options);
+    if (options->offscreen) {
+      RunOffscreen(*options);
+    } else {
+      RunWindow(*options);
+    }
     return 0;
   } catch (const arguments::UsageError& error) {
     return Fail(error.what(), kUsageExitCode);

@@ -1,3 +1,4 @@
+// How it feels, for everyone; and the device.
 #include <optional>
 #include <string>
 #include <variant>

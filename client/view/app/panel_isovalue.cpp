@@ -1,3 +1,4 @@
+// The Surface tab: the isovalue and the veil.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// The Look tab: colours, the window of the values, distances, saved views.
 #include <imgui.h>
 #include <imgui_stdlib.h>
 
@@ -137,7 +138,8 @@ void WindowPart(Viewer& viewer) {
   ChoosePreset(*lattice, surface);
 }
 
-// Draws a list by `draw(n)`, each line with a button that removes it. Returns the line to remove.
+// Draws a list by `draw(n)`, each line with a button that removes it; `name` keeps the buttons of
+// two lists apart. Returns the line to remove.
 template <class Draw>
 std::optional<std::size_t> RemovableLines(const char* name, std::size_t count, const char* tip,
                                           const Draw& draw) {

@@ -23,7 +23,8 @@ namespace {
 constexpr std::size_t kLongestText = 200;  // bytes
 constexpr int kRowsOfList = 6;
 
-// One line, always with its room: what comes below it never moves. The tooltip has all of it.
+// One line, always with its room: what comes below it never moves. The tooltip has what does
+// not fit, up to kLongestText.
 void FixedLine(const std::string& whole, const ImVec4& color) {
   const std::string text = OneLine(whole, kLongestText);
   const ImVec2 p = ImGui::GetCursorScreenPos();
@@ -76,10 +77,10 @@ void RecordedSoFar(const client::RecordingState& recording) {
     ImGui::TextColored(kDim, "not recording");
     return;
   }
-  const std::string size = recording.lost_ticks > 0
+  const std::string more = recording.lost_ticks > 0
                                ? fmt::format("{} ticks lost", recording.lost_ticks)
                                : SizeText(recording.size_bytes);
-  ImGui::TextColored(kBad, "%s, %s", TimeText(recording.ticks).c_str(), size.c_str());
+  ImGui::TextColored(kBad, "%s, %s", TimeText(recording.ticks).c_str(), more.c_str());
 }
 
 // The line below the name: why it cannot be taken, or how the last recording ended.

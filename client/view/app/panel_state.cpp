@@ -34,9 +34,10 @@ KnownState KnownOf(Viewer& viewer, const std::optional<client::DaemonInfo>& daem
   return known;
 }
 
-// In the order of Tone. They are dark in both themes.
+// In the order of Tone.
 constexpr std::array<ImU32, 4> kGrounds = {IM_COL32(22, 92, 48, 255), IM_COL32(52, 58, 68, 255),
                                            IM_COL32(140, 88, 12, 255), IM_COL32(140, 26, 24, 255)};
+static_assert(kGrounds.size() == static_cast<std::size_t>(Tone::kAlarm) + 1);
 
 // A shape for each tone, for those who do not tell the colours apart: disc, ring, triangle, square.
 void DrawSign(Tone tone) {
@@ -112,7 +113,7 @@ void EditForces(Viewer& viewer, ForceAction action, const char* label,
 void DrawStateBar(Viewer& viewer, const Area& area, float scale) {
   const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
   const StateLine state = StateOf(KnownOf(viewer, daemon));
-  const ThemeScope dark(Theme::kDark);
+  const ThemeScope dark(Theme::kDark);  // as the grounds are in both themes
   BeginPanel("state", area, ImGuiWindowFlags_NoScrollWithMouse);
   const ImVec2 max = MaxOf(area);
   ImDrawList& list = *ImGui::GetWindowDrawList();

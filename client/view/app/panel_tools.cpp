@@ -85,6 +85,7 @@ void DrawToolBar(Viewer& viewer, const Layout& layout, float scale) {
 
 void DrawSeriesBar(Viewer& viewer, const Area& area) {
   LiveFeed& feed = viewer.feed();
+  if (!feed.series()) return;
   client::SeriesState series = *feed.series();
   BeginPanel("series", area);
   ImGui::BeginDisabled(!feed.May(client::Role::kEditor));

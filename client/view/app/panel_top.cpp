@@ -1,3 +1,4 @@
+// The bar above the view: the connection, what acts at once, and who is here and changed what.
 #include <fmt/core.h>
 
 #include <algorithm>

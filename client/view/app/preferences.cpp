@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -59,6 +60,7 @@ void ForEachValue(const Each& each) {
 // A flag or a text.
 template <class Value>
 void Take(const Json& read, Value& value) {
+  static_assert(std::is_same_v<Value, bool> || std::is_same_v<Value, std::string>);
   if (read.type() == Json(value).type()) value = read.get<Value>();
 }
 

@@ -1,8 +1,8 @@
 // palpate-view in a window, and without one for scripts.
 //
 // Threads: main, as GLFW requires. Errors: kUnavailable (no display, no OpenGL 4.3; offscreen also
-// no palpated); offscreen also kFailedPrecondition (no contact), kCancelled (a signal), and those
-// of WritePng.
+// no palpated); offscreen also kFailedPrecondition (no contact), kCancelled (a signal), kTooLarge
+// (the graphics card cannot hold the picture), and those of WritePng.
 #pragma once
 
 #include "client/view/app/options.h"

@@ -25,7 +25,8 @@ struct MeasurePointer {
 };
 
 // Does nothing unless Tool::kMeasure is chosen. Returns true if the pointer is used: until it moves
-// as a drag, which may then turn the view.
+// as a drag, which may then turn the view. Dear ImGui's current item must be the picture: a right
+// click on it removes a distance.
 bool TakeMeasurePointer(Viewer& viewer, const MeasurePointer& pointer);
 
 // Dear ImGui's current item was clicked, without a drag. `scale`: of the layout.

@@ -211,10 +211,8 @@ std::optional<Bounds> Viewer::VolumeBounds() const {
     if (const auto bounds = SurfaceBounds(volume, feed_.settings()->isovalue)) return bounds;
   }
   if (!volume.lattice() || !volume.X_DI()) return {};
-  const Vec3 half_I = 0.5 * (volume.lattice()->size.cast<double>() - Vec3::Ones());
-  const Vec3 middle_D = volume.X_DI()->Apply(half_I);
-  const Vec3 half_D = volume.X_DI()->linear.cwiseAbs() * half_I;
-  return Bounds{.min_mm = middle_D - half_D, .max_mm = middle_D + half_D};
+  const Vec3 last_I = volume.lattice()->size.cast<double>() - Vec3::Ones();
+  return BoundsOf(*volume.X_DI(), Vec3::Zero(), last_I);
 }
 
 // None: the camera's own.

@@ -4,6 +4,7 @@
 #include <imgui_internal.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "client/sdk/words.h"
 #include "client/view/live/shared_things.h"
@@ -156,15 +157,15 @@ bool UnitText(const std::string& unit, float kept_px) {
 }
 
 bool Choose(const char* label, std::size_t& place, std::span<const std::string_view> names) {
-  const std::size_t before = place;
-  if (ImGui::BeginCombo(label, std::string(names[place]).c_str())) {
-    for (std::size_t n = 0; n < names.size(); ++n) {
-      if (ImGui::Selectable(std::string(names[n]).c_str(), n == before)) place = n;
-      if (n == before) ImGui::SetItemDefaultFocus();
-    }
-    ImGui::EndCombo();
+  if (!ImGui::BeginCombo(label, std::string(names[place]).c_str())) return false;
+  std::optional<std::size_t> chosen;
+  for (std::size_t n = 0; n < names.size(); ++n) {
+    if (ImGui::Selectable(std::string(names[n]).c_str(), n == place)) chosen = n;
+    if (n == place) ImGui::SetItemDefaultFocus();
   }
-  return place != before;
+  ImGui::EndCombo();
+  place = chosen.value_or(place);
+  return chosen.has_value();
 }
 
 bool HeldSlider(Viewer& viewer, const char* label, double& value, double least, double most,
@@ -191,7 +192,8 @@ bool HeldChoice(Viewer& viewer, const char* label, double& value,
                 std::span<const std::string_view> words) {
   const ImGuiID id = ImGui::GetID(label);
   auto place = static_cast<std::size_t>(viewer.held().Shown(id, value));
-  const bool changed = Choose(label, place, words);
+  const std::size_t before = place;
+  const bool changed = Choose(label, place, words) && place != before;
   value = static_cast<double>(place);
   viewer.held().Update(id, value, changed, false);
   return changed;

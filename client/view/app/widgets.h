@@ -63,7 +63,8 @@ bool NameSelectable(const std::string& name, bool selected = false, ImGuiSelecta
 // comes after. A long unit has lines of its own below; then returns false.
 bool UnitText(const std::string& unit, float kept_px = 0.0f);
 
-// Draws a choice of `names`; `place` is the index in them. Returns true if the user changed it.
+// Draws a choice of `names`; `place` is the index in them. Returns true if the
+// user chose one, also the one that it was.
 bool Choose(const char* label, std::size_t& place, std::span<const std::string_view> names);
 // The same for an enumeration: `names` are in its order.
 template <class Enum>

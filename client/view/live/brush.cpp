@@ -110,7 +110,8 @@ class Brush::History {
     lock.lock();
     if (connection != connection_) return;
     revision_ = result.volume_revision;
-    std::erase(from, stroke);
+    // A filter's result may have emptied it meanwhile.
+    if (!from.empty() && from.back() == stroke) from.pop_back();
     to.push_back(stroke);
   }
 

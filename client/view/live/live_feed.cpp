@@ -26,10 +26,10 @@ auto AnswerTo(const Ask& ask) -> std::optional<decltype(ask())> {
   }
 }
 
-// Asks in a thread of its own for what palpated does not stream.
+// Asks in a thread of its own for what palpated does not stream. After Client::EndCalls, the
+// destructor does not wait.
 class Questions {
  public:
-  // After Client::EndCalls, the destructor does not wait.
   explicit Questions(client::Client& client)
       : client_(client), thread_([this](const std::stop_token& stop) { Run(stop); }) {}
 

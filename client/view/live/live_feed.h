@@ -130,7 +130,7 @@ class LiveFeed {
   using Clock = std::chrono::steady_clock;
   struct Line;
 
-  std::atomic<std::uint64_t> losses_{0};  // counted on the client's thread
+  std::atomic<std::uint64_t> losses_{0};  // counted on the client's thread, too
   std::unique_ptr<Line> line_;
   bool is_disconnected_ = false;
   std::optional<client::Pose> pose_;

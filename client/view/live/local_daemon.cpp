@@ -68,7 +68,11 @@ bool IsServed(const std::string& socket) {
 
 LocalDaemon::~LocalDaemon() {
   if (!program_) return;
-  kept_ ? program_->Leave() : program_->End(kEndPatience);
+  if (kept_) {
+    program_->Leave();
+  } else {
+    program_->End(kEndPatience);
+  }
 }
 
 void LocalDaemon::Start(const std::string& socket, const std::filesystem::path& log_folder) {

@@ -11,8 +11,8 @@ void PlotHistory::Add(const client::Pose& pose, double age_ms) {
   if (times_ns_.size() == kMost) Drop(1);
   times_ns_.push_back(pose.time_ns);
   // A restarted daemon counts anew: then none were missed.
-  const std::uint64_t missed =
-      pose.missed_ticks - std::min(missed_before_.value_or(pose.missed_ticks), pose.missed_ticks);
+  const bool goes_on = missed_before_ && pose.missed_ticks >= *missed_before_;
+  const std::uint64_t missed = goes_on ? pose.missed_ticks - *missed_before_ : 0;
   missed_before_ = pose.missed_ticks;
   const double penetration_mm = pose.contact ? (pose.hip_mm - pose.scp_h_mm).norm() : 0.0;
   const std::array<double, kPlots> newest = {pose.force_n.norm(), penetration_mm,

@@ -63,7 +63,7 @@ class Replayer {
   Commands& others_;
   std::shared_ptr<Playing> playing_;
   std::shared_ptr<Listed> listed_;
-  Commands replays_;
+  Commands replays_;  // its commands share what they use: any place will do
 };
 
 }  // namespace palpate::view

@@ -3,6 +3,7 @@
 #include <epoxy/gl.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "client/view/render/gl_state.h"
 
@@ -19,6 +20,7 @@ constexpr Format kAtlasFormats[] = {{GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE},
                                     {GL_R16I, GL_RED_INTEGER, GL_SHORT},
                                     {GL_R16UI, GL_RED_INTEGER, GL_UNSIGNED_SHORT},
                                     {GL_R32F, GL_RED, GL_FLOAT}};  // by LeafType
+static_assert(std::size(kAtlasFormats) == std::size(kLeafTypes));
 
 const Format& FormatOf(LeafType type) { return kAtlasFormats[static_cast<std::size_t>(type)]; }
 

@@ -176,7 +176,7 @@ void BrickCache::TakeBlocks(const ViewVolume& volume, std::span<const VolumeChan
     tables += varies && blocks_[block.number].table == kNone ? 1 : 0;
   }
   MakeRoom(tables, false);
-  if (free_slots_.size() < tables) EvictOldest(tables - free_slots_.size(), true);
+  if (free_slots_.size() < tables) EvictOldest(tables - free_slots_.size(), /*also_wanted=*/true);
   MakeRoom(tables, true);
   const std::size_t new_tables = tables - std::min(tables, free_tables_.size());
   const std::size_t entries = slots_.size() + new_tables * kBrickVoxels;

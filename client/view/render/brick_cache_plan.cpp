@@ -89,7 +89,7 @@ void BrickCache::Plan(const ViewVolume& volume) {
   missing_ = FindMissing(volume);
   const std::size_t wanted = missing_.size();
   MakeRoom(wanted, false);
-  if (free_slots_.size() < wanted) EvictOldest(wanted - free_slots_.size(), false);
+  if (free_slots_.size() < wanted) EvictOldest(wanted - free_slots_.size(), /*also_wanted=*/false);
   is_full_ = free_slots_.size() < wanted;
   if (!is_full_) return;
   EvictFarther();

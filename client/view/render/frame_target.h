@@ -46,7 +46,8 @@ class FrameTarget {
   void CopyFrom(const FrameTarget& other);
   // Four bytes a pixel; the top row is first.
   std::vector<std::uint8_t> ReadColors() const;
-  // All depths or one, 0 to 1; the bottom row is first. The picture must have depth.
+  // All depths or one, 0 to 1 as clip_from_D gives them; the bottom row is first. The picture must
+  // have depth.
   std::vector<float> ReadDepths() const;
   float ReadDepth(int x_px, int y_from_bottom_px) const;
 

@@ -208,8 +208,8 @@ void OverlayDrawing::Draw(const Overlay& overlay, const OverlayView& view) {
   glBlendEquation(GL_FUNC_ADD);
   glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ZERO, GL_ONE);
   // Drawn first, while the depth is that of the surface alone.
-  DrawSide(true, overlay, view);
-  DrawSide(false, overlay, view);
+  DrawSide(/*behind=*/true, overlay, view);
+  DrawSide(/*behind=*/false, overlay, view);
   glDisable(GL_BLEND);
   glDisable(GL_DEPTH_CLAMP);
   glDisable(GL_DEPTH_TEST);

@@ -31,9 +31,12 @@ class ShaderProgram {
   template <class Derived>
   requires std::is_floating_point_v<typename Derived::Scalar>
   void Set(const char* name, const Eigen::MatrixBase<Derived>& value) const {
+    constexpr int kRows = Derived::RowsAtCompileTime, kColumns = Derived::ColsAtCompileTime;
+    constexpr bool kIsVector = kRows == 1 || kColumns == 1;
+    static_assert(kIsVector ? kRows * kColumns >= 2 && kRows * kColumns <= 4
+                            : kRows == kColumns && (kRows == 3 || kRows == 4));
     // Not auto: a transposed matrix would stay in the order of rows.
-    const Eigen::Matrix<float, Derived::RowsAtCompileTime, Derived::ColsAtCompileTime> floats =
-        value.template cast<float>();
+    const Eigen::Matrix<float, kRows, kColumns> floats = value.template cast<float>();
     SetFloats(name, floats.data(), static_cast<int>(floats.size()));
   }
   // Draws the triangle that covers the viewport.

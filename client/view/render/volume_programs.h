@@ -21,7 +21,7 @@ inline constexpr unsigned kFirstFreeBuffer = 1;
 class VolumePrograms {
  public:
   // `fragment_source` comes after kVolumeDesktop and kCell of shading.h. Its colours are in
-  // `color_map`, as ColorAt of shading.h reads them.
+  // `color_map`, as ColorAt of kColors reads them. Texture units 0 to 4 are taken.
   explicit VolumePrograms(std::string fragment_source);
   ~VolumePrograms();
   VolumePrograms(const VolumePrograms&) = delete;

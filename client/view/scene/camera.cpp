@@ -35,9 +35,9 @@ HalfView HalfViewOf(const ImageSize& size) {
 
 }  // namespace
 
-Bounds BoundsOf(const AffineMap& X_DI, const Vec3& min_I, const Vec3& max_I) {
-  const Vec3 middle_mm = X_DI.Apply(0.5 * (min_I + max_I));
-  const Vec3 reach_mm = X_DI.linear.cwiseAbs() * (0.5 * (max_I - min_I)).cwiseAbs();
+Bounds BoundsOf(const AffineMap& map, const Vec3& min, const Vec3& max) {
+  const Vec3 middle_mm = map.Apply(0.5 * (min + max));
+  const Vec3 reach_mm = map.linear.cwiseAbs() * (0.5 * (max - min)).cwiseAbs();
   return {middle_mm - reach_mm, middle_mm + reach_mm};
 }
 

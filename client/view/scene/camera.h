@@ -30,8 +30,8 @@ struct Bounds {
   Vec3 min_mm = Vec3::Constant(-50.0);
   Vec3 max_mm = Vec3::Constant(50.0);
 };
-// Around a box of another frame, such as I.
-Bounds BoundsOf(const AffineMap& X_DI, const Vec3& min_I, const Vec3& max_I);
+// Around the image of a box.
+Bounds BoundsOf(const AffineMap& map, const Vec3& min, const Vec3& max);
 
 class Camera {
  public:

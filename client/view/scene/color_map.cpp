@@ -1,6 +1,7 @@
 #include "client/view/scene/color_map.h"
 
 #include <cmath>
+#include <iterator>
 #include <span>
 
 namespace palpate::view {
@@ -33,6 +34,7 @@ constexpr Stop kCoolWarm[] = {
 
 constexpr std::span<const Stop> kStops[] = {kGray, kBone, kHot, kViridis,
                                             kCoolWarm};  // by ColorMap
+static_assert(std::size(kStops) == kColorMapNames.size());
 
 }  // namespace
 

@@ -58,8 +58,8 @@ bool Histogram::FitSteps(int steps) const {
 
 VoxelCounts::~VoxelCounts() {
   for (std::size_t n = 0; n < counts_.size(); ++n) {
-    if (counts_[n] != 0)
-      histogram_.Add(static_cast<float>(static_cast<int>(n) + kLeast), counts_[n]);
+    const auto value = static_cast<float>(static_cast<int>(n) + kLeast);
+    if (counts_[n] != 0) histogram_.Add(value, counts_[n]);
   }
 }
 

@@ -194,8 +194,10 @@ void ViewVolume::ShowOverview(const Vec3i& size, std::vector<float> means) {
 
 // Bricks that never came are background. They replace their stand-ins.
 void ViewVolume::Complete() {
-  for (std::uint64_t number = 0; number < is_awaited_.size() && !overview_.empty(); ++number) {
-    if (is_awaited_[number]) TouchCellsAt(BrickWithNumber(number, lattice_->BrickCounts()));
+  const bool has_stand_ins = !overview_.empty();
+  for (std::uint64_t number = 0; number < is_awaited_.size(); ++number) {
+    if (has_stand_ins && is_awaited_[number])
+      TouchCellsAt(BrickWithNumber(number, lattice_->BrickCounts()));
   }
   overview_ = {};
   mean_ranges_ = {};
