@@ -157,7 +157,7 @@ pageTest("the veil by keyboard", {}, async (page) => {
     await page.keyboard.press(key);
     return page.$eval(":focus", (handle) => [handle.type, handle.value, handle.ariaValueText]);
   };
-  assert.deepEqual(await press("ArrowRight"), ["range", "-280", "−280 HU"]);
+  assert.deepEqual(await press("ArrowRight"), ["range", "-299", "−299 HU"]);
   assert.deepEqual(await press("ArrowLeft"), ["range", "-300", "−300 HU"]);
   assert.deepEqual(await press("PageUp"), ["range", "-100", "−100 HU"]);
   assert.deepEqual(await press("End"), ["range", "1000", "1000 HU"]);
@@ -340,7 +340,7 @@ pageTest("the progress of the volume, and why there is the overview alone", {}, 
     Object.assign(harness.copy, { isOverview: true, groupsAll: 4096, groupsLeft: 2896, groupBytes: 65536, fetching: { sinceMs: performance.now() - 9_990, groups: 4096 } });
     harness.state.emit("copyProgress");
   });
-  await says("^overview; 75 of 256 MiB, 29 %, about 25 s left$");
+  await says("^overview; 75 MiB of 256 MiB, 29 %, about 25 s left$");
   assert.equal(await page.$eval("#progress-bar", (bar) => bar.value), 1200 / 4096);
   await page.evaluate(() => {
     Object.assign(harness.copy, { factor: 4, groupsLeft: 0, whyOverview: "1 GiB is more than this page holds" });
@@ -437,11 +437,20 @@ for (const [width, height] of [[320, 568], [844, 390], [3840, 2160]]) {
       .filter((element) => element.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5)
       .map((element) => element.outerHTML.slice(0, 80)));
     assert.deepEqual(wide, []);
-    const small = await page.$$eval("button, summary, select, input, label.check, [role=slider]", (targets, least) => targets
+    const small = await page.$$eval("button, summary, select, input, label.check", (targets, least) => targets
       .filter((target) => target.checkVisibility() && !target.closest("label.check:not(:scope)") && target.type !== "checkbox" && target.type !== "radio")
       .map((target) => [target.outerHTML.slice(0, 80), target.getBoundingClientRect().toJSON()])
       .filter(([, { width: w, height: h }]) => w < least || h < least), (width < 1000 ? 44 : 32) - 0.01);
     assert.deepEqual(small, []);
+    if (width > 1000) return;
+    const low = await page.evaluate(() => [...document.querySelectorAll("dialog")].flatMap((dialog) => {
+      dialog.showModal();
+      const parts = [...dialog.querySelectorAll("button, select, input:not([type=checkbox], [type=radio])")];
+      const found = parts.filter((part) => part.checkVisibility() && part.getBoundingClientRect().height < 43.99);
+      dialog.close();
+      return found.map(({ outerHTML }) => outerHTML);
+    }));
+    assert.deepEqual(low, []);
   });
 }
 
@@ -537,12 +546,21 @@ pageTest("the cube has the patient's letters, and a click looks from there", {},
 
 pageTest("a link shows the isovalue of its maker as the veil, for this guest alone", {}, async (page) => {
   await page.evaluate(() => {
-    harness.state.linkIsovalue = -300;
+    Object.assign(harness.state, { linkIsovalue: -300, linkVolume: "head_ct_256.nrrd" });
+    harness.state.view.cross = [1, 2, 3];
     harness.connect({ mayFeel: ["isovalue"] });
   });
   assert.equal(await page.evaluate(() => harness.state.view.veil), -300);
   assert.match(await text(page, "#message"), /−300 HU.*320 HU/);
+  assert.deepEqual(await page.evaluate(() => harness.state.view.cross), [1, 2, 3]);
   assert.deepEqual(await page.evaluate(() => harness.calls), []);
+  // What is of a volume says nothing of another one.
+  await page.evaluate(() => {
+    harness.state.setView({ veil: null });
+    Object.assign(harness.state, { linkIsovalue: -300 });
+    harness.receive("volume", { ...harness.state.volume, name: "other" });
+  });
+  assert.deepEqual(await page.evaluate(() => [harness.state.view.veil, harness.state.view.cross]), [null, null]);
 });
 
 pageTest("window and level by choice and by a finger; two fingers come closer", { isMobile: true, width: 390, height: 844 }, async (page) => {
@@ -573,8 +591,39 @@ pageTest("window and level by choice and by a finger; two fingers come closer", 
     const [barMm, barPx] = document.querySelector(selector).dataset.scaleBar.split(" ").map(Number);
     return Math.abs(barPx / barMm / before - 2) < 1e-6;
   }, slice, px / mm);
-  await finger.end();
+  // Of two fingers none moves the cross-hair, also when one has left; the next one alone does.
+  await page.$eval("#slices-drag", (box) => (box.checked = false));
+  const cross = () => page.evaluate(() => JSON.stringify(harness.state.view.cross));
   await other.end();
+  await finger.move(middleX + 10, middleY + 30);
+  await finger.end();
+  const before = await cross();
+  const [first, second] = [await page.touchscreen.touchStart(middleX, middleY), await page.touchscreen.touchStart(middleX + 30, middleY)];
+  const touched = await cross();
+  assert.notEqual(touched, before);
+  await second.move(middleX + 60, middleY + 20);
+  await second.end();
+  await first.move(middleX - 30, middleY + 30);
+  await first.end();
+  assert.equal(await cross(), touched);
+});
+
+pageTest("a wheel before the volume is there does nothing, parts of its steps add up, and a double click moves nothing", {}, async (page) => {
+  await page.evaluate(() => harness.state.setView({ slices: true, cross: [10, 11, 12] }));
+  const canvas = await page.evaluateHandle(() => document.querySelector("#slices-planes canvas"));
+  const wheel = (deltaY, ctrlKey) => canvas.evaluate((element, given) => element.dispatchEvent(new WheelEvent("wheel", given)), { deltaY, ctrlKey });
+  await wheel(-100, false);
+  await wheel(-100, true);
+  await page.evaluate(() => harness.connect());
+  const isAt = (voxel) => until(page, (at) =>
+    document.querySelector("#slices-planes input").getAttribute("aria-valuetext") === `voxel ${at} of 47`, voxel);
+  await isAt(12);
+  for (let n = 0; n < 30; ++n) await wheel(-4, false); // as a trackpad
+  await isAt(13);
+  const { x, y, width, height } = await canvas.evaluate((element) => element.getBoundingClientRect().toJSON());
+  const before = await page.evaluate(() => JSON.stringify(harness.state.view.cross));
+  await page.mouse.click(x + width / 3, y + height / 3, { count: 2 });
+  await until(page, (cross) => JSON.stringify(harness.state.view.cross) === cross, before);
 });
 
 pageTest("wheel and drags on a slice do what they do in the desktop viewer", {}, async (page) => {

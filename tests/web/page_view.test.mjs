@@ -80,19 +80,19 @@ test("oblique directions have the letters of their great components, oblique pla
 
 test("an address keeps the room and the view", () => {
   const view = { ...new State().view, azimuthDeg: -123.456, elevationDeg: 7, distanceMm: 250.5, target: [1, -2, 3.25], follow: true, veil: -300, veilOpacity: 0.45, slices: true, cross: [1, 2.5, 300] };
-  const { room, budgetMiB, isovalue, view: read } = readFragment(writeFragment({ room: "a&b=c#d%", budgetMiB: 512, isovalue: -0.25, view }, true));
-  assert.equal(isovalue, -0.25);
+  const { room, budgetMiB, isovalue, volume, view: read } = readFragment(writeFragment({ room: "a&b=c#d%", budgetMiB: 512, isovalue: -0.25, volume: "a&b.nrrd", view }, true));
+  assert.deepEqual([isovalue, volume], [-0.25, "a&b.nrrd"]);
   assert.equal(room, "a&b=c#d%");
   assert.equal(budgetMiB, 512);
   const { azimuthDeg, elevationDeg, distanceMm, target, follow, veil, veilOpacity, slices, cross } = view;
   assert.deepEqual(read, { azimuthDeg, elevationDeg, distanceMm, target, follow, veil, veilOpacity, slices, cross });
-  assert.deepEqual(readFragment(writeFragment({ room: null, budgetMiB: null, isovalue: null, view }, false)), { room: null, budgetMiB: null, isovalue: null, view: { follow, veil, veilOpacity, slices, cross } });
+  assert.deepEqual(readFragment(writeFragment({ room: null, budgetMiB: null, isovalue: null, volume: null, view }, false)), { room: null, budgetMiB: null, volume: null, isovalue: null, view: { follow, veil, veilOpacity, slices, cross } });
   assert.deepEqual(readFragment("#veil=-300,7").view, { veil: -300 });
 });
 
 test("a broken address changes nothing", () => {
   for (const hash of ["", "#", "#view=1,2", "#view=1,2,x,4,5,6", "#view=0,0,-1,0,0,0", "#view=0,0,Infinity,0,0,0", "#veil=&budget=-3&follow=yes&cross=1,2&isovalue=x"]) {
-    assert.deepEqual(readFragment(hash), { room: null, budgetMiB: null, isovalue: null, view: {} }, hash);
+    assert.deepEqual(readFragment(hash), { room: null, budgetMiB: null, volume: null, isovalue: null, view: {} }, hash);
   }
 });
 

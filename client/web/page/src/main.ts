@@ -14,6 +14,7 @@ const fragment = readFragment(location.hash);
 const state = new State();
 Object.assign(state.view, fragment.view);
 state.linkIsovalue = fragment.isovalue;
+state.linkVolume = fragment.volume;
 const room = new Room(state);
 new Meanwhile(state);
 const copy = new VolumeCopy(state, fragment.budgetMiB ?? kBudgetMiB);
@@ -25,7 +26,7 @@ copy.target = viewport;
 
 const isAimed = () => Boolean(viewport?.aimedAt) || "target" in fragment.view;
 const hashWith = (isovalue: number | null) =>
-  writeFragment({ room: room.roomKey, budgetMiB: fragment.budgetMiB, isovalue, view: state.view }, isAimed());
+  writeFragment({ room: room.roomKey, budgetMiB: fragment.budgetMiB, volume: state.linkVolume, isovalue, view: state.view }, isAimed());
 
 async function savePng(): Promise<void> {
   const picture = await viewport?.png();

@@ -46,8 +46,10 @@ export class State {
   events: string[] = [];
   // Why there is no three-dimensional view; "": there is one.
   whyNoPicture = "";
-  // Everybody's when the link was made that opened the page; null: the link does not say, or it was shown.
+  // The isovalue stated by the link that opened the page. Null: none, or already handled.
   linkIsovalue: number | null = null;
+  // The volume that this isovalue and view.cross are of. Null: of any.
+  linkVolume: string | null = null;
 
   pose: Pose | null = null;
   readonly samples: PoseSample[] = []; // of the last kHistoryMs, oldest first

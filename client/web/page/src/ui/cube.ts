@@ -7,7 +7,7 @@ import { kFaces, letterOf } from "../view/patient_axes";
 import type { Vec3 } from "../wire/messages";
 import { find, makeSvg, paced, setText } from "./dom";
 
-const kHalf = 1 / Math.sqrt(3); // of an edge, so that a corner is 1 from the middle
+const kHalf = 50 / Math.sqrt(3); // of an edge, so that a corner is 50 from the middle
 const kLeastFacing = 0.05; // thinner faces cannot be read or hit
 
 export function showCube(state: State): void {
@@ -32,7 +32,7 @@ export function showCube(state: State): void {
       const [out, a, b] = [scale(sign, axes[axis]), axes[(axis + 1) % 3], axes[(axis + 2) % 3]];
       group.toggleAttribute("hidden", out[2] < kLeastFacing);
       const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) =>
-        [kHalf * (out[0] + u * a[0] + v * b[0]), -kHalf * (out[1] + u * a[1] + v * b[1])].map((n) => n.toFixed(3)).join());
+        [kHalf * (out[0] + u * a[0] + v * b[0]), -kHalf * (out[1] + u * a[1] + v * b[1])].map((n) => n.toFixed(1)).join());
       polygon.setAttribute("points", corners.join(" "));
       polygon.setAttribute("fill-opacity", String(0.4 + 0.5 * out[2])); // clearer the more it faces the viewer
       text.setAttribute("transform", `translate(${kHalf * out[0]} ${-kHalf * out[1]}) scale(${0.5 + 0.5 * out[2]})`);

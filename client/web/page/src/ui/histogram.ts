@@ -23,18 +23,16 @@ function shareOf(scale: Scale, value: number): number {
 // A mark on the histogram that users drag, or move by keys. `move` gets no more digits than one can aim at.
 function makeMark(name: "isovalue" | "veil", label: string, move: (value: number) => void) {
   const names = { "data-mark": name, "aria-label": label, title: label };
-  const mark = make("input", { class: "mark", type: "range", step: "any", ...names });
-  let isWhole = false;
+  const mark = make("input", { class: "mark", type: "range", ...names });
   mark.addEventListener("input", () => {
     const digits = 3 - Math.floor(Math.log10(Number(mark.max) - Number(mark.min) || 1));
-    move(Number(mark.valueAsNumber.toFixed(isWhole ? 0 : clamp(digits, 0, 12))));
+    move(Number(mark.valueAsNumber.toFixed(mark.step === "1" ? 0 : clamp(digits, 0, 12))));
   });
   // `value` null: there is no mark to move.
   const show = (scale: Scale, value: number | null) => {
     mark.hidden = value === null;
     if (value === null) return;
-    isWhole = scale.isWhole;
-    Object.assign(mark, { min: String(scale.low), max: String(scale.high), value: String(value) });
+    Object.assign(mark, { step: scale.isWhole ? "1" : "any", min: String(scale.low), max: String(scale.high), value: String(value) });
     setAttribute(mark, "aria-valuetext", valueText(value, scale.unit));
   };
   return { mark, show };
@@ -60,7 +58,7 @@ function outlineOf(counts: number[]): string {
 // At this value of the histogram.
 function markAt(scale: Scale, value: number, className: string, text: string): HTMLElement {
   const mark = make("span", { class: className }, text);
-  mark.style.left = `${100 * shareOf(scale, value)}%`;
+  mark.style.left = `clamp(1.25rem, ${100 * shareOf(scale, value)}%, 100% - 1.25rem)`;
   return mark;
 }
 
@@ -68,7 +66,8 @@ function axisOf(scale: Scale, suggested: SuggestedIsovalue[]): HTMLElement[] {
   const step = niceStep((scale.high - scale.low) / 5);
   const first = Math.ceil(scale.low / step);
   const ticks = Array.from({ length: Math.floor(scale.high / step) - first + 1 }, (_, n) => (first + n) * step);
-  return [...ticks.map((value) => markAt(scale, value, "tick", valueText(value))),
+  const digits = clamp(-Math.floor(Math.log10(step)), 0, 12);
+  return [...ticks.map((value) => markAt(scale, value, "tick", value.toFixed(digits).replace("-", "−"))),
     ...suggested.map(({ isovalue }) => markAt(scale, isovalue, "tick suggested", "▴"))];
 }
 
@@ -99,7 +98,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   const drawing = makeSvg("svg", { role: "img", "aria-label": "Histogram of the volume's values", preserveAspectRatio: "none" },
     makeSvg("linearGradient", { id: "split" }, ...split), bars);
   const line = make("span", { class: "line-at" });
-  const axis = make("div", { class: "axis-of-values" });
+  const axis = make("div", {});
   const box = make("div", { class: "histogram" }, drawing, line, axis);
   const value = make("strong");
   const who = make("span", { class: "note" });
@@ -173,11 +172,11 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   typed.addEventListener("blur", update); // palpated's value is back if it refused the typed one
   veilOn.addEventListener("change", () => toggleVeil(state));
   opacity.addEventListener("input", () => state.setView({ veilOpacity: opacity.valueAsNumber }));
-  let isovalueSeen: number | null = null;
+  let seen = "";
   state.on("pose", () => {
-    if (state.settings || state.pose?.isovalue === isovalueSeen) return;
-    isovalueSeen = state.pose?.isovalue ?? null;
-    update();
+    const now = `${state.isovalue()} ${state.pose?.freeAbove}`;
+    if (now !== seen) update();
+    seen = now;
   });
   state.on(["settings", "steering", "view"], update);
   state.watch(["volume", "hello"], updateVolume);

@@ -48,16 +48,21 @@ async function share(link: string, say: (text: string) => void): Promise<void> {
   }
 }
 
-// A link shows the surface that its maker saw. The isovalue is everybody's, so the veil shows it.
-function keepIsovalueOfLink(state: State, say: (text: string) => void): void {
+// A link shows the surface that its maker saw. The isovalue is everybody's, so the veil shows it. What is of a
+// volume is forgotten when another one comes.
+function keepLink(state: State, say: (text: string) => void): void {
   const keep = () => {
+    const { volume } = state;
+    if (volume?.size && volume.name !== state.linkVolume) {
+      if (state.linkVolume !== null) state.view.cross = state.linkIsovalue = null;
+      state.linkVolume = volume.name ?? null;
+    }
     const [was, is] = [state.linkIsovalue, state.isovalue()];
-    if (was === null || is === null || !state.volume?.size) return;
+    if (was === null || is === null || !volume?.size) return;
     state.linkIsovalue = null;
     if (Math.abs(was - is) <= 1e-5 * Math.abs(was)) return; // the link's digits
-    const unit = state.volume.unit;
-    const veil = state.view.veil === null ? ", which the veil shows" : "";
-    const text = `The link is of the isovalue ${valueText(was, unit)}${veil}; now it is ${valueText(is, unit)}.`;
+    const veil = state.view.veil === null ? ` The veil shows ${valueText(was)}.` : "";
+    const text = `The link was made at isovalue ${valueText(was, volume.unit)}. It is ${valueText(is, volume.unit)} now.${veil}`;
     say(text);
     state.tell(text);
     state.setView({ veil: state.view.veil ?? was });
@@ -116,17 +121,16 @@ export function buildInterface(state: State, room: Room, copy: VolumeCopy, actio
   showPanelToggle();
   showLook(state);
   showCube(state);
-  keepIsovalueOfLink(state, say);
+  keepLink(state, say);
   showTheme(state);
   showHeader(state);
   showEvents(state);
   tellSteering(state);
-  showProgress(state, copy);
   showHistogram(find("isovalue"), state, room);
   showControls(state, room);
   showSlices(state, copy);
   showFacing(state, room);
   showLogin(state, room);
-  const updates = [showBadge(state), showValues(state, copy), showPlots(state)];
+  const updates = [showBadge(state), showProgress(state, copy), showValues(state, copy), showPlots(state)];
   setInterval(() => updates.forEach((update) => update()), 200);
 }

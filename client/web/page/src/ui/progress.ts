@@ -2,14 +2,9 @@
 import type { State } from "../state";
 import type { VolumeCopy } from "../volume/copy";
 import { find, paced, setText } from "./dom";
-import { grouped } from "./words";
+import { bytesText, grouped } from "./words";
 
 const kTellAfterS = 1;
-
-interface Progress {
-  words: string; // "": everything is shown
-  share?: number; // absent: there is nothing to wait for
-}
 
 // "" before it can be told.
 function timeLeft({ fetching, groupsLeft }: VolumeCopy): string {
@@ -20,31 +15,34 @@ function timeLeft({ fetching, groupsLeft }: VolumeCopy): string {
   return leftS < 100 ? `, about ${leftS} s left` : `, about ${Math.ceil(leftS / 60)} min left`;
 }
 
-function progressOf(state: State, copy: VolumeCopy): Progress {
+// Words, "" if everything is shown; and how much is here, if it comes.
+function progressOf(state: State, copy: VolumeCopy): [string, number?] {
   const { volume } = state;
-  if (volume?.loading) return { words: `palpated loads: ${volume.loading}` };
-  if (volume && volume.size === undefined) return { words: "no volume yet" };
+  if (volume?.loading) return [`palpated loads: ${volume.loading}`];
+  if (volume && volume.size === undefined) return ["no volume yet"];
   // The badge says what is lost.
   const problem = state.connection?.state === "connected" ? (state.copy?.problem ?? "") : "";
-  if (problem) return { words: `the volume does not follow: ${problem}` };
+  if (problem) return [`the volume does not follow: ${problem}`];
   const bricksLeft = state.copy?.bricks_left ?? 0;
-  if (bricksLeft > 0) return { words: `the gateway waits for ${grouped(bricksLeft)} bricks` };
+  if (bricksLeft > 0) return [`the gateway waits for ${grouped(bricksLeft)} bricks`];
   if (copy.whyOverview) {
     const points = `each point is the mean of ${[copy.factor, copy.factor, copy.factor].join(" × ")} voxels`;
-    return { words: `shown from the overview (${points}): ${copy.whyOverview}` };
+    return [`shown from the overview (${points}): ${copy.whyOverview}`];
   }
-  if (copy.groupsLeft === 0) return { words: "" };
+  if (volume && !copy.shape) return ["the volume comes"];
+  if (copy.groupsLeft === 0) return [""];
   const share = 1 - copy.groupsLeft / copy.groupsAll;
-  const [here, all] = [share, 1].map((part) => grouped((part * copy.groupsAll * copy.groupBytes) / 2 ** 20));
+  const [here, all] = [share, 1].map((part) => bytesText(part * copy.groupsAll * copy.groupBytes));
   const overview = copy.isOverview ? "overview; " : "";
-  return { words: `${overview}${here} of ${all} MiB, ${Math.floor(100 * share)} %${timeLeft(copy)}`, share };
+  return [`${overview}${here} of ${all}, ${Math.floor(100 * share)} %${timeLeft(copy)}`, share];
 }
 
-export function showProgress(state: State, copy: VolumeCopy): void {
+// Returns a function to call several times a second: the time left grows while nothing comes.
+export function showProgress(state: State, copy: VolumeCopy): () => void {
   const box = find("progress");
   const bar = find<HTMLProgressElement>("progress-bar");
   const request = paced(10, () => {
-    const { words, share } = progressOf(state, copy);
+    const [words, share] = progressOf(state, copy);
     box.hidden = words === "";
     bar.hidden = share === undefined;
     bar.value = share ?? 0;
@@ -58,4 +56,5 @@ export function showProgress(state: State, copy: VolumeCopy): void {
     find("main").classList.toggle("flat", state.whyNoPicture !== "");
     setText(find("no-picture-why"), state.whyNoPicture);
   });
+  return request;
 }

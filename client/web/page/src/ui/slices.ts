@@ -30,7 +30,7 @@ const kVeilColor: Level["color"] = [115, 191, 255];
 const kZoomPerStep = 1.2;
 const kMostZoom = 100;
 // Until a volume is there.
-const kUnknown = { isKnown: false, fromIndex: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0] };
+const kNoFrame = { isKnown: false, fromIndex: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0] };
 
 class SliceView {
   readonly element: HTMLElement;
@@ -38,17 +38,19 @@ class SliceView {
   private readonly slider = make("input", { type: "range", min: 0, step: 1 });
   private readonly name = make("span");
   private readonly place = make("span", { class: "note" });
-  private readonly readout = make("output", { class: "readout" });
+  private readonly readout = make("span", { class: "readout" });
   private readonly pointers = new Pointers(this.canvas, (event) => this.onPointer(event));
   // Kept while nothing of it changed.
   private readonly picture = document.createElement("canvas");
   private pictureKey = "";
   private zoom = 1;
+  private wheel = 0; // steps that are not taken yet
   // What is in the middle of the canvas, as shares of the slice to the right and down.
   private middle = [0.5, 0.5];
   private pointer: [number, number] | null = null; // CSS pixels of the canvas
+  private before: Vec3[] = []; // where the slices were before the last two presses
 
-  // `onMove`: the guest moved the slices. `onChange`: something else looks different.
+  // `onMove`: the guest moved the slices. `onChange`: the pictures must be drawn again.
   constructor(
     public section: Section,
     private readonly state: State,
@@ -57,8 +59,8 @@ class SliceView {
     private readonly onMove: () => void,
     private readonly onChange: () => void,
   ) {
-    const picture = make("div", { class: "slice" }, this.canvas, this.readout);
-    this.element = make("figure", {}, picture, make("figcaption", {}, this.name, this.place), this.slider);
+    const caption = make("figcaption", {}, this.name, this.place, this.readout);
+    this.element = make("figure", {}, this.canvas, caption, this.slider);
     this.slider.addEventListener("input", () => this.step(this.slider.valueAsNumber - this.index()));
     this.canvas.addEventListener("pointermove", (event) => this.onPointer(event));
     this.canvas.addEventListener("pointerleave", () => {
@@ -67,10 +69,15 @@ class SliceView {
     });
     this.canvas.addEventListener("wheel", (event) => this.onWheel(event), { passive: false });
     this.canvas.addEventListener("dblclick", () => {
-      this.zoom = 1;
-      this.middle = [0.5, 0.5];
-      onChange();
+      this.showAll();
+      shared.position = this.before[0];
+      onMove();
     });
+  }
+
+  showAll(): void {
+    this.zoom = 1;
+    this.middle = [0.5, 0.5];
   }
 
   // The slice that is shown, in voxels of the copy.
@@ -104,7 +111,8 @@ class SliceView {
     if (!this.copy.shape || !volume) return;
     this.pointer = [event.offsetX, event.offsetY];
     const drag = event.type === "pointermove" ? this.pointers.drag(event) : null;
-    const pans = event.shiftKey || (event.buttons & 4) !== 0 || (drag?.fingers ?? 0) > 1;
+    if (event.type === "pointerdown") this.before = [...this.before, [...this.shared.position] as Vec3].slice(-2);
+    const pans = event.shiftKey || (event.buttons & 4) !== 0 || this.pointers.hadSeveral;
     if (drag && pans) {
       this.zoomAbout(this.pointer, drag.spread, [drag.right, drag.down]);
     } else if (event.buttons & 2 || this.shared.drags.checked) {
@@ -121,10 +129,13 @@ class SliceView {
 
   private onWheel(event: WheelEvent): void {
     event.preventDefault();
-    const up = -Math.sign(wheelSteps(event));
-    if (up === 0) return;
+    if (!this.copy.shape) return;
+    const up = -wheelSteps(event);
+    this.wheel += event.ctrlKey ? 0 : up; // trackpads send small parts of a step
+    const slices = Math.trunc(this.wheel);
+    this.wheel -= slices;
     if (event.ctrlKey) this.zoomAbout([event.offsetX, event.offsetY], kZoomPerStep ** up, [0, 0]);
-    else this.step(up * this.section.across.sign);
+    else if (slices !== 0) this.step(slices * this.section.across.sign);
     this.onChange();
   }
 
@@ -217,6 +228,7 @@ class SliceView {
     const isInside = this.axes().every(({ axis }, n) => at[n] >= -0.5 && at[n] <= this.size(axis) - 0.5);
     const frame = patientFrame(this.state.volume, this.state.placement);
     this.readout.hidden = !isInside || !frame;
+    this.place.hidden = !this.readout.hidden;
     if (!isInside || !frame) return;
     const block: Vec3 = [0, 0, 0];
     [block[across.axis], block[right.axis], block[down.axis]] = [index, this.toVoxel(right, at[0]), this.toVoxel(down, at[1])];
@@ -274,8 +286,8 @@ export function showSlices(state: State, copy: VolumeCopy): void {
     if (!shape || !volume?.size || volume.size.some((n, axis) => Math.ceil(n / factor) !== shape.size[axis])) return;
     const name = JSON.stringify([volume.name, volume.size, volume.unit, shape.valueMin, shape.valueMax]);
     if (begun === name) return;
-    if (begun !== "") state.view.cross = null;
     begun = name;
+    for (const view of views) view.showAll();
     shared.position = volume.size.map((n, axis) => clamp(state.view.cross?.[axis] ?? (n - 1) / 2, 0, n - 1)) as Vec3;
     shared.window = windowsOf(volume)[0].window;
   };
@@ -293,7 +305,7 @@ export function showSlices(state: State, copy: VolumeCopy): void {
     keepCross();
   };
   const showWindow = showWindows(state, shared, request);
-  const sections = () => sectionsOf(patientFrame(state.volume, state.placement) ?? kUnknown);
+  const sections = () => sectionsOf(patientFrame(state.volume, state.placement) ?? kNoFrame);
   const views = sections().map((s) => new SliceView(s, state, copy, shared, onMove, request));
   find("slices-planes").append(...views.map((view) => view.element));
 

@@ -29,7 +29,7 @@ function hasHounsfieldUnits({ unit, voxel_type, value_min = 0, value_max = 0 }: 
 export function windowsOf(volume: VolumeMessage): NamedWindow[] {
   const whole = wholeRange(volume);
   const { window } = volume;
-  const isUseful = window && Math.abs(window.level - whole.level) < (window.width + whole.width) / 2;
+  const isUseful = window && window.width > 0 && Math.abs(window.level - whole.level) < (window.width + whole.width) / 2;
   return [
     ...(isUseful ? [{ name: "As in the file", window }] : []),
     ...(hasHounsfieldUnits(volume) ? kOfHounsfieldUnits : []),
@@ -40,7 +40,7 @@ export function windowsOf(volume: VolumeMessage): NamedWindow[] {
 // A drag to the right widens, up raises the level, by the width over a quarter of the picture.
 export function dragged(volume: VolumeMessage, window: ValueWindow, right: number, down: number, picturePx: number): ValueWindow {
   const whole = wholeRange(volume);
-  const widthsPerPx = 4 / picturePx;
+  const widthsPerPx = 4 / Math.max(picturePx, 1);
   return {
     level: clamp(window.level - down * widthsPerPx * window.width, whole.level - whole.width, whole.level + whole.width),
     width: clamp(window.width * Math.exp(right * widthsPerPx), 1e-3 * whole.width, 4 * whole.width),

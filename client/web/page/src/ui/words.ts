@@ -25,7 +25,8 @@ export function fixed(value: number, digits: number, unit: string): string {
 }
 
 export function bytesText(bytes: number): string {
-  return bytes < 2 ** 30 ? `${Math.ceil(bytes / 2 ** 20)} MiB` : `${(bytes / 2 ** 30).toFixed(1)} GiB`;
+  const [count, unit] = bytes < 2 ** 30 ? [bytes / 2 ** 20, "MiB"] : [bytes / 2 ** 30, "GiB"];
+  return fixed(count, count < 10 ? 1 : 0, unit);
 }
 
 // The sentence that everybody is told in a replay; guests do not learn who replays what.

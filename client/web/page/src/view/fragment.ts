@@ -1,12 +1,13 @@
 // The state of the view in the URL's fragment:
-// room=KEY&view=AZ,EL,DISTANCE,X,Y,Z&veil=VALUE,OPACITY&follow=1&slices=1&cross=I,J,K&isovalue=VALUE, and budget=MIB
-// for the memory that the volume may take.
+// room=KEY&view=AZ,EL,DISTANCE,X,Y,Z&veil=VALUE,OPACITY&follow=1&slices=1&cross=I,J,K&isovalue=VALUE&volume=NAME,
+// and budget=MIB for the memory that the volume may take.
 import type { View } from "../state";
 import type { Vec3 } from "../wire/messages";
 
 export interface Fragment {
   room: string | null;
   budgetMiB: number | null;
+  volume: string | null; // that the isovalue and the cross-hair are of
   isovalue: number | null; // everybody's when the link was made
   view: Partial<View>; // what the fragment states of it
 }
@@ -33,12 +34,13 @@ export function readFragment(hash: string): Fragment {
   if (parts.get("follow") === "1") view.follow = true;
   if (parts.get("slices") === "1") view.slices = true;
   const [[budget], [isovalue]] = [numbers("budget"), numbers("isovalue")];
-  return { room: parts.get("room") || null, budgetMiB: budget > 0 ? budget : null, isovalue: Number.isFinite(isovalue) ? isovalue : null, view };
+  const [room, volume] = [parts.get("room") || null, parts.get("volume") || null];
+  return { room, budgetMiB: budget > 0 ? budget : null, volume, isovalue: Number.isFinite(isovalue) ? isovalue : null, view };
 }
 
 // `isovalue`: in links that are shared. `isAimed`: the camera has been aimed at a volume, so where it looks is
 // worth keeping.
-export function writeFragment({ room, budgetMiB, isovalue, view }: Fragment, isAimed: boolean): string {
+export function writeFragment({ room, budgetMiB, volume, isovalue, view }: Fragment, isAimed: boolean): string {
   const { azimuthDeg, elevationDeg, distanceMm, target = [], cross, veil, veilOpacity, follow, slices } = view;
   const texts: [string, string | null | undefined | false][] = [
     ["room", room !== null && encodeURIComponent(room)],
@@ -48,6 +50,7 @@ export function writeFragment({ room, budgetMiB, isovalue, view }: Fragment, isA
     ["slices", slices && "1"],
     ["cross", cross && inDigits(...cross)],
     ["isovalue", inDigits(isovalue)],
+    ["volume", (cross || isovalue !== null) && volume && encodeURIComponent(volume)],
     ["budget", inDigits(budgetMiB)],
   ];
   return `#${texts.filter(([, text]) => text).map(([key, text]) => `${key}=${text}`).join("&")}`;

@@ -11,17 +11,18 @@ export interface Drag {
   right: number; // of the middle of all fingers, CSS pixels
   down: number;
   spread: number; // how much farther apart the fingers are, as a factor
-  fingers: number;
 }
 
 export class Pointers {
+  hadSeveral = false; // fingers at once, since there was none
   private readonly places = new Map<number, [number, number]>();
 
-  // `down`: one more is down.
+  // `down` is called after each pointerdown.
   constructor(element: HTMLElement, down: (event: PointerEvent) => void) {
     element.style.touchAction = "none";
     element.addEventListener("pointerdown", (event) => {
       element.setPointerCapture(event.pointerId);
+      this.hadSeveral = this.places.size > 0;
       this.places.set(event.pointerId, [event.clientX, event.clientY]);
       down(event);
     });
@@ -37,7 +38,7 @@ export class Pointers {
     const [[x, y], apart] = [this.middle(), this.spread()];
     this.places.set(event.pointerId, [event.clientX, event.clientY]);
     const [toX, toY] = this.middle();
-    return { right: toX - x, down: toY - y, spread: apart > 0 ? this.spread() / apart : 1, fingers: this.places.size };
+    return { right: toX - x, down: toY - y, spread: apart > 0 ? this.spread() / apart : 1 };
   }
 
   private middle(): number[] {
@@ -63,7 +64,7 @@ export function followPointers(canvas: HTMLCanvasElement, state: State): void {
   canvas.addEventListener("pointermove", (event) => {
     const drag = pointers.drag(event);
     if (!drag) return;
-    const pans = drag.fingers > 1 || event.shiftKey || (event.buttons & 6) !== 0;
+    const pans = pointers.hadSeveral || event.shiftKey || (event.buttons & 6) !== 0;
     if (pans) state.view.follow = false;
     changeCamera(state, (camera) => {
       if (pans) camera.pan(drag.right, drag.down, [canvas.clientWidth, canvas.clientHeight]);

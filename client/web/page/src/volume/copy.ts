@@ -33,7 +33,7 @@ export class VolumeCopy {
   groupsLeft = 0;
   groupsAll = 0;
   groupBytes = 0;
-  fetching = { sinceMs: 0, groups: 0 }; // when the groups that were not here began to come, and how many they were
+  fetching = { sinceMs: 0, groups: 0 }; // the running download: its start and its groups
   revision = 0;
   contentHash = ""; // palpated's; "": the copy is not whole, or is the overview
   isOverview = false;
