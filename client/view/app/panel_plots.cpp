@@ -32,8 +32,10 @@ constexpr std::array<Plotted, kPlots> kPlotted = {{
 
 // If no poses come any more, there is no present value.
 std::string NewestOf(const Viewer& viewer, const Plotted& plotted) {
-  if (viewer.feed().silent_s()) return "\xE2\x80\x93";
-  return fmt::format("{:.{}f}", viewer.feed().plots().Newest(plotted.plot), plotted.digits);
+  const LiveFeed& feed = viewer.feed();
+  const bool is_live = feed.connection().state == client::ConnectionState::kConnected;
+  if (!is_live || feed.silent_s()) return "\xE2\x80\x93";
+  return fmt::format("{:.{}f}", feed.plots().Newest(plotted.plot), plotted.digits);
 }
 
 // Draws the last 10 seconds by the clock. While no poses came, there is no line.
