@@ -258,6 +258,34 @@ TEST(ViewSliceIsoline, IsTwoPixelsWideAndWhereTheValueIs) {
   EXPECT_NEAR(width_px(kIsolineColor, 7.37), 2.0, 0.1);
 }
 
+// Steep values beside the air must not promise a line.
+TEST(ViewSliceIsoline, IsNotWhereNoValueIsOnTheOtherSide) {
+  FrameRig rig;
+  rig.Take(testing::VolumeOf(
+      {20, 20, 20}, [](const Vec3& p) { return p.minCoeff() > 11.0 ? 1000.0 : -1000.0; }, {},
+      -1000.0, 1000.0));
+  SliceRequest request;
+  request.size = {231, 231};
+  request.position_voxels = 14.0;
+  request.surface.window_min = -1000.0;
+  request.surface.window_max = 1000.0;
+  const auto orange_pixels = [&](double isovalue) {
+    request.surface.isovalue = isovalue;
+    rig.DrawSlice(request);
+    const Image image = rig.renderer.ReadSlice(2);
+    int count = 0;
+    for (int n = 0; n < 231 * 231; ++n) {
+      const Rgb8 seen = PixelOf(image, n % 231, n / 231);
+      count += seen[0] > seen[2] + 20;
+    }
+    return count;
+  };
+  EXPECT_GT(orange_pixels(0.0), 100);
+  for (const double isovalue : {-1000.5, -1001.0, -1100.0, 1000.5, 1001.0, 1100.0}) {
+    EXPECT_EQ(orange_pixels(isovalue), 0) << isovalue;
+  }
+}
+
 TEST_F(ViewSlice, TheCrossHairIsAtItsPoint) {
   for (int axis = 0; axis < 3; ++axis) {
     SliceRequest request = Across(axis, 5.0);
