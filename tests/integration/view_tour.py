@@ -130,7 +130,7 @@ def session(tour, conn):
     conn.settings.isovalue = 300.0
     # Room for what is below.
     window.press("Feel, for everyone")
-    window.press("2 people")
+    window.press("1 person")
     tour.keep("people")
     window.do("key", "Escape")
     tour.keep("escape", 0.2)

@@ -14,7 +14,7 @@ const char* const kFakeHd = FAKE_LIBHD;
 const char* const kFakeHdMissing = FAKE_LIBHD_MISSING;
 
 const char* const kCaptures = PALPATE_TESTS "/data/captures";
-const char* const kPatientLetters = PALPATE_TESTS "/support/patient_letters.txt";
+const char* const kPatientLetters = PALPATE_TESTS "/web/patient_letters.txt";
 const char* const kCells = PALPATE_TESTS "/data/cells";
 const char* const kFuzzCorpus = PALPATE_FUZZ_CORPUS;
 const char* const kExampleConfig = PALPATE_TESTS "/../deploy/config/palpated.toml";

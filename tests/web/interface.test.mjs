@@ -750,7 +750,7 @@ test("window and page call the directions of a volume the same", async () => {
   const { sectionsOf } = await pure("sections");
   const { faceLabels, patientFrame } = await import(`data:text/javascript;base64,${Buffer.from(
     await bundle('export * from "./src/view/patient_axes";', "esm")).toString("base64")}`);
-  const lines = (await readFile(new URL("../support/patient_letters.txt", import.meta.url), "utf8")).split("\n").filter((line) => /^[^#]/.test(line));
+  const lines = (await readFile(new URL("patient_letters.txt", import.meta.url), "utf8")).split("\n").filter((line) => /^[^#]/.test(line));
   assert.equal(lines.length, 10);
   for (const line of lines) {
     const words = line.split(/\s+/);
