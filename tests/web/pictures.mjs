@@ -1,9 +1,10 @@
-// Takes the pictures of the guides: node pictures.mjs FOLDER, with the environment of CMakeLists.txt.
+// Takes the pictures of the guides: node pictures.mjs FOLDER [NAME...], with the environment of
+// CMakeLists.txt. NAME: one of the pictures; default: all.
 import path from "node:path";
 
 import { Room, awaitPage, awaitWhole, dataFile } from "./support.mjs";
 
-const folder = process.argv[2];
+const [, , folder, ...names] = process.argv;
 const HEAD = {
   volume: "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd", isovalue: "300",
   set: { veil: -300, slices: true, azimuthDeg: 150, elevationDeg: 15 },
@@ -15,14 +16,16 @@ const PICTURES = [
   ...[[800, 600], [1280, 800], [2560, 1440], [390, 844]].map((size) => ({ ...HEAD, name: `tour-${size.join("x")}`, size })),
 ];
 
-for (const { name, volume, isovalue, size, set } of PICTURES) {
+for (const { name, volume, isovalue, size, set } of PICTURES.filter(({ name }) => names.length === 0 || names.includes(name))) {
   const room = new Room();
   await room.startDaemon(dataFile(volume), "--isovalue", isovalue);
   await room.startGateway();
   const tab = await room.openBrowser({ width: size[0], height: size[1] });
   await awaitWhole(tab);
   await tab.evaluate((view) => window.palpate.state.setView(view), set);
-  await awaitPage(tab, "p.viewport.isFine() && p.state.pose?.contact");
+  // In software, a fine picture of four million pixels takes minutes.
+  const isDrawn = size[0] > 2000 ? "p.viewport.caster.isCurrent" : "p.viewport.isFine()";
+  await awaitPage(tab, `${isDrawn} && p.state.pose?.contact`);
   await tab.screenshot({ path: path.join(folder, `${name}.png`) });
   await room.end();
 }
