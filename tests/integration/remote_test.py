@@ -158,7 +158,7 @@ class Remote(unittest.TestCase):
 
     def test_a_dialog_connects_and_disconnects(self):
         window = self.open_window("--socket", self.folder / "nowhere.sock")
-        window.wait_for_title("Palpate: reconnecting")
+        window.wait_for_title("Palpate: not connected")
         window.do("mousemove", 400, 700, "key", "ctrl+k")
         # The first profile is the editor's; above it is the button that disconnects.
         self.press(window, 1)

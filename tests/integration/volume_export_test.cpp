@@ -306,7 +306,8 @@ TEST_F(VolumeExportTest, KilledAtAnyMomentTheFileIsOneOfTheTwo) {
     for (int round = 0; round < 30; ++round) {
       test::Process child({test::kVdbTool, "save", Path(name), test::kPalpateImport});
       ASSERT_TRUE(child.WaitFor("saved"));
-      std::this_thread::sleep_for(std::chrono::microseconds(random() % 60000));
+      // Longer and longer: beside other programs a file takes its time.
+      std::this_thread::sleep_for(std::chrono::microseconds(random() % (20000 * (round + 1))));
       child.Signal(SIGKILL);
       EXPECT_EQ(child.Wait().exit_code, -SIGKILL);
       const auto loaded = Loaded(Path(name));

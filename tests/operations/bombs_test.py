@@ -36,7 +36,9 @@ def with_markers(recording, count, length):
         at += 28 + stored_bytes
         parts.append(chunk(number, kind, raw_bytes, packed))
         number += 1
-        unpacked = zstandard.ZstdDecompressor().decompress(packed)
+        if kind not in (Kind.SCENE, Kind.SAMPLES):
+            continue
+        unpacked = zstandard.ZstdDecompressor().decompressobj().decompress(packed)
         if kind == Kind.SCENE and tick is None:
             tick = struct.unpack_from("<Q", unpacked)[0]
         if kind == Kind.SAMPLES and count:
