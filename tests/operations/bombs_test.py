@@ -1,6 +1,7 @@
 """Small files and calls that ask for far more memory than there is: each is refused in one line, and
 the daemon never takes more than its budget and the overhead that the guides state."""
 
+import io
 import os
 import pathlib
 import struct
@@ -14,7 +15,7 @@ import zstandard
 
 import palpate
 from budget_test import BUDGET_MIB, OVERHEAD_MIB, Sampler, own_mib
-from palpate._recording_frame import Kind
+from palpate._recording_frame import Kind, read_header
 from palpate.v1 import volume_pb2
 from support import PATIENCE_S, SANITIZED, Client, Daemon, wait_until
 
@@ -28,7 +29,9 @@ def chunk(number, kind, raw_bytes, packed):
 
 def with_markers(recording, count, length):
     """A recording with so many texts of one tick more, between its first ticks and the others."""
-    at = 24 + struct.unpack_from("<I", recording, 12)[0] + 8
+    stream = io.BytesIO(recording)
+    read_header(stream, "recording")
+    at = stream.tell()
     parts, number, tick = [recording[:at]], 0, None
     while at < len(recording):
         _, kind, _, raw_bytes, stored_bytes = CHUNK.unpack_from(recording, at + 8)
