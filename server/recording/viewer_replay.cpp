@@ -160,13 +160,14 @@ class ViewerReplay {
     Report("");
   }
 
-  bool IsRoomAhead() const {
+  bool IsRoomAhead() const { return !IsFull() && read_ms_ - shown_->position_ms() < ahead_ms_; }
+
+  bool IsFull() const {
     std::size_t bricks = 0;
     for (const Event& event : events_) {
       for (const RecordedEdit& edit : event.edits) bricks += edit.bricks.size();
     }
-    return events_.size() < kMaxEventsAhead && bricks < kMaxBricksAhead &&
-           read_ms_ - shown_->position_ms() < ahead_ms_;
+    return events_.size() >= kMaxEventsAhead || bricks >= kMaxBricksAhead;
   }
 
   void CheckWanted() const {
@@ -219,8 +220,9 @@ class ViewerReplay {
       Show(*start.volume);
       Put(*start.scene);
     }
-    while (!events_.empty() &&
-           (position_is_end_ || events_.front().position_ms <= shown_->position_ms())) {
+    // The samples behind the events are read only when these have made room.
+    const bool all = position_is_end_ || (shown_->waiting() == 0 && IsFull());
+    while (!events_.empty() && (all || events_.front().position_ms <= shown_->position_ms())) {
       Event event = std::move(events_.front());
       events_.pop_front();
       lost_ticks_ += event.lost_ticks;

@@ -28,9 +28,9 @@ def chunk(number, kind, raw_bytes, packed):
 
 
 def with_markers(recording, count, length):
-    """A recording with so many texts of one tick more, between its first ticks and the others."""
+    """A recording with so many texts more, all one second after its start."""
     stream = io.BytesIO(recording)
-    read_header(stream, "recording")
+    time_ns = read_header(stream, "recording").created_monotonic_ns + 1_000_000_000
     at = stream.tell()
     parts, number, tick = [recording[:at]], 0, None
     while at < len(recording):
@@ -46,7 +46,7 @@ def with_markers(recording, count, length):
             tick = struct.unpack_from("<Q", unpacked)[0]
         if kind == Kind.SAMPLES and count:
             tick += struct.unpack_from("<I", unpacked)[0]
-            payload = struct.pack("<QqI", tick, 0, length) + b"x" * length
+            payload = struct.pack("<QqI", tick, time_ns, length) + b"x" * length
             marker = zstandard.ZstdCompressor().compress(payload)
             parts += [chunk(number + n, Kind.MARKER, len(payload), marker) for n in range(count)]
             number, count = number + count, 0

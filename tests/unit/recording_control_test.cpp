@@ -109,27 +109,54 @@ TEST_F(RecordingControlTest, BadReplaysAreRefusedAndChangeNothing) {
   EXPECT_EQ(session().volume().volume, volume());
 }
 
+// The first scene and the samples of `file` in `to`, with so many texts before the last samples.
+void WriteWithTexts(const std::string& file, const std::string& to, int count) {
+  RecordingReader reader(file);
+  RecordingWriter writer(CreateRecordingFile(to, false), "test");
+  bool has_scene = false;
+  std::vector<RecordedSamples> after;
+  while (std::optional<RecordedChunk> chunk = reader.Next()) {
+    const auto* scene = std::get_if<RecordedScene>(&*chunk);
+    if (scene && !std::exchange(has_scene, true)) writer.Append(*scene);
+    if (auto* samples = std::get_if<RecordedSamples>(&*chunk)) after.push_back(*samples);
+  }
+  ASSERT_GE(after.size(), 2u);
+  const RecordedSamples last = std::move(after.back());
+  after.pop_back();
+  for (const RecordedSamples& samples : after) writer.AppendSamples(samples);
+  for (int n = 0; n < count; ++n) {
+    writer.Append(RecordedMarker{.tick = *writer.next_tick(), .text = std::string(4096, 'x')});
+  }
+  writer.AppendSamples(last);
+  writer.AppendEnd();
+}
+
+// More than are read ahead.
+TEST_F(RecordingControlTest, AReplayPassesThousandsOfTextsBetweenTwoTicks) {
+  RecordEdits("a");
+  WriteWithTexts(File("a"), File("texts"), 3000);
+  std::size_t texts = 0;
+  std::uint64_t ticks = 0, total = 0;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(15);
+  EXPECT_EQ(Refusal([&] {
+              control_.Replay(
+                  File("texts"), {.speed = 50.0},
+                  [&](const ReplayReport& now) {
+                    if (!now.state.marker.empty()) ++texts;
+                    ticks = now.state.ticks;
+                    total = now.total_ticks;
+                  },
+                  [&] { return std::chrono::steady_clock::now() > end; });
+            }),
+            std::nullopt);
+  EXPECT_EQ(texts, 3000u);
+  EXPECT_EQ(ticks, total);
+}
+
 // 200 MB of texts in a small file, between two ticks.
 TEST_F(RecordingControlTest, AReplayReadsFewTextsAheadAndCanBeCancelledInTheMidst) {
   RecordEdits("a");
-  RecordingReader reader(File("a"));
-  const std::vector<RecordedChunk> chunks = testing::ReadAll(reader);
-  {
-    RecordingWriter writer(CreateRecordingFile(File("texts"), false), "test");
-    bool has_scene = false;
-    for (const RecordedChunk& chunk : chunks) {
-      if (const auto* scene = std::get_if<RecordedScene>(&chunk)) {
-        if (!std::exchange(has_scene, true)) writer.Append(*scene);
-      } else if (const auto* samples = std::get_if<RecordedSamples>(&chunk)) {
-        writer.AppendSamples(*samples);
-        if (has_scene) break;
-      }
-    }
-    for (int n = 0; n < 50'000; ++n) {
-      writer.Append(RecordedMarker{.tick = *writer.next_tick(), .text = std::string(4096, 'x')});
-    }
-    writer.AppendEnd();
-  }
+  WriteWithTexts(File("a"), File("texts"), 50'000);
   EXPECT_LT(std::filesystem::file_size(File("texts")), 20u << 20);
   const std::size_t before_bytes = mallinfo2().uordblks;
   std::size_t most_bytes = 0;
