@@ -46,12 +46,7 @@ void DecomposeBcc(const CellDensities& d, Decomposition& out) {
 Decomposition Decompose(const CellDensities& d, DecompositionMethod method) {
   Decomposition out;
   PlaceCorners(d, out);
-  switch (method) {
-    case DecompositionMethod::kBcc: DecomposeBcc(d, out); break;
-    case DecompositionMethod::kTptd: DecomposeTptd(d, out); break;
-    case DecompositionMethod::kTpbccPublished: DecomposeTpbccPublished(d, out); break;
-    case DecompositionMethod::kTpbcc: DecomposeTpbcc(d, out); break;
-  }
+  method == DecompositionMethod::kBcc ? DecomposeBcc(d, out) : DecomposeTpbcc(d, out);
   return out;
 }
 

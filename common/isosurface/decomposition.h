@@ -1,18 +1,13 @@
 // Decomposes a cell into tetrahedra. The piecewise-linear level set of the tetrahedra is the haptic
-// isosurface H. One function has four methods:
+// isosurface H. Two methods:
 //
 // kTpbcc, the default: H has the topology of the trilinear isosurface V for every
 //   τ. Our correction of Corenthy et al., section 3.4.
 // kBcc (section 3.2): face and cell centres, 24 tetrahedra. Neighbours agree, so
 //   the proxy cannot fall through, but the topology of H may differ from V's.
-// kTptd (section 3.3, after Sohn): corners and saddles only, 6 to 30 tetrahedra.
-// kTpbccPublished (section 3.4 as printed, faults included): for six face saddles
-//   tetrahedra may overlap, and for three or more the topology may be wrong.
-// The last two are for comparison only. The proxy may fall through them.
 //
-// Each face is split into 4 triangles around its face vertex. kTptd splits a face without a saddle
-// into 2 triangles. The split depends only on the 4 densities of the face, so neighbours have the
-// same triangles, bit for bit.
+// Each face is split into 4 triangles around its face vertex. The split depends only on the 4
+// densities of the face, so neighbours have the same triangles, bit for bit.
 //
 // Frame: index coordinates local to the cell.
 // Threads: pure functions. Real-time: no allocation, no locks; bounded.
@@ -28,12 +23,10 @@
 
 namespace palpate {
 
-enum class DecompositionMethod : std::uint8_t { kBcc, kTptd, kTpbccPublished, kTpbcc };
+enum class DecompositionMethod : std::uint8_t { kBcc, kTpbcc };
 
 // The names in settings and command lines.
-inline constexpr std::array<std::string_view, 4> kMethodNames = {"bcc", "tptd", "tpbcc-published",
-                                                                 "tpbcc"};
-inline constexpr int kMethodCount = static_cast<int>(kMethodNames.size());
+inline constexpr std::array<std::string_view, 2> kMethodNames = {"bcc", "tpbcc"};
 constexpr std::string_view MethodName(DecompositionMethod method) {
   return kMethodNames[static_cast<std::size_t>(method)];
 }
@@ -42,11 +35,6 @@ constexpr std::optional<DecompositionMethod> MethodNamed(std::string_view name) 
     if (kMethodNames[n] == name) return static_cast<DecompositionMethod>(n);
   }
   return std::nullopt;
-}
-
-// True if the proxy can never fall through with this method.
-constexpr bool IsSafe(DecompositionMethod method) {
-  return method == DecompositionMethod::kBcc || method == DecompositionMethod::kTpbcc;
 }
 
 struct Decomposition {

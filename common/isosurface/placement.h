@@ -37,8 +37,6 @@ void PlaceAtSaddle(int face, const FaceSaddle& saddle, Decomposition& out);
 
 // One function for each method. `out` already has the corners.
 void DecomposeBcc(const CellDensities& d, Decomposition& out);
-void DecomposeTptd(const CellDensities& d, Decomposition& out);
-void DecomposeTpbccPublished(const CellDensities& d, Decomposition& out);
 void DecomposeTpbcc(const CellDensities& d, Decomposition& out);
 
 // For rule 2 of DecomposeTpbcc: the corner that the first of two interior vertices serves, and the

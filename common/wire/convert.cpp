@@ -57,10 +57,6 @@ v1::DecompositionMethod ToProto(DecompositionMethod method) {
   switch (method) {
     case DecompositionMethod::kBcc:
       return v1::DECOMPOSITION_METHOD_BCC;
-    case DecompositionMethod::kTptd:
-      return v1::DECOMPOSITION_METHOD_TPTD;
-    case DecompositionMethod::kTpbccPublished:
-      return v1::DECOMPOSITION_METHOD_TPBCC_PUBLISHED;
     case DecompositionMethod::kTpbcc:
       return v1::DECOMPOSITION_METHOD_TPBCC;
   }
@@ -71,10 +67,6 @@ DecompositionMethod FromProto(v1::DecompositionMethod method) {
   switch (method) {
     case v1::DECOMPOSITION_METHOD_BCC:
       return DecompositionMethod::kBcc;
-    case v1::DECOMPOSITION_METHOD_TPTD:
-      return DecompositionMethod::kTptd;
-    case v1::DECOMPOSITION_METHOD_TPBCC_PUBLISHED:
-      return DecompositionMethod::kTpbccPublished;
     case v1::DECOMPOSITION_METHOD_TPBCC:
       return DecompositionMethod::kTpbcc;
     default:

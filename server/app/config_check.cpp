@@ -152,9 +152,6 @@ void CheckDevice(const Config& config, Check& check) {
     HandInboxes hand;
     const auto device = MakeDevice(config.device, std::max(1, config.realtime.priority - 1), hand);
     check.Try("device.stop_buttons", [&] { StopButtons(config.device, device->spec()); });
-    if (IsHardware(device->spec()) && !IsSafe(config.method)) {
-      check.Fault("haptics.method", "must be \"tpbcc\" or \"bcc\" with real hardware");
-    }
   });
 }
 

@@ -69,8 +69,7 @@ FreeSide Side(const Entry& entry) {
 
 DecompositionMethod Method(const Entry& entry) {
   if (const auto method = MethodNamed(entry.Text())) return *method;
-  Refuse("must be \"tpbcc\", \"bcc\", \"tptd\" or \"tpbcc-published\", not \"" + entry.Text() +
-         "\"");
+  Refuse("must be \"tpbcc\" or \"bcc\", not \"" + entry.Text() + "\"");
 }
 
 std::string LogLevelName(const Entry& entry) {
@@ -97,25 +96,6 @@ std::array<std::int64_t, 3> RawSize(const Entry& entry) {
   return {static_cast<std::int64_t>(size.x()), static_cast<std::int64_t>(size.y()),
           static_cast<std::int64_t>(size.z())};
 }
-
-std::array<double, 3> Motors(const Entry& entry) {
-  const Vec3 counts = entry.Triple();
-  return {counts.x(), counts.y(), counts.z()};
-}
-
-std::vector<std::uint8_t> Bytes(const Entry& entry) {
-  const toml::array* array = entry.node.as_array();
-  std::vector<std::uint8_t> bytes;
-  for (std::size_t n = 0; array && n < array->size(); ++n) {
-    const auto value = (*array)[n].value_exact<std::int64_t>();
-    if (!value || *value < 0 || *value > 255) array = nullptr;
-    if (array) bytes.push_back(static_cast<std::uint8_t>(*value));
-  }
-  if (!array) Refuse("must be a list of bytes, [0x01, 0xff]");
-  return bytes;
-}
-
-std::uint8_t Byte(const Entry& entry) { return static_cast<std::uint8_t>(entry.Integer(0, 255)); }
 
 Role ParseRole(const Entry& entry) {
   if (const auto role = RoleNamed(entry.Text())) return *role;
@@ -221,14 +201,11 @@ Setters DeviceSetters() {
       {"device.replay_file", [](E e, C c) { c.device.replay_file = e.Text(); }},
       {"device.usb_port", [](E e, C c) { c.device.usb_port = e.Text(); }},
       {"device.frames",
-       [](E e, C c) {
-         c.device.framed_firewire = OneOf(e, {"none", "framed-firewire"}) == "framed-firewire";
+       [](E, C) {
+         Refuse(
+             "is no key any more: the servo frames of a Touch on USB are not public, and palpated "
+             "sends no guessed ones; use kind = \"openhaptics\", with the vendor's driver");
        }},
-      {"device.state_command", [](E e, C c) { c.device.state_command = Byte(e); }},
-      {"device.force_command", [](E e, C c) { c.device.force_command = Byte(e); }},
-      {"device.init_payload", [](E e, C c) { c.device.init_payload = Bytes(e); }},
-      {"device.motor_counts_per_n_mm",
-       [](E e, C c) { c.device.motor_counts_per_n_mm = Motors(e); }},
       {"device.falcon_firmware", [](E e, C c) { c.device.falcon_firmware = e.Text(); }},
       {"device.openhaptics_library", [](E e, C c) { c.device.openhaptics_library = e.Text(); }},
       {"device.openhaptics_name", [](E e, C c) { c.device.openhaptics_name = e.Text(); }},

@@ -3,11 +3,9 @@
 // Threads: main, at start.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <vector>
 
 namespace palpate {
 
@@ -17,14 +15,8 @@ struct DeviceConfig {
   // Buttons that stop the forces while all of them are held. Absent: both buttons of hardware, and
   // no buttons of a simulated device.
   std::optional<std::uint32_t> stop_buttons;
-  std::string replay_file;  // for `replay`: a recording
-  std::string usb_port;     // for example "1-2"; "": the only device
-  // For `omni-usb`, see OmniUsbOptions.
-  bool framed_firewire = false;
-  std::optional<std::uint8_t> state_command;
-  std::optional<std::uint8_t> force_command;
-  std::vector<std::uint8_t> init_payload;  // empty: not given
-  std::optional<std::array<double, 3>> motor_counts_per_n_mm;
+  std::string replay_file;          // for `replay`: a recording
+  std::string usb_port;             // for example "1-2"; "": the only device
   std::string falcon_firmware;      // for `falcon`: a file
   std::string openhaptics_library;  // for `openhaptics`; "": the system searches for libHD.so
   std::string openhaptics_name;     // as in the vendor's set-up; "": the vendor's default

@@ -43,21 +43,7 @@ std::unique_ptr<HapticDevice> MakeReplay(const DeviceConfig& config) {
 }
 
 std::unique_ptr<UsbProtocol> MakeOmniUsb(const DeviceConfig& config) {
-  OmniUsbOptions options;
-  options.port = config.usb_port;
-  options.frames = config.framed_firewire ? OmniUsbFrames::kFramedFirewire : OmniUsbFrames::kNone;
-  options.state_command = config.state_command;
-  options.force_command = config.force_command;
-  if (!config.init_payload.empty()) {
-    auto& payload = options.init_payload.emplace();
-    if (config.init_payload.size() != payload.size()) {
-      throw Error(ErrorKind::kInvalidArgument,
-                  "[device] init_payload must have " + std::to_string(payload.size()) + " bytes");
-    }
-    std::copy(config.init_payload.begin(), config.init_payload.end(), payload.begin());
-  }
-  options.motor_counts_per_n_mm = config.motor_counts_per_n_mm;
-  return std::make_unique<OmniUsbProtocol>(options);
+  return std::make_unique<OmniUsbProtocol>(config.usb_port);
 }
 
 std::unique_ptr<UsbProtocol> MakeFalcon(const DeviceConfig& config) {

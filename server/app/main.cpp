@@ -67,8 +67,7 @@ constexpr KeyOption kKeyOptions[] = {
     {"--damping-n-s-per-m", "haptics.damping_n_s_per_m", Values::kNumber,
      "damping along the surface's normal, 0 to 5 N s/m [0]"},
     {"--method", "haptics.method", Values::kText,
-     "decomposition of the cells: tpbcc, bcc, and on the simulated device tptd and "
-     "tpbcc-published [tpbcc]"},
+     "decomposition of the cells: tpbcc or bcc [tpbcc]"},
     {"--device", "device.kind", Values::kText,
      "haptic device: simulated, replay, omni-usb, falcon, openhaptics; see `palpate device list` "
      "[simulated]"},

@@ -159,8 +159,7 @@ Accuracy MeasureAccuracy(const CellDensities& d, double isovalue, const Decompos
   return {sum.difference * percent, sum.overlap * percent, sum.gap * percent};
 }
 
-double DifferenceOf(const CellDensities& d, double isovalue, DecompositionMethod method,
-                    int columns) {
+double DifferenceOf(const CellDensities& d, double isovalue, ComparedMethod method, int columns) {
   return MeasureAccuracy(d, isovalue, Decompose(d, method), columns).difference;
 }
 

@@ -18,7 +18,7 @@
 // Source: Corenthy et al., section 5.1 and Tables 1 and 4.
 #pragma once
 
-#include "common/isosurface/decomposition.h"
+#include "server/lab/compared_method.h"
 
 namespace palpate::lab {
 
@@ -33,7 +33,6 @@ Accuracy MeasureAccuracy(const CellDensities& d, double isovalue, const Decompos
                          int columns);
 
 // R_D of the decomposition by `method`.
-double DifferenceOf(const CellDensities& d, double isovalue, DecompositionMethod method,
-                    int columns);
+double DifferenceOf(const CellDensities& d, double isovalue, ComparedMethod method, int columns);
 
 }  // namespace palpate::lab

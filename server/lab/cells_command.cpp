@@ -150,7 +150,7 @@ CellDensities ReadCell(const VolumeSnapshot& volume, std::string_view line,
   return volume.ResolvedCell(cell);
 }
 
-void AppendCell(std::string_view line, std::uint64_t line_number, DecompositionMethod method,
+void AppendCell(std::string_view line, std::uint64_t line_number, ComparedMethod method,
                 const VolumeSnapshot* volume, std::string& out) {
   Units units;
   CellDensities raw{};
@@ -165,7 +165,7 @@ void AppendCell(std::string_view line, std::uint64_t line_number, DecompositionM
 
 }  // namespace
 
-void DecomposeCells(std::istream& in, std::ostream& out, DecompositionMethod method,
+void DecomposeCells(std::istream& in, std::ostream& out, ComparedMethod method,
                     const VolumeSnapshot* volume) {
   std::string text;
   std::uint64_t line_number = 0;

@@ -12,7 +12,7 @@
 #include <memory>
 #include <ostream>
 
-#include "common/isosurface/decomposition.h"
+#include "server/lab/compared_method.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate::lab {
@@ -21,7 +21,7 @@ namespace palpate::lab {
 // {"sigma_f":..,"sigma_c":..,"vertices":[[x,y,z,density],..],"tetrahedra":[..]}
 // Without a volume, densities are in the units of the input. With a volume, they are normalised
 // over its range, as in the renderer.
-void DecomposeCells(std::istream& in, std::ostream& out, DecompositionMethod method,
+void DecomposeCells(std::istream& in, std::ostream& out, ComparedMethod method,
                     const VolumeSnapshot* volume);
 
 }  // namespace palpate::lab

@@ -16,7 +16,7 @@ Measured Measure(const ExperimentOptions& options) {
   Measured measured{ReadPublishedTable(options.table), {}};
   for (const PublishedRow& row : measured.rows) {
     for (int m = 0; m < kMethodCount; ++m) {
-      const auto method = static_cast<DecompositionMethod>(m);
+      const auto method = static_cast<ComparedMethod>(m);
       measured.difference[m].push_back(
           DifferenceOf(DensitiesFor(row, method), row.isovalue, method, options.columns));
     }
@@ -49,8 +49,7 @@ void PrintTable4(const ExperimentOptions& options, std::ostream& out) {
         Print(out, "     -  %6.2f   |", ours);
         continue;
       }
-      const bool meets =
-          MeetsPublished(static_cast<DecompositionMethod>(m), *row.difference[m], ours);
+      const bool meets = MeetsPublished(static_cast<ComparedMethod>(m), *row.difference[m], ours);
       ++given[m];
       met[m] += meets;
       Print(out, " %6.2f %6.2f %c |", *row.difference[m], ours, meets ? ' ' : '*');

@@ -34,11 +34,11 @@ struct Tally {
 Tally TallyOf(const CellAt& cell) {
   constexpr int kColumns = 20;  // enough for means over many cells
   Tally tally;
-  const unsigned used = Decompose(cell.d, DecompositionMethod::kTpbcc).complex.used_vertices;
+  const unsigned used = Decompose(cell.d, ComparedMethod::kTpbcc).complex.used_vertices;
   const unsigned interior = used >> kFirstInteriorVertex;
   ++(interior == 0 ? tally.diagonal : interior == 1 ? tally.one_vertex : tally.two_vertices);
   for (int m = 0; m < kMethodCount; ++m) {
-    const auto method = static_cast<DecompositionMethod>(m);
+    const auto method = static_cast<ComparedMethod>(m);
     tally.difference[m] = DifferenceOf(cell.d, cell.isovalue, method, kColumns);
   }
   return tally;

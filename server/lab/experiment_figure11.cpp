@@ -44,8 +44,8 @@ Polygon Cut(const Decomposition& cell, const std::array<std::uint8_t, 4>& v, dou
   return polygon;
 }
 
-void AddSurface(const CellDensities& d, double isovalue, DecompositionMethod method,
-                const Vec3& origin, double edge, std::vector<Polygon>& polygons) {
+void AddSurface(const CellDensities& d, double isovalue, ComparedMethod method, const Vec3& origin,
+                double edge, std::vector<Polygon>& polygons) {
   const Decomposition cell = Decompose(d, method);
   for (int t = 0; t < cell.complex.tetrahedron_count; ++t) {
     Polygon polygon = Cut(cell, cell.complex.vertices[t], isovalue);
@@ -69,7 +69,7 @@ std::vector<Polygon> VisualSurface(const CellDensities& d, double isovalue) {
       part[v] = f.Value(origin + edge * Vec3(o[0], o[1], o[2]));
     }
     if (IsCrossed(part, isovalue)) {
-      AddSurface(part, isovalue, DecompositionMethod::kTptd, origin, edge, polygons);
+      AddSurface(part, isovalue, ComparedMethod::kTptd, origin, edge, polygons);
     }
   }
   return polygons;
@@ -127,7 +127,7 @@ void PrintFigure11(const ExperimentOptions& options, std::ostream& out) {
     DrawPanel(0.0, y, "V " + row.name, VisualSurface(row.d, row.isovalue), false, svg);
     for (int m = 0; m + 1 < kPanels; ++m) {
       std::vector<Polygon> polygons;
-      const auto method = static_cast<DecompositionMethod>(m);
+      const auto method = static_cast<ComparedMethod>(m);
       AddSurface(DensitiesFor(row, method), row.isovalue, method, Vec3::Zero(), 1.0, polygons);
       DrawPanel((m + 1) * kView.panel, y, std::string(kMethodNames[m]), polygons, true, svg);
     }

@@ -79,13 +79,13 @@ void CountCell(const CellDensities& d, Counts& counts) {
   const CellSaddles saddles(d);
   const BodySaddles body = FindBodySaddles(d);
   const std::vector<double> isovalues = IsovaluesOf(d, saddles, body);
-  const Decomposition right = Decompose(d, DecompositionMethod::kTpbcc);
+  const Decomposition right = Decompose(d, ComparedMethod::kTpbcc);
   std::vector<CellTopology> expected;
   for (double isovalue : isovalues) expected.push_back(CountCellTopology(right, isovalue));
   Count& count = counts[CaseOf(d, saddles, body)];
   ++count.cells;
   for (int m = 0; m < kMethodCount; ++m) {
-    const Decomposition cell = Decompose(d, static_cast<DecompositionMethod>(m));
+    const Decomposition cell = Decompose(d, static_cast<ComparedMethod>(m));
     bool wrong = false;
     for (std::size_t n = 0; n < isovalues.size() && !wrong; ++n) {
       wrong = !(CountCellTopology(cell, isovalues[n]) == expected[n]);

@@ -40,6 +40,8 @@ std::filesystem::path DefaultTable() {
 }
 
 const std::vector<std::string> kMethods(kMethodNames.begin(), kMethodNames.end());
+const std::vector<std::string> kFeltMethods(palpate::kMethodNames.begin(),
+                                            palpate::kMethodNames.end());
 const std::vector<std::string> kTrajectories(kTrajectoryNames.begin(), kTrajectoryNames.end());
 
 void AddOverwrite(arguments::Command& command, bool& overwrite) {
@@ -183,7 +185,7 @@ arguments::Command* AddReplay(arguments::Command& app, ReplayOptions& options) {
   replay->add_option("--out", options.output, "CSV to write, a row per tick; mm, N")->required();
   AddOverwrite(*replay, options.overwrite);
   replay->add_option("--method", options.method, "decomposition")
-      ->check(arguments::IsMember(kMethods))
+      ->check(arguments::IsMember(kFeltMethods))
       ->capture_default_str();
   replay->add_option("--stiffness", options.stiffness_n_per_mm, "N/mm [0.5]");
   replay

@@ -88,9 +88,8 @@ void CopySlab(const std::vector<MeshSlab>& slabs, std::size_t n, const Offsets& 
 
 }  // namespace
 
-SurfaceMesh ExtractSurface(const VolumeSnapshot& volume, double isovalue,
-                           DecompositionMethod method, const CellRange& range,
-                           const MeshProgress& progress) {
+SurfaceMesh ExtractSurface(const VolumeSnapshot& volume, double isovalue, ComparedMethod method,
+                           const CellRange& range, const MeshProgress& progress) {
   const int layers = range.end.x() - range.first.x();
   std::vector<MeshSlab> slabs(static_cast<std::size_t>((layers + kLayers - 1) / kLayers));
   Progress report(progress, slabs.size());

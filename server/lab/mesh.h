@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "common/geometry/geometry.h"
-#include "common/isosurface/decomposition.h"
+#include "server/lab/compared_method.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate::lab {
@@ -42,8 +42,7 @@ struct SurfaceMesh {
 using MeshProgress = std::function<void(double fraction)>;
 
 // `progress` may be empty. Throws kTooLarge above 2³¹ vertices or 2³² / 3 triangles.
-SurfaceMesh ExtractSurface(const VolumeSnapshot& volume, double isovalue,
-                           DecompositionMethod method, const CellRange& range,
-                           const MeshProgress& progress = {});
+SurfaceMesh ExtractSurface(const VolumeSnapshot& volume, double isovalue, ComparedMethod method,
+                           const CellRange& range, const MeshProgress& progress = {});
 
 }  // namespace palpate::lab

@@ -39,7 +39,7 @@ class ProgressBar {
   bool shown_ = false;
 };
 
-DecompositionMethod ParseMethod(const std::string& name) {
+ComparedMethod ParseMethod(const std::string& name) {
   if (const auto method = MethodNamed(name)) return *method;
   std::string known;
   for (std::string_view each : kMethodNames) known += " " + std::string(each);
@@ -70,7 +70,7 @@ void Print(const MeshStatistics& s, double seconds) {
 }  // namespace
 
 int RunMesh(const MeshOptions& options) {
-  const DecompositionMethod method = ParseMethod(options.method);
+  const ComparedMethod method = ParseMethod(options.method);
   const IfThere if_there = ReplacesIf(options.overwrite);
   if (!options.output.empty()) {
     CheckMeshFileName(options.output);

@@ -32,7 +32,7 @@ struct MeshSlab {
 struct SlabRequest {
   const VolumeSnapshot& volume;
   double isovalue;
-  DecompositionMethod method;
+  ComparedMethod method;
   CellRange range;      // the cells of the slab
   bool has_slab_above;  // false: this slab owns the vertices in its upper plane
 };

@@ -62,10 +62,10 @@ std::vector<PublishedRow> ReadPublishedTable(const std::filesystem::path& file) 
   return rows;
 }
 
-bool MeetsPublished(DecompositionMethod method, double published, double ours) {
+bool MeetsPublished(ComparedMethod method, double published, double ours) {
   constexpr double kAbsolute = 0.15, kRelative = 0.02, kTptd = 0.3;
   const double difference = std::abs(ours - published);
-  if (method == DecompositionMethod::kTptd) return difference <= kTptd;
+  if (method == ComparedMethod::kTptd) return difference <= kTptd;
   return difference <= std::max(kAbsolute, kRelative * published);
 }
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "common/isosurface/decomposition.h"
+#include "server/lab/compared_method.h"
 
 namespace palpate::lab {
 
@@ -22,8 +22,8 @@ struct PublishedRow {
 };
 
 // The densities to give to the method.
-inline const CellDensities& DensitiesFor(const PublishedRow& row, DecompositionMethod method) {
-  return method == DecompositionMethod::kTpbcc ? row.resolved : row.d;
+inline const CellDensities& DensitiesFor(const PublishedRow& row, ComparedMethod method) {
+  return method == ComparedMethod::kTpbcc ? row.resolved : row.d;
 }
 
 // Reads CSV: name, τ, d0..d7, and the three figures or blanks. Further columns are ignored, lines
@@ -32,6 +32,6 @@ std::vector<PublishedRow> ReadPublishedTable(const std::filesystem::path& file);
 
 // True if our R_D is close to the published one: within 0.15 or 2 %. For kTptd, whose rules the
 // paper leaves open: within 0.3.
-bool MeetsPublished(DecompositionMethod method, double published, double ours);
+bool MeetsPublished(ComparedMethod method, double published, double ours);
 
 }  // namespace palpate::lab

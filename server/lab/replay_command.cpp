@@ -63,8 +63,9 @@ JudgedReplay ReplayAndJudge(const LoadedSurface& loaded, DecompositionMethod met
   const HapticSurface surface = SurfaceOf(loaded, method, settings);
   JudgedReplay judged;
   judged.ticks = Replay(surface, settings, hips_mm, passes);
-  const TriangleGrid triangles(ExtractSurface(volume, loaded.isovalue, method, PaddedCells(volume)),
-                               volume.metadata().WorldFromIndex());
+  const TriangleGrid triangles(
+      ExtractSurface(volume, loaded.isovalue, Compared(method), PaddedCells(volume)),
+      volume.metadata().WorldFromIndex());
   judged.summary = Summarise(judged.ticks, JudgeReplay(surface, settings, triangles, judged.ticks));
   return judged;
 }
@@ -74,7 +75,7 @@ void RunReplay(const ReplayOptions& options, std::ostream& out) {
   CheckNewFile(options.output, ReplacesIf(options.overwrite));
   std::vector<Vec3> hips_mm = ReadTrajectory(options.trajectory);
   const LoadedSurface loaded = LoadSurface(options.surface);
-  const DecompositionMethod method = *MethodNamed(options.method);
+  const DecompositionMethod method = *palpate::MethodNamed(options.method);
   if (options.hand) hips_mm = HipsOfLedHand(SurfaceOf(loaded, method, settings), settings, hips_mm);
   const JudgedReplay judged = ReplayAndJudge(loaded, method, settings, hips_mm, options.passes);
   WriteText(options.output, ToCsv(judged.ticks, judged.summary.verdict.density),

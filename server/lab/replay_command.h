@@ -29,7 +29,7 @@ struct ReplayOptions {
   std::filesystem::path trajectory{};
   std::filesystem::path output{};
   bool overwrite = false;        // of `output`
-  std::string method = "tpbcc";  // one of kMethodNames
+  std::string method = "tpbcc";  // one that can be felt
   std::optional<double> stiffness_n_per_mm{};
   int passes = 1;
   bool hand = false;                    // the trajectory leads a hand that the force deflects

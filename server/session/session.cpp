@@ -52,16 +52,6 @@ void CheckHaptics(const HapticSettings& haptics) {
   }
 }
 
-// Only some methods guarantee that the proxy never falls through. The others must not run on a
-// device that moves a hand.
-void CheckMethod(DecompositionMethod method, const DeviceSpec& device) {
-  if (IsSafe(method) || device.verification_level == VerificationLevel::kSimulated) return;
-  throw Error(ErrorKind::kInvalidArgument,
-              std::string(MethodName(method)) +
-                  " is for comparison on the simulated device: with real hardware use tpbcc or "
-                  "bcc");
-}
-
 void CheckRevision(const std::optional<std::uint64_t>& expected, std::uint64_t current) {
   if (!expected || *expected == current) return;
   throw Error(
@@ -149,7 +139,6 @@ VolumeState Session::VolumeLocked() const {
 
 void Session::SetInitial(const RenderSettings& settings) {
   CheckHaptics(settings.haptics);
-  CheckMethod(settings.method, device_);
   const std::lock_guard lock(mutex_);
   if (settings_revision_ > 0) return;
   settings_.haptics = settings.haptics;
@@ -204,7 +193,6 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     const std::lock_guard lock(mutex_);
     CheckRevision(update.expected_revision, settings_revision_);
     const RenderSettings changed = Changed(*volume_, settings_, update);
-    CheckMethod(changed.method, device_);
     // Another decomposition makes another surface for the proxy.
     if (changed.method != settings_.method) ++geometry_revision_;
     before = std::exchange(settings_, changed);
@@ -264,7 +252,7 @@ void Session::CheckSettings(const LoadRequest& request, const SettingsUpdate& se
   // The range of the new volume is not known yet.
   rest.isovalue = rest.normalized_isovalue = std::nullopt;
   const std::lock_guard lock(mutex_);
-  CheckMethod(Changed(*volume_, settings_, rest).method, device_);
+  Changed(*volume_, settings_, rest);
 }
 
 // The claim shrinks as bricks are made, so that nothing is counted twice for long.

@@ -1,9 +1,9 @@
-"""What devices on USB send: transfers of a Falcon and frames of a Touch, in scripts of
+"""What devices send: transfers of a Falcon and readings of an Omni, in scripts of
 usb_protocol_fuzz."""
 
 import struct
 
-FALCON, TOUCH = b"\0", b"\1"
+FALCON, OMNI = b"\0", b"\1"
 NAN, INFINITY = float("nan"), float("inf")
 
 
@@ -81,40 +81,24 @@ def omni_state(encoders, gimbal_a, gimbal_b, status, counter):
     return bytes(frame)
 
 
-def touch_frame(command, payload):
-    return b"\xa5\x5a" + bytes([command, len(payload)]) + payload
-
-
-def touch():
+def omni():
     middle, none, most = (2048,) * 3, (0,) * 3, (65535,) * 3
-
-    def state(*fields):
-        return touch_frame(0x10, omni_state(*fields))
-    docked = state((10, -20, 30), middle, middle, 0xFB, 1)
-    moved = state((900, -1500, 2000), (100, 4000, 65535), (4000, 100, 1), 0xFC, 2)
-    streams = {
-        "docked": docked,
-        "docked_then_moved": docked + moved,
-        "counter_gap": moved + state((5, 5, 5), middle, middle, 0xFF, 40),
-        "gimbal_without_voltage": docked + state((5, 5, 5), none, none, 0xFF, 41),
-        "greatest": state((32767, -32768, -1), most, most, 0xFF, 2**32 - 1),
-        "firmware_reply": touch_frame(0x0E, b"FW 1.2".ljust(32, b"\x00")),
-        "unknown_command": touch_frame(0x33, b"abc") + docked,
-        "empty_payload": touch_frame(0x22, b""),
-        "longest_payload": touch_frame(0x44, bytes(range(255))),
-        "wrong_length": touch_frame(0x10, bytes(43)) + docked,
-        "cut_then_whole": docked[:20] + moved,
-        "start_twice": b"\xa5" + docked,
-        "header_in_payload": touch_frame(0x44, b"\xa5\x5a\x10\x2c" + bytes(8)) + docked,
-        "garbage": b"\x00\xff\x5a\xa5" * 5 + moved,
+    rest = [omni_state((10, -20, 30), middle, middle, 0xFB, n) for n in range(1, 51)]
+    moved = omni_state((900, -1500, 2000), (100, 4000, 65535), (4000, 100, 1), 0xFC, 52)
+    readings = {
+        "docked": rest,
+        "docked_then_moved": rest + [moved],
+        "counter_gap": [moved, omni_state((5, 5, 5), middle, middle, 0xFF, 140)],
+        "gimbal_without_voltage": rest + [omni_state((5, 5, 5), none, none, 0xFF, 60)],
+        "greatest": [omni_state((32767, -32768, -1), most, most, 0xFF, 2**32 - 1)],
+        "wrong_length": [bytes(40)] + rest,
     }
-    scripts = {name: received(stream) + PUSH for name, stream in streams.items()}
-    in_two = received(docked[:20]) + received(docked[20:])
-    return scripts | forces(received(docked)) | {"frame_in_two": in_two}
+    scripts = {name: b"".join(map(received, those)) + PUSH for name, those in readings.items()}
+    return scripts | forces(b"".join(map(received, rest)))
 
 
 def corpora():
     for name, script in falcon().items():
         yield "usb_protocol_fuzz", f"falcon_{name}", FALCON + script
-    for name, script in touch().items():
-        yield "usb_protocol_fuzz", f"touch_{name}", TOUCH + script
+    for name, script in omni().items():
+        yield "usb_protocol_fuzz", f"omni_{name}", OMNI + script

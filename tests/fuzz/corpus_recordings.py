@@ -243,7 +243,7 @@ def replays():
     begun = begin + sized(1, keyframe(placed=0, on_surface=0, where=place(kind=0))) + ticks(4, (0, 0, -15))
     odd = {
         "good": scene(), "above": scene(words=settings(free_side="above")), "bcc": scene(method="bcc"),
-        "tptd": scene(method="tptd"), "published": scene(method="tpbcc-published"),
+        "no_method": scene(method="tptd"),
         "isovalue_not_a_number": scene(isovalue=NAN), "isovalue_infinite": scene(isovalue=INFINITY),
         "isovalue_far": scene(isovalue=-1e300), "place_flat": scene(linear=(3, 0, 0, 0, 3, 0, 0, 0, 0)),
         "place_huge": scene(linear=(1e200, 0, 0, 0, 1e200, 0, 0, 0, 1e200)),

@@ -1,8 +1,8 @@
-// A device on USB that sends anything, and any forces to it: readings are finite, and what it is
-// sent is a whole frame, without a force where there may be none. Which device u8 (a Falcon, or a
-// Touch with named frames), then steps between SetUp and TearDown:
+// A device that sends anything, and any forces to it: readings are finite, and what it is sent is a
+// whole frame, without a force where there may be none. Which device u8 (a Falcon on USB, or the
+// arm of an Omni), then steps:
 //
-//   step: a byte; even: a transfer of twice as many bytes, which follow;
+//   step: a byte; even: a transfer of twice as many bytes, which follow (Omni: a reading);
 //         odd: a force, 3 doubles; bit 1: forces are on
 #include <algorithm>
 #include <array>
@@ -10,7 +10,7 @@
 
 #include "server/device/falcon/falcon_protocol.h"
 #include "server/device/falcon/kinematics.h"
-#include "server/device/omni/omni_usb_protocol.h"
+#include "server/device/omni/omni_arm.h"
 #include "tests/fuzz/fuzz_input.h"
 
 namespace palpate::fuzz {
@@ -70,24 +70,25 @@ void PlayFalcon(Input input) {
              });
 }
 
-void PlayTouch(Input input) {
-  constexpr std::uint8_t kState = 0x10, kForce = 0x11;
-  OmniUsbProtocol protocol({.frames = OmniUsbFrames::kFramedFirewire,
-                            .state_command = kState,
-                            .force_command = kForce,
-                            .init_payload = {{}},
-                            .motor_counts_per_n_mm = std::array<double, 3>{3.0, -3.0, 3.0}});
-  PlayScript(protocol, input,
-             [](std::span<const std::uint8_t> bytes, const Vec3& force_D_n, bool may_push) {
-               OmniUsbParser parser;
-               const auto frame = parser.Next(bytes);
-               FUZZ_CHECK(frame && frame->command == kForce && bytes.empty());
-               FUZZ_CHECK(frame->payload.size() == kOmniForceBytes);
-               const bool enabled = (frame->payload[6] & 8u) != 0;
-               FUZZ_CHECK(!enabled || (may_push && force_D_n.allFinite()));
-               const auto zero = EncodeOmniForce({});
-               if (!enabled) FUZZ_CHECK(std::ranges::equal(frame->payload, zero));
-             });
+void PlayOmni(Input input) {
+  DeviceSpec spec;
+  spec.button_count = 2;
+  OmniArm arm(OmniArm::Gains{3.0, -3.0, 3.0});
+  DeviceState state{.calibrated = false};
+  while (!input.empty()) {
+    const auto step = input.Take<std::uint8_t>();
+    if (step % 2 == 0) {
+      const auto reading = DecodeOmniState(input.TakeBytes(2u * step));
+      if (reading && arm.Take(*reading, state)) CheckReading(state, spec);
+      continue;
+    }
+    const Vec3 force_D_n = input.TakeVec3();
+    const OmniForce force = arm.ForceOf(force_D_n, (step & 2) != 0);
+    const bool may_push = (step & 2) != 0 && state.calibrated && force_D_n.allFinite();
+    FUZZ_CHECK(!force.force_enabled || may_push);
+    const int limit = force.force_enabled ? kOmniMotorRange : 0;
+    for (const int motor : force.motors) FUZZ_CHECK(std::abs(motor) <= limit);
+  }
 }
 
 }  // namespace
@@ -95,7 +96,7 @@ void PlayTouch(Input input) {
 
 FUZZ_TARGET(usb_protocol_fuzz) {
   palpate::fuzz::Input input({data, size});
-  const bool is_touch = input.Take<std::uint8_t>() % 2 != 0;
-  is_touch ? palpate::fuzz::PlayTouch(input) : palpate::fuzz::PlayFalcon(input);
+  const bool is_omni = input.Take<std::uint8_t>() % 2 != 0;
+  is_omni ? palpate::fuzz::PlayOmni(input) : palpate::fuzz::PlayFalcon(input);
   return 0;
 }

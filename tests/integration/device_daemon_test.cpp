@@ -1,6 +1,6 @@
 // A real palpated with an emulated USB device: each kind is found, set up, pushes, is lost and is
 // let go of. usb_device_test.cpp has the faults; the servo's and the service's tests have the
-// states of the forces. The Touch's servo frames are an assumption (touch_emulator.h).
+// states of the forces.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -77,24 +77,24 @@ class UsbDaemon {
   std::unique_ptr<Daemon> daemon_;
 };
 
-// From `rest` to `below` the sphere within 0.4 s, then into it by 19 mm and back, twice a second.
-Vec3 PressFromBelow(const Vec3& rest_mm, const Vec3& below_mm, double time_s) {
-  constexpr double kApproachS = 0.4, kPressS = 0.5;
-  if (time_s < kApproachS) return rest_mm + time_s / kApproachS * (below_mm - rest_mm);
-  const double way_mm = 9.5 * (1.0 - std::cos(2.0 * M_PI * (time_s - kApproachS) / kPressS));
-  return below_mm + Vec3(0.0, way_mm, 0.0);
+// From `rest` into the sphere above it by 19 mm and back, twice a second, after 0.4 s.
+Vec3 Press(const Vec3& rest_mm, double time_s) {
+  constexpr double kPauseS = 0.4, kPressS = 0.5;
+  if (time_s < kPauseS) return rest_mm;
+  const double way_mm = 9.5 * (1.0 - std::cos(2.0 * M_PI * (time_s - kPauseS) / kPressS));
+  return rest_mm + Vec3(0.0, way_mm, 0.0);
 }
 // An emulated device moves by a millisecond's way for each force that it got.
-constexpr std::size_t kForcesOfAnApproach = 450, kForcesOfAPress = 600;
+constexpr std::size_t kForcesOfAPause = 450, kForcesOfAPress = 600;
 
-// What the tests do with an emulated device of any kind.
-template <class Emulator>
-class Arm {
+class Falcon {
  public:
-  virtual ~Arm() = default;
-  virtual std::string name() const = 0;
-  virtual void Rest() = 0;   // where it is calibrated
-  virtual void Press() = 0;  // from there, into the sphere and back
+  void Rest() {
+    emulator.SetPath([](int) { return CountsAt(kRestMm); });
+  }
+  void Press() {
+    emulator.SetPath([](int frame) { return CountsAt(test::Press(kRestMm, 1e-3 * frame)); });
+  }
 
   std::size_t CountFrames() const { return emulator.Forces().size(); }
   // Of the frames, those that are not zero.
@@ -112,7 +112,7 @@ class Arm {
   void ExpectNoForce() {
     const std::size_t before = CountForces();
     Press();
-    EXPECT_TRUE(TakesFrames(kForcesOfAnApproach + kForcesOfAPress));
+    EXPECT_TRUE(TakesFrames(kForcesOfAPause + kForcesOfAPress));
     EXPECT_EQ(CountForces(), before);
   }
   // Forces are enabled, and come. A machine that stands still for 100 ms makes the device look
@@ -125,9 +125,10 @@ class Arm {
         return health.connection() == v1::DEVICE_CONNECTION_STREAMING && health.calibrated();
       });
       Press();
-      if (!rests || !TakesFrames(kForcesOfAnApproach)) return false;
+      if (!rests || !TakesFrames(kForcesOfAPause)) return false;
       // Refused until the fault before is over.
-      if (!Eventually([&] { return daemon.Enable(name()) == grpc::StatusCode::OK; })) return false;
+      if (!Eventually([&] { return daemon.Enable("falcon") == grpc::StatusCode::OK; }))
+        return false;
       const std::size_t before = CountForces();
       bool pushes = false;
       const bool ended = Eventually([&] {
@@ -146,50 +147,11 @@ class Arm {
     EXPECT_EQ(emulator.CountOf(Kind::kRelease), emulator.CountOf(Kind::kClaim));
     EXPECT_EQ(emulator.CountOf(Kind::kAttachDriver), emulator.CountOf(Kind::kDetachDriver));
   }
-  Emulator emulator;
+  FalconEmulator emulator;
 
  private:
   static bool IsZero(const auto& force) { return force.motors == decltype(force.motors){}; }
-};
 
-class Touch final : public Arm<TouchEmulator> {
- public:
-  // The gains are arbitrary, because no real ones are public.
-  static std::string Config() {
-    std::string zeros = "0";
-    for (int n = 1; n < 60; ++n) zeros += ", 0";
-    return "kind = \"omni-usb\"\nframes = \"framed-firewire\"\nstate_command = 0x21\n"
-           "force_command = 0x22\nmotor_counts_per_n_mm = [4.0, 4.0, 4.0]\ninit_payload = [" +
-           zeros + "]\n";
-  }
-  Touch() { emulator.waits_for_forces = true; }
-  std::string name() const override { return "omni-usb"; }
-  void Rest() override {
-    emulator.SetPath([](double) { return kRestMm; });
-    emulator.docked = true;
-  }
-  void Press() override {
-    emulator.docked = false;
-    emulator.SetPath(
-        [](double time_s) { return PressFromBelow(kRestMm, Vec3(0.0, -36.0, 0.0), time_s); });
-  }
-
- private:
-  inline static const Vec3 kRestMm{0.0, -110.0, -35.0};
-};
-
-class Falcon final : public Arm<FalconEmulator> {
- public:
-  std::string name() const override { return "falcon"; }
-  void Rest() override {
-    emulator.SetPath([](int) { return CountsAt(kRestMm); });
-  }
-  void Press() override {
-    emulator.SetPath(
-        [](int frame) { return CountsAt(PressFromBelow(kRestMm, kRestMm, 1e-3 * frame)); });
-  }
-
- private:
   static std::array<std::int16_t, 3> CountsAt(const Vec3& p_mm) {
     Vec3 angles_rad;
     EXPECT_TRUE(FalconAnglesAt(p_mm, angles_rad));
@@ -198,70 +160,79 @@ class Falcon final : public Arm<FalconEmulator> {
   inline static const Vec3 kRestMm{0.0, -47.0, 0.0};
 };
 
-TEST(DeviceDaemon, ATouchIsIdentifiedPushesWhenEnabledAndIsLetGoOf) {
-  Touch touch;
-  UsbDaemon rig;
-  rig.bus().Plug("1-2", touch.emulator);
-  touch.Rest();
-  rig.Start(Touch::Config());
-  ASSERT_TRUE(rig.WaitForConnection(v1::DEVICE_CONNECTION_STREAMING));
-  const v1::GetDeviceResponse device = rig.Get();
-  EXPECT_EQ(device.device().kind(), "omni-usb");
-  EXPECT_EQ(device.device().verification_level(), v1::VERIFICATION_LEVEL_NONE);
-  EXPECT_NE(device.health().identity().find("EMULATED0001"), std::string::npos);
-  EXPECT_TRUE(rig.daemon().process().WaitFor("EMULATED0001"));
-  touch.ExpectNoForce();
-  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
-  EXPECT_TRUE(touch.Pushes(rig));
+// A file of bytes that an emulated Falcon takes for its firmware.
+class Firmware {
+ public:
+  Firmware() {
+    for (std::size_t n = 0; n < bytes_.size(); ++n) bytes_[n] = static_cast<std::uint8_t>(n * 7);
+    std::ofstream(file_, std::ios::binary) << std::string(bytes_.begin(), bytes_.end());
+  }
+  const Bytes& bytes() const { return bytes_; }
+  std::string config() const {
+    return "kind = \"falcon\"\nfalcon_firmware = \"" + file_.string() + "\"\n";
+  }
 
-  touch.ExpectLetGo(rig);
-  EXPECT_FALSE(touch.emulator.Forces().back().enabled);
-  EXPECT_FALSE(touch.emulator.is_streaming());
-  EXPECT_EQ(touch.emulator.garbage_bytes(), 0u);
+ private:
+  TemporaryFolder folder_;
+  std::filesystem::path file_ = folder_.path() / "firmware.bin";
+  Bytes bytes_ = Bytes(5000);
+};
+
+TEST(DeviceDaemon, ATouchIsIdentifiedAndNotDriven) {
+  TouchEmulator touch;
+  UsbDaemon rig;
+  rig.bus().Plug("1-2", touch);
+  rig.Start("kind = \"omni-usb\"\n");
+  EXPECT_TRUE(rig.daemon().process().WaitFor("EMULATED0001"));
+  ASSERT_TRUE(Eventually(
+      [&] { return rig.Get().health().problem().find("EMULATED0001") != std::string::npos; }));
+  EXPECT_EQ(rig.Get().device().verification_level(), v1::VERIFICATION_LEVEL_NONE);
+  EXPECT_EQ(rig.Enable("omni-usb"), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_TRUE(rig.daemon().WaitForTicks(100));  // the loop goes on without it
+  rig.End();
+  ASSERT_TRUE(Eventually([&] { return touch.CountOf(Kind::kClose) > 0; }));
+  EXPECT_EQ(touch.CountOf(Kind::kRelease), touch.CountOf(Kind::kClaim));
+  EXPECT_EQ(touch.CountOf(Kind::kAttachDriver), touch.CountOf(Kind::kDetachDriver));
+  EXPECT_EQ(touch.garbage_bytes(), 0u);
 }
 
-TEST(DeviceDaemon, ATouchThatWasPulledOutOrADaemonThatWasKilledWaitsForTheOperator) {
-  Touch touch;
+TEST(DeviceDaemon, AFalconThatWasPulledOutOrADaemonThatWasKilledWaitsForTheOperator) {
+  Falcon falcon;
   UsbDaemon rig;
-  rig.bus().Plug("1-2", touch.emulator);
-  rig.Start(Touch::Config());
-  ASSERT_TRUE(touch.Pushes(rig));
+  const Firmware firmware;
+  rig.bus().Plug("1-2", falcon.emulator);
+  rig.Start(firmware.config());
+  ASSERT_TRUE(falcon.Pushes(rig));
   rig.bus().Unplug("1-2");
   EXPECT_TRUE(rig.WaitForConnection(v1::DEVICE_CONNECTION_ABSENT));
   EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_FAULT));
   EXPECT_EQ(rig.Get().forces().reason(), v1::FORCE_REASON_DEVICE);
-  EXPECT_EQ(rig.Enable("omni-usb"), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(rig.Enable("falcon"), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_TRUE(rig.daemon().WaitForTicks(100));  // the loop goes on without it
 
-  rig.bus().Plug("1-4", touch.emulator);
+  rig.bus().Plug("1-4", falcon.emulator);
   EXPECT_TRUE(rig.WaitForConnection(v1::DEVICE_CONNECTION_STREAMING));
-  touch.ExpectNoForce();
-  // Its position has no meaning until it was in its holder.
-  EXPECT_FALSE(rig.Get().health().calibrated());
+  falcon.ExpectNoForce();
   EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_FAULT);
-  EXPECT_TRUE(touch.Pushes(rig));
+  EXPECT_TRUE(falcon.Pushes(rig));
 
   rig.Kill();
-  touch.Rest();
-  rig.Start(Touch::Config());
+  falcon.Rest();
+  rig.Start(firmware.config());
   ASSERT_TRUE(Eventually([&] { return rig.Get().health().calibrated(); }));
-  touch.ExpectNoForce();
+  falcon.ExpectNoForce();
   EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
-  EXPECT_TRUE(touch.Pushes(rig));
+  EXPECT_TRUE(falcon.Pushes(rig));
 }
 
 TEST(DeviceDaemon, AFalconGetsItsFirmwarePushesFallsSilentAndIsLetGoOf) {
   Falcon falcon;
   UsbDaemon rig;
   rig.bus().Plug("1-2", falcon.emulator);
-  const TemporaryFolder folder;
-  const std::filesystem::path file = folder.path() / "firmware.bin";
-  Bytes firmware(5000);
-  for (std::size_t n = 0; n < firmware.size(); ++n) firmware[n] = static_cast<std::uint8_t>(n * 7);
-  std::ofstream(file, std::ios::binary) << std::string(firmware.begin(), firmware.end());
-  rig.Start("kind = \"falcon\"\nfalcon_firmware = \"" + file.string() + "\"\n");
+  const Firmware firmware;
+  rig.Start(firmware.config());
   ASSERT_TRUE(rig.WaitForConnection(v1::DEVICE_CONNECTION_STREAMING));
-  EXPECT_EQ(falcon.emulator.firmware(), firmware);
+  EXPECT_EQ(falcon.emulator.firmware(), firmware.bytes());
   falcon.ExpectNoForce();
   EXPECT_TRUE(falcon.Pushes(rig));
 

@@ -33,7 +33,7 @@ namespace {
 
 using testing::KnownSurface;
 
-constexpr auto kTpbcc = DecompositionMethod::kTpbcc;
+constexpr auto kTpbcc = ComparedMethod::kTpbcc;
 // Rows without comments, split at commas and blanks.
 std::vector<std::vector<std::string>> ReadGridRows(const std::filesystem::path& path) {
   std::vector<std::vector<std::string>> rows;
@@ -63,7 +63,7 @@ TEST(LabTopology, PublishedClosedGrids) {
   const auto rows = ReadGridRows(path);
   ASSERT_GT(rows.size(), 3000u);
   const CellRange range{Vec3i::Zero(), Vec3i::Constant(4)};
-  std::map<DecompositionMethod, int> wrong;
+  std::map<ComparedMethod, int> wrong;
   int miscounted = 0;
   for (const auto& row : rows) {
     const auto grid = MakeClosedGrid(row);
@@ -71,17 +71,16 @@ TEST(LabTopology, PublishedClosedGrids) {
     const std::int64_t components = std::stoi(row[1]), genus = std::stoi(row[2]);
     const auto morse = CountTrilinearTopology(*grid, isovalue, range);
     miscounted += morse.surface() != 2 * (components - genus);
-    for (const auto method :
-         {kTpbcc, DecompositionMethod::kBcc, DecompositionMethod::kTpbccPublished}) {
+    for (const auto method : {kTpbcc, ComparedMethod::kBcc, ComparedMethod::kTpbccPublished}) {
       const MeshStatistics s = MeasureMesh(ExtractSurface(*grid, isovalue, method, range));
       const bool closed = s.boundary_edges == 0 && s.IsManifold();
       wrong[method] += !closed || s.components != components || s.genus() != genus;
     }
   }
   std::printf("%zu grids, wrong: tpbcc %d, bcc %d, published %d\n", rows.size(), wrong[kTpbcc],
-              wrong[DecompositionMethod::kBcc], wrong[DecompositionMethod::kTpbccPublished]);
+              wrong[ComparedMethod::kBcc], wrong[ComparedMethod::kTpbccPublished]);
   EXPECT_EQ(wrong[kTpbcc], 0);
-  EXPECT_GT(wrong[DecompositionMethod::kBcc], 0);  // the control
+  EXPECT_GT(wrong[ComparedMethod::kBcc], 0);  // the control
   EXPECT_EQ(miscounted, 0);
 }
 

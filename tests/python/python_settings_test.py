@@ -60,7 +60,7 @@ class SettingsTest(DaemonTest):
     def test_a_choice_reads_as_the_word_that_sets_it(self):
         settings = self.conn.settings
         before = settings.method
-        for word in ("bcc", "tptd", "tpbcc-published", "tpbcc"):
+        for word in ("bcc", "tpbcc"):
             settings.method = word
             self.assertEqual(settings.method, word)
             self.assertEqual((str(settings.method), f"{settings.method:>20}"),
@@ -70,12 +70,12 @@ class SettingsTest(DaemonTest):
             settings.method = settings.method
             settings.method = f"{settings.method}"
             self.assertEqual(settings.all()["method"], word)
-        settings.method = "TPBCC_PUBLISHED"
-        self.assertIs(settings.method, palpate.DecompositionMethod.TPBCC_PUBLISHED)
-        self.assertEqual((int(settings.method), settings.method), (4, 4))
+        settings.method = "BCC"
+        self.assertIs(settings.method, palpate.DecompositionMethod.BCC)
+        self.assertEqual((int(settings.method), settings.method), (1, 1))
         settings.method = before
         with self.assertRaisesRegex(palpate.InvalidArgument,
-                                    "one of bcc, tpbcc, tptd, tpbcc-published, not 'cubes'"):
+                                    "one of bcc, tpbcc, not 'cubes'"):
             settings.method = "cubes"
 
     def test_members_compare_with_arrays_and_numbers(self):

@@ -7,22 +7,9 @@
 #include <vector>
 
 #include "server/device/omni/firewire_frames.h"
-#include "server/device/omni/omni_usb_protocol.h"
 #include "server/device/omni/usb_frames.h"
 
 namespace palpate::test {
-
-constexpr std::uint8_t kOmniState = 0x21, kOmniForce = 0x22;
-
-// As if the servo frames were known.
-inline OmniUsbOptions NamedOmniUsbOptions() {
-  OmniUsbOptions options;
-  options.frames = OmniUsbFrames::kFramedFirewire;
-  options.state_command = kOmniState;
-  options.force_command = kOmniForce;
-  options.init_payload.emplace();
-  return options;
-}
 
 struct OmniReading {
   std::array<int, 3> encoders{};

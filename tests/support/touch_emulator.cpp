@@ -1,14 +1,10 @@
 #include "tests/support/touch_emulator.h"
 
-#include <cmath>
-
-#include "server/device/omni/kinematics.h"
 #include "tests/support/omni_frames.h"
 
 namespace palpate::test {
 namespace {
 
-constexpr unsigned kMostWaitMs = 20;
 constexpr std::uint8_t kFirstCdcRequest = 0x20, kSendBreak = 0x23;
 
 // Data, and then control.
@@ -30,21 +26,11 @@ UsbSpec TouchSpec() {
                           .kernel_driver = "cdc_acm"}}};
 }
 
-int Word(std::span<const std::uint8_t> bytes, std::size_t at) {
-  return bytes[at] | bytes[at + 1] << 8;
-}
-
-int Counts(double angle_rad) { return static_cast<int>(std::lround(angle_rad / kOmniRadPerCount)); }
-
 }  // namespace
 
 TouchEmulator::TouchEmulator() : EmulatedUsbDevice(TouchSpec()) {}
 
-void TouchEmulator::OnPlugged() {
-  parser_.Reset();
-  streaming_ = false;
-  counter_ = path_begin_ = 0;
-}
+void TouchEmulator::OnPlugged() { parser_.Reset(); }
 
 std::optional<std::size_t> TouchEmulator::OnControl(const UsbSetup& setup,
                                                     std::span<std::uint8_t> data) {
@@ -59,23 +45,14 @@ std::optional<std::size_t> TouchEmulator::OnControl(const UsbSetup& setup,
 
 void TouchEmulator::OnOut(std::uint8_t endpoint, std::span<const std::uint8_t> bytes) {
   if (endpoint != kDataOut) return;
-  while (const auto frame = parser_.Next(bytes)) TakeFrame(frame->command, frame->payload);
+  while (const auto frame = parser_.Next(bytes)) TakeFrame(frame->command);
 }
 
-void TouchEmulator::TakeFrame(std::uint8_t command, std::span<const std::uint8_t> payload) {
-  if (command == kOmniForce && payload.size() == kOmniForceBytes) {
-    TouchForce force{.enabled = (Word(payload, 6) & 1 << 3) != 0};
-    for (std::size_t n = 0; n < 3; ++n) {
-      force.motors[n] = Word(payload, 2 * n) - kOmniMotorRange;
-    }
-    forces_.push_back(force);
-    waited_ms_ = kMostWaitMs;
-  } else if (command == kOmniUsbFirmwareQuery.command) {
+void TouchEmulator::TakeFrame(std::uint8_t command) {
+  if (command == kOmniUsbFirmwareQuery.command) {
     Answer(kOmniUsbFirmwareReply, "emulated 1.0");
   } else if (command == kOmniUsbSerialQuery.command) {
     Answer(kOmniUsbSerialReply, "EMULATED0001");
-  } else if (command == kOmniUsbServo.command && !payload.empty()) {
-    streaming_ = payload[0] != 0;
   }
 }
 
@@ -88,19 +65,6 @@ void TouchEmulator::Answer(OmniUsbCommand reply, const std::string& text) {
   QueueIn(kDataIn, {1, 2, 0xa5});
   QueueIn(kDataIn, Bytes(frame.begin(), frame.begin() + 9));
   QueueIn(kDataIn, Bytes(frame.begin() + 9, frame.end()));
-}
-
-void TouchEmulator::OnMillisecond() {
-  if (!streaming_) return;
-  if (waits_for_forces && waited_ms_++ < kMostWaitMs) return;
-  waited_ms_ = 0;
-  ++counter_;
-  OmniJoints joints;
-  if (path_ && OmniJointsAt(path_(1e-3 * (counter_ - path_begin_)), joints)) {
-    encoders_ = {Counts(joints.base_rad), Counts(-joints.shoulder_rad), Counts(joints.elbow_rad)};
-  }
-  const OmniReading reading{.encoders = encoders_, .docked = docked, .counter = counter_};
-  QueueIn(kDataIn, Framed(kOmniState, OmniStatePayload(reading)));
 }
 
 }  // namespace palpate::test

@@ -97,7 +97,7 @@ TEST(CliSetting, NumbersFlagsAndNamesAreTold) {
            {"force_shading", "true", "force_shading on"},
            {"passivity_control", "off", "passivity_control off"},
            {"free_side", "above", "free_side above"},
-           {"method", "tpbcc-published", "method tpbcc-published"}}) {
+           {"method", "bcc", "method bcc"}}) {
     client::SettingsUpdate update;
     const Setting& setting = *FindSetting(name);
     EXPECT_TRUE(StoreSetting(setting, value, update)) << name;

@@ -214,15 +214,13 @@ TEST_F(ConfigCheckTest, LooksAtTheWhole) {
            {"[volume]\nnormalized_isovalue = 1.5\n", "2: volume.normalized_isovalue: "},
            {"[device]\n\nkind = \"omni\"\n", "3: device.kind: "},
            {"[device]\nkind = \"replay\"\n", "2: device.kind: "},
-           {"[device]\nkind = \"omni-usb\"\nframes = \"framed-firewire\"\n",
-            "2: device.kind: ... state_command"},
+           {"[device]\nframes = \"framed-firewire\"\n", "2: device.frames ... openhaptics"},
            {"[device]\nstop_buttons = 12\n", "2: device.stop_buttons: "},
            {replay + "/no/such\"\n", "3: device.replay_file: ... /no/such"},
            // It is there, and no recording.
            {replay + In("f.toml").string() + "\"\n", "3: device.replay_file: "},
            {"[device]\nfalcon_firmware = \"/no/such\"\n", "2: device.falcon_firmware: "},
-           {"[device]\nkind = \"falcon\"\nstop_buttons = 0\n[haptics]\nmethod = \"tptd\"\n",
-            "5: haptics.method "},
+           {"[haptics]\nmethod = \"tptd\"\n", "2: haptics.method "},
            {"[server]\nsocket = \"/tmp/a b\"\n", "2: server.socket: "},
            {"[realtime]\ncpu = 1023\n", "2: realtime.cpu "}}) {
     ExpectFaults(Faults(text), {"f.toml:" + fault});

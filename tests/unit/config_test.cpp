@@ -43,8 +43,6 @@ class ConfigTest : public ::testing::Test {
 // Of what is felt, which is read by the contract's list, one number and one flag.
 TEST_F(ConfigTest, ReadsEveryKey) {
   const std::vector<std::filesystem::path> folders = {"/tmp", "/"};
-  const std::vector<std::uint8_t> payload = {1, 255};
-  const std::array<double, 3> counts = {1.0, -2.5, 3.0};
   struct Key {
     std::string text;
     std::function<bool(const Config&)> is_read;
@@ -97,13 +95,6 @@ TEST_F(ConfigTest, ReadsEveryKey) {
       {"device.replay_file = '/a.palrec'",
        [](auto& c) { return c.device.replay_file == "/a.palrec"; }},
       {"device.usb_port = '1-2'", [](auto& c) { return c.device.usb_port == "1-2"; }},
-      {"device.frames = 'framed-firewire'", [](auto& c) { return c.device.framed_firewire; }},
-      {"device.state_command = 0x21", [](auto& c) { return c.device.state_command == 0x21; }},
-      {"device.force_command = 34", [](auto& c) { return c.device.force_command == 34; }},
-      {"device.init_payload = [0x01, 0xff]",
-       [&](auto& c) { return c.device.init_payload == payload; }},
-      {"device.motor_counts_per_n_mm = [1, -2.5, 3]",
-       [&](auto& c) { return c.device.motor_counts_per_n_mm == counts; }},
       {"device.falcon_firmware = '/f.bin'",
        [](auto& c) { return c.device.falcon_firmware == "/f.bin"; }},
       {"device.openhaptics_library = '/h.so'",
@@ -152,8 +143,8 @@ TEST_F(ConfigTest, AFaultNamesItsLineAndKey) {
       {"[volume]\nspacing_mm = [1, 2]\n", "2 volume.spacing_mm"},
       {"[volume]\nraw_size = [1.5, 2, 2]\n", "2 volume.raw_size"},
       {"[volume]\nraw_type = \"char\"\n", "2 volume.raw_type"},
-      {"[device]\nframes = \"usb\"\n", "2 device.frames"},
-      {"[device]\nstate_command = 256\n", "2 device.state_command"},
+      {"[device]\nframes = \"framed-firewire\"\n", "2 device.frames"},
+      {"[device]\nstate_command = 33\n", "2 device.state_command"},
       {"[device]\npressed_buttons = 4\n", "2 device.pressed_buttons"},
       {"[state]\nfolder = 3\n", "2 state.folder"},
       {"[server]\nlisten = \"7400\"\n", "2 server.listen"},
@@ -185,8 +176,7 @@ TEST_F(ConfigTest, ValuesOfOtherKindsAreRefused) {
       {"volume.save_folders", no_folders},
       {"volume.upload_folder", {"1", "[\"/tmp\"]"}},
       {"volume.max_upload_mib", no_sizes},
-      {"volume.memory_budget_mib", no_sizes},
-      {"device.init_payload", {"[256]", "[1, -1]", "[1.0]", "3"}}};
+      {"volume.memory_budget_mib", no_sizes}};
   for (const auto& [key, values] : cases) {
     const auto dot = key.find('.');
     for (const std::string& bad : values) {

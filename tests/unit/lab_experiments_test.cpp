@@ -28,9 +28,8 @@
 namespace palpate::lab {
 namespace {
 
-constexpr DecompositionMethod kAllMethods[] = {
-    DecompositionMethod::kBcc, DecompositionMethod::kTptd, DecompositionMethod::kTpbccPublished,
-    DecompositionMethod::kTpbcc};
+constexpr ComparedMethod kAllMethods[] = {ComparedMethod::kBcc, ComparedMethod::kTptd,
+                                          ComparedMethod::kTpbccPublished, ComparedMethod::kTpbcc};
 
 CellDensities CellOf(double (*value)(const Vec3&)) {
   CellDensities d;
@@ -76,7 +75,7 @@ TEST(Wilcoxon, EqualSamplesDoNotDiffer) {
 TEST(Accuracy, PlanesAreExact) {
   const CellDensities d =
       CellOf([](const Vec3& p) { return 0.1 + 0.2 * p.x() + 0.3 * p.y() + 0.4 * p.z(); });
-  for (DecompositionMethod method : kAllMethods) {
+  for (ComparedMethod method : kAllMethods) {
     const Accuracy accuracy = MeasureAccuracy(d, 0.47, Decompose(d, method), 50);
     EXPECT_NEAR(accuracy.difference, 0.0, 1e-9);
     EXPECT_NEAR(accuracy.overlap, 0.0, 1e-9);
@@ -90,17 +89,17 @@ TEST(Accuracy, PlanesAreExact) {
 TEST(Accuracy, EqualsAnAnalyticVolume) {
   const CellDensities d = CellOf([](const Vec3& p) { return p.x() * p.z(); });
   const double expected = 100.0 * (9.0 / 16.0 - (1.0 - 0.25 * (1.0 + std::log(4.0))));
-  EXPECT_NEAR(DifferenceOf(d, 0.25, DecompositionMethod::kTptd, 1000), expected, 2e-3);
+  EXPECT_NEAR(DifferenceOf(d, 0.25, ComparedMethod::kTptd, 1000), expected, 2e-3);
 }
 
 TEST(Accuracy, SeesOverlapsAndGaps) {
   // Case 13.1: six face saddles that do not pair up.
   const CellDensities d = {0.95, 0.05, 0.81, 0.02, 0.11, 0.91, 0.06, 0.88};
   const Accuracy published =
-      MeasureAccuracy(d, 0.34, Decompose(d, DecompositionMethod::kTpbccPublished), 100);
+      MeasureAccuracy(d, 0.34, Decompose(d, ComparedMethod::kTpbccPublished), 100);
   EXPECT_GT(published.overlap, 1.0);
   EXPECT_GT(published.gap, 1.0);
-  const Accuracy ours = MeasureAccuracy(d, 0.34, Decompose(d, DecompositionMethod::kTpbcc), 100);
+  const Accuracy ours = MeasureAccuracy(d, 0.34, Decompose(d, ComparedMethod::kTpbcc), 100);
   EXPECT_NEAR(ours.overlap, 0.0, 1e-9);
   EXPECT_NEAR(ours.gap, 0.0, 1e-9);
 }
@@ -113,16 +112,16 @@ TEST(Table4, PublishedFiguresAreMet) {
   for (const PublishedRow& row : rows) {
     for (int m = 0; m < 3; ++m) {
       if (!row.difference[m]) continue;
-      const DecompositionMethod method = kAllMethods[m];
+      const ComparedMethod method = kAllMethods[m];
       const double ours = DifferenceOf(row.d, row.isovalue, method, 200);
       const bool met = MeetsPublished(method, *row.difference[m], ours);
-      if (method == DecompositionMethod::kTptd) {
+      if (method == ComparedMethod::kTptd) {
         tptd_met += met;
       } else {
         EXPECT_TRUE(met) << row.name << " " << kMethodNames[m];
       }
     }
-    sum += DifferenceOf(row.resolved, row.isovalue, DecompositionMethod::kTpbcc, 200);
+    sum += DifferenceOf(row.resolved, row.isovalue, ComparedMethod::kTpbcc, 200);
   }
   std::printf("tptd met in %d rows; tpbcc mean %.3f\n", tptd_met, sum / 29.0);
   EXPECT_GE(tptd_met, 22);
@@ -140,7 +139,7 @@ double MeanDifference(bool alternating) {
     const CellDensities d = RandomCell(random, alternating);
     const double isovalue = 0.2 + 0.6 * uniform(random);
     if (!IsCrossed(d, isovalue)) continue;
-    sum += DifferenceOf(d, isovalue, DecompositionMethod::kTpbcc, kColumns);
+    sum += DifferenceOf(d, isovalue, ComparedMethod::kTpbcc, kColumns);
     ++n;
   }
   return sum / cells;
@@ -165,17 +164,17 @@ TEST(SixFaceSaddles, FaultsOfThePublishedRules) {
   while (cells < 300) {
     CellDensities d;
     for (double& x : d) x = uniform(random);
-    const Decomposition tptd = Decompose(d, DecompositionMethod::kTptd);
+    const Decomposition tptd = Decompose(d, ComparedMethod::kTptd);
     if (tptd.face_saddle_count != 6 || tptd.body_saddle_count != 2) continue;
     ++cells;
     const Accuracy filled = MeasureAccuracy(d, 0.5, tptd, 12);
     EXPECT_NEAR(filled.overlap + filled.gap, 0.0, 1e-9);
-    const Decomposition ours = Decompose(d, DecompositionMethod::kTpbcc);
+    const Decomposition ours = Decompose(d, ComparedMethod::kTpbcc);
     for (double isovalue = 0.05; isovalue < 1.0; isovalue += 0.05) {
       EXPECT_EQ(CountCellTopology(tptd, isovalue), CountCellTopology(ours, isovalue));
     }
     const Accuracy published =
-        MeasureAccuracy(d, 0.5, Decompose(d, DecompositionMethod::kTpbccPublished), 12);
+        MeasureAccuracy(d, 0.5, Decompose(d, ComparedMethod::kTpbccPublished), 12);
     overlaps += published.overlap > 1e-9;
   }
   EXPECT_GT(overlaps, cells * 4 / 10);
@@ -256,8 +255,8 @@ TEST_F(LabExperiment, Table4HasEveryCellWithItsFigure) {
   for (const PublishedRow& cell : cells) {
     const Words row = RowOf(rows, cell.name);
     ASSERT_GE(row.size(), 3u);
-    const double ours = DifferenceOf(DensitiesFor(cell, DecompositionMethod::kTpbcc), cell.isovalue,
-                                     DecompositionMethod::kTpbcc, options_.columns);
+    const double ours = DifferenceOf(DensitiesFor(cell, ComparedMethod::kTpbcc), cell.isovalue,
+                                     ComparedMethod::kTpbcc, options_.columns);
     EXPECT_NEAR(std::stod(row.back()), ours, 0.0051) << cell.name;
   }
 }
@@ -265,12 +264,12 @@ TEST_F(LabExperiment, Table4HasEveryCellWithItsFigure) {
 TEST_F(LabExperiment, Table1HasTheMeansAndAllPairs) {
   const auto rows = RowsOf(Run("table1"));
   const auto cells = ReadPublishedTable(options_.table);
-  for (const DecompositionMethod method : kAllMethods) {
+  for (const ComparedMethod method : kAllMethods) {
     double sum = 0.0;
     for (const PublishedRow& cell : cells) {
       sum += DifferenceOf(DensitiesFor(cell, method), cell.isovalue, method, options_.columns);
     }
-    const Words row = RowOf(rows, std::string(MethodName(method)));
+    const Words row = RowOf(rows, std::string(NameOf(method)));
     ASSERT_GE(row.size(), 2u);
     EXPECT_NEAR(std::stod(row[1]), sum / static_cast<double>(cells.size()), 0.00051) << row[0];
   }

@@ -82,7 +82,7 @@ TEST(LabTriangleGrid, IsTheNearestOfAllTriangles) {
   std::uniform_real_distribution<double> uniform(-6.0, 18.0), value(0.0, 1.0);
   const auto volume =
       testing::MakeVolume(Vec3i(12, 11, 9), [&](int, int, int) { return value(random); });
-  const SurfaceMesh mesh = ExtractSurface(*volume, 0.7, kTpbcc, PaddedCells(*volume));
+  const SurfaceMesh mesh = ExtractSurface(*volume, 0.7, Compared(kTpbcc), PaddedCells(*volume));
   ASSERT_GT(mesh.triangles.size(), 1000u);
   AffineMap X_DI;
   X_DI.linear << 0.3, 0.1, 0.0, 0.0, 2.0, 0.4, 0.2, 0.0, 0.9;
@@ -157,8 +157,8 @@ void ExpectSound(const Verdict& v) {
 class LabJudge : public ::testing::Test {
  protected:
   Verdict Judged() const {
-    const TriangleGrid triangles(ExtractSurface(*volume_, 0.5, kTpbcc, PaddedCells(*volume_)),
-                                 AffineMap{});
+    const TriangleGrid triangles(
+        ExtractSurface(*volume_, 0.5, Compared(kTpbcc), PaddedCells(*volume_)), AffineMap{});
     return JudgeReplay(surface_, settings_, triangles, ticks_);
   }
 
@@ -260,8 +260,8 @@ TEST(LabAttack, FindsNoFaultWithPops) {
   const HapticSettings settings{.pop_force_n = 0.4};
   const auto hips_mm = MakeTrajectory(*volume, {.kind = TrajectoryKind::kRandom, .ticks = 8'000});
   const std::vector<ReplayTick> ticks = Replay(surface, settings, hips_mm, 1);
-  const TriangleGrid triangles(ExtractSurface(*volume, 0.49, kTpbcc, PaddedCells(*volume)),
-                               surface.X_DI);
+  const TriangleGrid triangles(
+      ExtractSurface(*volume, 0.49, Compared(kTpbcc), PaddedCells(*volume)), surface.X_DI);
   const Verdict v = JudgeReplay(surface, settings, triangles, ticks);
   int pops = 0, above = 0;
   for (const ReplayTick& tick : ticks) {
@@ -279,7 +279,7 @@ TEST(LabSlide, IsFeltWithoutFault) {
   const auto volume = palpate::testing::Gyroid();
   const HapticSurface surface = SurfaceOf(*volume, 0.5);
   const auto hips_mm = MakeTrajectory(*volume, {.ticks = 20'000});
-  const TriangleGrid triangles(ExtractSurface(*volume, 0.5, kTpbcc, PaddedCells(*volume)),
+  const TriangleGrid triangles(ExtractSurface(*volume, 0.5, Compared(kTpbcc), PaddedCells(*volume)),
                                surface.X_DI);
   const Verdict v = JudgeReplay(surface, {}, triangles, Replay(surface, {}, hips_mm, 1));
   ExpectSound(v);

@@ -30,9 +30,9 @@ namespace {
 
 using testing::MakeVolume;
 
-constexpr auto kTpbcc = DecompositionMethod::kTpbcc;
-constexpr std::array kMeshMethods = {DecompositionMethod::kBcc, DecompositionMethod::kTptd,
-                                     DecompositionMethod::kTpbccPublished, kTpbcc};
+constexpr auto kTpbcc = ComparedMethod::kTpbcc;
+constexpr std::array kMeshMethods = {ComparedMethod::kBcc, ComparedMethod::kTptd,
+                                     ComparedMethod::kTpbccPublished, kTpbcc};
 
 std::shared_ptr<const VolumeSnapshot> MakeSphere(int edge) {
   const double c = 0.5 * (edge - 1);
@@ -65,8 +65,7 @@ std::shared_ptr<const VolumeSnapshot> MakeRandom(int edge, int levels, unsigned 
   });
 }
 
-SurfaceMesh Extract(const VolumeSnapshot& volume, double isovalue,
-                    DecompositionMethod method = kTpbcc) {
+SurfaceMesh Extract(const VolumeSnapshot& volume, double isovalue, ComparedMethod method = kTpbcc) {
   return ExtractSurface(volume, isovalue, method, PaddedCells(volume));
 }
 
@@ -88,7 +87,7 @@ double EnclosedVolume(const SurfaceMesh& mesh) {
 
 // A closed surface with so many holes.
 SurfaceMesh ExpectGenus(std::int64_t genus, const VolumeSnapshot& volume, double value,
-                        DecompositionMethod method = kTpbcc) {
+                        ComparedMethod method = kTpbcc) {
   const double isovalue = volume.Normalize(value);
   const SurfaceMesh mesh = Extract(volume, isovalue, method);
   const MeshStatistics s = MeasureMesh(mesh);
@@ -102,8 +101,8 @@ SurfaceMesh ExpectGenus(std::int64_t genus, const VolumeSnapshot& volume, double
 
 TEST(LabMesh, ASphereIsOneForEveryMethodAndATorusHasOneHole) {
   const auto sphere = MakeSphere(20);
-  for (DecompositionMethod method : kMeshMethods) {
-    SCOPED_TRACE(MethodName(method));
+  for (ComparedMethod method : kMeshMethods) {
+    SCOPED_TRACE(NameOf(method));
     EXPECT_NEAR(EnclosedVolume(ExpectGenus(0, *sphere, -7.0, method)),
                 4.0 / 3.0 * std::numbers::pi * 343.0, 15.0);
   }
@@ -113,7 +112,7 @@ TEST(LabMesh, ASphereIsOneForEveryMethodAndATorusHasOneHole) {
 TEST(LabMesh, WithoutPaddingOpensAtTheBorderOnly) {
   const auto gyroid = MakeGyroid(20);
   const CellRange inner{Vec3i::Zero(), gyroid->size() - Vec3i::Ones()};
-  for (DecompositionMethod method : kMeshMethods) {
+  for (ComparedMethod method : kMeshMethods) {
     const MeshStatistics s = MeasureMesh(ExtractSurface(*gyroid, 0.5, method, inner));
     EXPECT_GT(s.boundary_edges, 0);
     EXPECT_GT(s.boundary_loops, 0);
@@ -125,7 +124,7 @@ TEST(LabMesh, WithoutPaddingOpensAtTheBorderOnly) {
 }
 
 // The number of those with another Euler characteristic.
-int CountWrongRandomGrids(DecompositionMethod method, int levels, int grids) {
+int CountWrongRandomGrids(ComparedMethod method, int levels, int grids) {
   int wrong = 0;
   std::mt19937 random(99);
   std::uniform_real_distribution<double> isovalues(0.1, 0.9);
@@ -145,8 +144,8 @@ TEST(LabMesh, OnRandomGridsItIsClosedAndOursHasTheTopologyOfTheTrilinearSurface)
   for (const int levels : {0, 2, 3, 5, 16, 256}) {
     EXPECT_EQ(CountWrongRandomGrids(kTpbcc, levels, 500), 0) << levels;
   }
-  EXPECT_GT(CountWrongRandomGrids(DecompositionMethod::kBcc, 0, 300), 0);
-  CountWrongRandomGrids(DecompositionMethod::kTptd, 0, 300);
+  EXPECT_GT(CountWrongRandomGrids(ComparedMethod::kBcc, 0, 300), 0);
+  CountWrongRandomGrids(ComparedMethod::kTptd, 0, 300);
 }
 
 TEST(LabMesh, SolidAroundTheBorderCountsAsWell) {
@@ -295,7 +294,7 @@ TEST_F(LabMeshFiles, TheCommandCountsAndWrites) {
 
 using Json = nlohmann::json;
 
-std::vector<Json> Decomposed(const std::string& input, DecompositionMethod method,
+std::vector<Json> Decomposed(const std::string& input, ComparedMethod method,
                              const VolumeSnapshot* volume = nullptr) {
   std::istringstream in(input);
   std::ostringstream out;
@@ -308,7 +307,7 @@ std::vector<Json> Decomposed(const std::string& input, DecompositionMethod metho
 
 std::string Refusal(const std::string& input) {
   try {
-    Decomposed(input, DecompositionMethod::kTpbcc);
+    Decomposed(input, ComparedMethod::kTpbcc);
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kInvalidArgument);
     return error.what();
@@ -323,7 +322,7 @@ TEST(LabCells, ReadsCommasBlanksAndFurtherColumns) {
       "\n"
       "0 1 0 1 1 0 1 0\r\n"
       "  +1e-3\t2, 3 4 5 6 7 -8e2\n",
-      DecompositionMethod::kTpbcc);
+      ComparedMethod::kTpbcc);
   ASSERT_EQ(cells.size(), 3u);
   EXPECT_EQ(cells[1]["sigma_f"], 6);
   EXPECT_EQ(cells[1]["tetrahedra"][0].size(), 4u);
@@ -351,7 +350,7 @@ TEST(LabCells, CornersAreNeverRaised) {
   std::string line;
   for (int k = 0; k < 8; ++k) line += fmt::format("{} ", 1.0 + k * 0x1p-52);
   const auto cells =
-      Decomposed(line + "\n1e-9 1e-9 1e-9 1e-9 1e-9 1e-9 1e-9 1e-9\n", DecompositionMethod::kTpbcc);
+      Decomposed(line + "\n1e-9 1e-9 1e-9 1e-9 1e-9 1e-9 1e-9 1e-9\n", ComparedMethod::kTpbcc);
   ASSERT_EQ(cells.size(), 2u);
   for (int k = 0; k < 8; ++k) {
     EXPECT_EQ(cells[0]["vertices"][k][3].get<double>(), 1.0 + k * 0x1p-52);
@@ -362,7 +361,7 @@ TEST(LabCells, CornersAreNeverRaised) {
 TEST(LabCells, TakesAnyFiniteDensities) {
   for (const char* line : {"0 0 0 0 0 0 0 0", "1e308 -1e308 1e308 -1e308 0 0 0 1",
                            "1e-320 2e-320 3e-320 0 1e-320 5e-324 0 0", "-7 -7 -7 -7 -7 -7 -7 -6"}) {
-    const auto cells = Decomposed(std::string(line) + "\n", DecompositionMethod::kTpbcc);
+    const auto cells = Decomposed(std::string(line) + "\n", ComparedMethod::kTpbcc);
     ASSERT_EQ(cells.size(), 1u);
     for (const Json& vertex : cells[0]["vertices"]) {
       for (const Json& number : vertex) ASSERT_TRUE(number.is_number()) << line;
@@ -373,17 +372,17 @@ TEST(LabCells, TakesAnyFiniteDensities) {
 TEST(LabCells, OfAVolumeAreTheRenderersOwn) {
   const auto volume = testing::MakeVolume(
       Vec3i(4, 4, 4), [](int i, int j, int k) { return (i * 7 + j * 3 + k) % 4; });
-  const auto cells = Decomposed("1,2,0\n-1 -1 -1\n", DecompositionMethod::kTpbcc, volume.get());
+  const auto cells = Decomposed("1,2,0\n-1 -1 -1\n", ComparedMethod::kTpbcc, volume.get());
   ASSERT_EQ(cells.size(), 2u);
   const Decomposition expected =
-      Decompose(volume->ResolvedCell(Vec3i(1, 2, 0)), DecompositionMethod::kTpbcc);
+      Decompose(volume->ResolvedCell(Vec3i(1, 2, 0)), ComparedMethod::kTpbcc);
   for (int v = 0; v < 15; ++v) {
     EXPECT_EQ(cells[0]["vertices"][v][3].get<double>(), expected.density[v]);
     EXPECT_EQ(cells[0]["vertices"][v][1].get<double>(), expected.position[v].y());
   }
   std::istringstream in("9 9 9\n");
   std::ostringstream out;
-  EXPECT_THROW(DecomposeCells(in, out, DecompositionMethod::kTpbcc, volume.get()), Error);
+  EXPECT_THROW(DecomposeCells(in, out, ComparedMethod::kTpbcc, volume.get()), Error);
 }
 
 }  // namespace

@@ -115,10 +115,9 @@ TEST(LabTrajectory, SlidesLieInTheSurfaceAtTheirSpeed) {
   const auto density = [&](const Vec3& p_mm) {
     return SampleField(*bumps.volume, X_IW.Apply(p_mm)).value;
   };
-  const TriangleGrid triangles(
-      ExtractSurface(*bumps.volume, bumps.isovalue, DecompositionMethod::kTpbcc,
-                     PaddedCells(*bumps.volume)),
-      X_WI);
+  const TriangleGrid triangles(ExtractSurface(*bumps.volume, bumps.isovalue, ComparedMethod::kTpbcc,
+                                              PaddedCells(*bumps.volume)),
+                               X_WI);
   EXPECT_LT(density(hips_mm[0]), bumps.isovalue);
   double way_mm = 0.0, shallowest_mm = 10.0, deepest_mm = 0.0;
   for (std::size_t n = 1000; n < hips_mm.size(); ++n) {

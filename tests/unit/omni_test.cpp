@@ -258,7 +258,6 @@ TEST(OmniUsbFrames, CutsDoNotMatterInNoiseEither) {
       byte = static_cast<std::uint8_t>(random() % 4 ? random() : random() % 2 ? 0xa5 : 0x5a);
     }
     OmniUsbParser whole, cut;
-    for (auto* parser : {&whole, &cut}) parser->Expect({0x5a, 7});
     ASSERT_EQ(ParseAll(whole, noise), ParseCut(cut, noise, random, 40));
     ASSERT_EQ(whole.corrupt_bytes(), cut.corrupt_bytes());
     ASSERT_EQ(whole.corrupt_runs(), cut.corrupt_runs());
@@ -278,70 +277,8 @@ TEST(OmniUsbFrames, GarbageBetweenFramesIsPassedOverAndCounted) {
   EXPECT_EQ(parser.corrupt_runs(), 4u);
 }
 
-TEST(OmniUsbFrames, AnotherLengthThanTheKnownOneIsGarbage) {
-  OmniUsbParser parser;
-  parser.Expect({0x21, 3});
-  // What the wrong length spans is searched: the frame in it is found.
-  const Bytes good = Framed(0x21, Bytes{7, 8, 9});
-  const auto frames = ParseAll(parser, JoinedBytes({{0xa5, 0x5a, 0x21, 200}, good, good}));
-  EXPECT_EQ(frames, (std::vector<Frame>{{0x21, {7, 8, 9}}, {0x21, {7, 8, 9}}}));
-  EXPECT_EQ(parser.corrupt_bytes(), 4u);
-  EXPECT_EQ(parser.corrupt_runs(), 1u);
-}
-
-// Two readings are never mixed: what is left of the first is dropped.
-TEST(OmniUsbFrames, ACutOffFrameIsNotFilledUpWithTheNext) {
-  const Bytes cut_off = Framed(0x21, Bytes(44, 1)), good = Framed(0x21, Bytes(44, 2));
-  for (std::size_t kept = 1; kept < cut_off.size(); ++kept) {
-    OmniUsbParser parser;
-    parser.Expect({0x21, 44});
-    Bytes bytes(cut_off.begin(), cut_off.begin() + kept);
-    for (int n = 0; n < 3; ++n) bytes = JoinedBytes({bytes, good});
-    const auto frames = ParseAll(parser, bytes);
-    // After two bytes the next start is taken for a command and its length.
-    ASSERT_GE(frames.size(), kept == 2 ? 2u : 3u);
-    for (const Frame& frame : frames) {
-      // But for three bytes at its end, where a header may hide.
-      if (frame.command != 0x21) continue;
-      const Bytes start(frame.payload.begin(), frame.payload.begin() + 41);
-      EXPECT_TRUE(start == Bytes(41, 1) || start == Bytes(41, 2)) << kept;
-    }
-    EXPECT_EQ(frames.back().payload, Bytes(44, 2));
-    EXPECT_EQ(parser.corrupt_runs(), 1u);
-  }
-}
-
-// Every byte of the stream with every other value: at most two frames are lost, and
-// those behind are all there.
-TEST(OmniUsbFrames, EverySingleDamagedByteIsSurvived) {
-  constexpr std::uint8_t kState = 0x21;
-  std::vector<Frame> frames;
-  for (unsigned n = 0; n < 12; ++n) {
-    Bytes payload(kOmniStateBytes);
-    for (std::size_t i = 0; i < payload.size(); ++i) {
-      payload[i] = static_cast<std::uint8_t>((i * 7 + n * 13) % 0xa5);
-    }
-    frames.push_back({kState, payload});
-  }
-  const Bytes good = Stream(frames);
-  const std::size_t damaged_at = 2 * (kOmniUsbHeaderBytes + kOmniStateBytes);
-  for (std::size_t at = damaged_at; at < damaged_at + 48; ++at) {
-    for (unsigned value = 0; value < 256; ++value) {
-      Bytes bytes = good;
-      if (bytes[at] == value) continue;
-      bytes[at] = static_cast<std::uint8_t>(value);
-      OmniUsbParser parser;
-      parser.Expect({kState, kOmniStateBytes});
-      auto found = ParseAll(parser, bytes);
-      std::erase_if(found, [](const Frame& frame) { return frame.command != kState; });
-      ASSERT_GE(found.size(), frames.size() - 1) << at << " " << value;
-      ASSERT_TRUE(std::equal(frames.end() - 9, frames.end(), found.end() - 9));
-    }
-  }
-}
-
-// Where a length is damaged that nobody knows, 255 bytes are the worst.
-TEST(OmniUsbFrames, ADamagedUnknownLengthTakesNoMoreThanAFrameAlong) {
+// Where a length is damaged, 255 bytes are the worst.
+TEST(OmniUsbFrames, ADamagedLengthTakesNoMoreThanAFrameAlong) {
   std::mt19937 random(3);
   std::vector<Frame> frames = PlainFrames(random, 60);
   for (Frame& frame : frames) frame.payload.resize(44, 1);

@@ -1,5 +1,4 @@
-// Setting up a Touch on USB, without USB: the serial line, who it is, the servo's start,
-// and the farewell.
+// A Touch on USB, without USB: the serial line, and who it is.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -19,9 +18,6 @@ namespace palpate {
 namespace {
 
 using test::Bytes;
-using test::Framed;
-using test::kOmniForce;
-using test::NamedOmniUsbOptions;
 
 class OmniUsbSetUpTest : public ::testing::Test {
  protected:
@@ -29,13 +25,12 @@ class OmniUsbSetUpTest : public ::testing::Test {
 
   OmniUsbSetUpTest() {
     test::SetDirectUsb(touch_);
-    link_.emplace(protocol_->match());
+    link_.emplace(protocol_.match());
   }
 
-  std::string SetUpLine() { return protocol_->SetUp(*link_, false); }
   UsbError FailureOfSetUp(bool stopping = false) {
     const std::atomic<bool> stop = stopping;
-    return test::UsbErrorOf([&] { protocol_->SetUp(*link_, stop); });
+    return test::UsbErrorOf([&] { protocol_.SetUp(*link_, stop); });
   }
   // What the host did since the last call.
   struct Actions {
@@ -60,67 +55,58 @@ class OmniUsbSetUpTest : public ::testing::Test {
   }
 
   test::TouchEmulator touch_;
-  std::optional<OmniUsbProtocol> protocol_{NamedOmniUsbOptions()};
+  OmniUsbProtocol protocol_;
   std::optional<UsbLink> link_;
 
  private:
   std::size_t taken_ = 0;
 };
 
-TEST_F(OmniUsbSetUpTest, ItSaysWhoItIsAndStreams) {
-  OmniUsbOptions options = NamedOmniUsbOptions();
-  (*options.init_payload)[3] = 17;
-  protocol_.emplace(options);
-  EXPECT_EQ(SetUpLine(), "serial EMULATED0001, firmware emulated 1.0");
+TEST_F(OmniUsbSetUpTest, ItEndsWithWhoItIsAndWhatToDo) {
+  const UsbError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), UsbFault::kUnsuitable);
+  for (const char* part : {"1-2", "serial EMULATED0001, firmware emulated 1.0", "devices.md"}) {
+    EXPECT_TRUE(test::Says(error, part)) << error.what();
+  }
+  protocol_.TearDown(*link_);
+  // Nothing but the questions.
   const Actions set_up = TakeActions();
-  ASSERT_EQ(set_up.commands, (Bytes{0x0f, 0x0c, 0x04, 0x07}));
-  EXPECT_EQ(set_up.frames[2].size(), 64u);
-  EXPECT_EQ(set_up.frames[2][7], 17);
-  EXPECT_EQ(set_up.frames[3], (Bytes{0xa5, 0x5a, 7, 7, 1, 0, 0, 0x80, 0, 0, 0}));
+  EXPECT_EQ(set_up.commands, (Bytes{0x0f, 0x0c}));
   // The line: its coding and its state, on the control interface.
   constexpr std::uint8_t kControl = test::TouchEmulator::kControlInterface;
   ASSERT_EQ(set_up.requests.size(), 3u);
   EXPECT_EQ(set_up.requests[1], (Bytes{0x21, 0x20, 0, 0, kControl, 0, 7, 0,  //
                                        0x00, 0xc2, 0x01, 0x00, 0, 0, 8}));
   EXPECT_EQ(set_up.requests[2], (Bytes{0x21, 0x22, 3, 0, kControl, 0, 0, 0}));
-
-  protocol_->TearDown(*link_);
-  const Actions farewell = TakeActions();
-  ASSERT_EQ(farewell.commands, (Bytes{kOmniForce, 0x07}));
-  EXPECT_EQ(farewell.frames[0], Framed(kOmniForce, EncodeOmniForce({})));
-  EXPECT_EQ(farewell.frames[1][4], 0);
 }
 
-TEST_F(OmniUsbSetUpTest, WithoutNamedFramesItEndsWithWhoItIsAndWhatToDo) {
-  protocol_.emplace(OmniUsbOptions{});
-  const UsbError error = FailureOfSetUp();
-  EXPECT_EQ(error.fault(), UsbFault::kUnsuitable);
-  for (const char* part : {"1-2", "EMULATED0001", "emulated 1.0", "devices.md", "`frames`"}) {
-    EXPECT_TRUE(test::Says(error, part)) << error.what();
-  }
-  protocol_->TearDown(*link_);
-  // Nothing but the questions.
-  EXPECT_EQ(TakeActions().commands, (Bytes{0x0f, 0x0c}));
+TEST_F(OmniUsbSetUpTest, NeitherReadingNorForce) {
+  std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> out{};
+  EXPECT_EQ(protocol_.Encode(Vec3(1, 1, 1), true, out), 0u);
+  DeviceState state;
+  EXPECT_FALSE(protocol_.Receive(Bytes(100, 0xa5), state).has_reading);
+  EXPECT_EQ(protocol_.spec().verification_level, VerificationLevel::kNone);
+  EXPECT_TRUE(IsHardware(protocol_.spec()));
 }
 
 TEST_F(OmniUsbSetUpTest, AHidTouchIsKnownAndRefused) {
-  EXPECT_NE(protocol_->match().problem_of({0x2988, 0x0304}).find("HID"), std::string::npos);
+  EXPECT_NE(protocol_.match().problem_of({0x2988, 0x0304}).find("HID"), std::string::npos);
   EXPECT_TRUE(OmniUsbProblem({0x2988, 0x0302}).empty());
   EXPECT_EQ(OmniUsbIds().size(), 3u);
 }
 
 TEST_F(OmniUsbSetUpTest, AQueryIsAskedTwice) {
   touch_.queries_without_answer = 1;
-  EXPECT_FALSE(SetUpLine().empty());
+  EXPECT_EQ(FailureOfSetUp().fault(), UsbFault::kUnsuitable);
   const Actions actions = TakeActions();
-  EXPECT_EQ(actions.commands, (Bytes{0x0f, 0x0f, 0x0c, 0x04, 0x07}));
+  EXPECT_EQ(actions.commands, (Bytes{0x0f, 0x0f, 0x0c}));
   EXPECT_EQ(actions.breaks, 0);
 }
 
-TEST_F(OmniUsbSetUpTest, ASilentDeviceGetsABreakOnceAndNoFarewell) {
+TEST_F(OmniUsbSetUpTest, ASilentDeviceGetsABreakOnce) {
   touch_.SetFaults({.silent = true});
   touch_.break_mends = true;
-  EXPECT_FALSE(SetUpLine().empty());
+  EXPECT_EQ(FailureOfSetUp().fault(), UsbFault::kUnsuitable);
   EXPECT_EQ(TakeActions().breaks, 1);
 
   touch_.SetFaults({.silent = true});
@@ -129,9 +115,6 @@ TEST_F(OmniUsbSetUpTest, ASilentDeviceGetsABreakOnceAndNoFarewell) {
   EXPECT_EQ(error.fault(), UsbFault::kTimeout);
   EXPECT_TRUE(test::Says(error, "unplug"));
   EXPECT_EQ(TakeActions().breaks, 1);
-  // Who did not say who it is gets no frame of a Touch.
-  protocol_->TearDown(*link_);
-  EXPECT_TRUE(TakeActions().frames.empty());
 }
 
 TEST_F(OmniUsbSetUpTest, StopIsHeeded) {
@@ -144,31 +127,8 @@ TEST_F(OmniUsbSetUpTest, StopIsHeeded) {
 
 TEST_F(OmniUsbSetUpTest, ALineThatCannotBeSetIsNoLine) {
   touch_.SetFaults({.refuses_requests = true});
-  EXPECT_FALSE(SetUpLine().empty());
+  EXPECT_EQ(FailureOfSetUp().fault(), UsbFault::kUnsuitable);
   EXPECT_EQ(TakeActions().requests[1][4], 0);  // the interface: without descriptors the first
-}
-
-TEST_F(OmniUsbSetUpTest, ANewConnectionForgetsTheLast) {
-  DeviceState state;
-  const auto receive = [&](const test::OmniReading& reading) {
-    return protocol_->Receive(Framed(test::kOmniState, test::OmniStatePayload(reading)), state);
-  };
-  receive({.docked = true, .counter = 5});
-  protocol_->Receive(Bytes{0xa5, 0x5a, test::kOmniState}, state);
-  SetUpLine();
-  const UsbReceived received = receive({.counter = 100});
-  EXPECT_EQ(received.readings, 1u);
-  EXPECT_EQ(received.lost_readings, 0u);
-  EXPECT_EQ(received.corrupt_frames, 0u);
-  EXPECT_FALSE(state.calibrated);
-}
-
-TEST_F(OmniUsbSetUpTest, AFarewellToADeviceThatIsGoneIsQuiet) {
-  SetUpLine();
-  touch_.SetFaults({.outs_until_gone = 0});
-  TakeActions();
-  protocol_->TearDown(*link_);
-  EXPECT_EQ(TakeActions().commands, (Bytes{kOmniForce, 0x07}));  // both are tried
 }
 
 TEST(CdcLine, TheControlInterfaceIsFoundInAnyBytes) {

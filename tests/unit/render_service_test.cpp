@@ -20,7 +20,7 @@ RenderSettings UnlikeAnyDefault() {
   }
   for (const FlagSetting& setting : kFlagSettings) settings.haptics.*setting.member = true;
   settings.haptics.free_side = FreeSide::kAbove;
-  settings.method = DecompositionMethod::kTptd;
+  settings.method = DecompositionMethod::kBcc;
   settings.isovalue = -200.0;
   settings.normalized_isovalue = 0.25;
   return settings;
@@ -45,7 +45,7 @@ TEST(RenderService, EveryFieldIsAnswered) {
   EXPECT_EQ(answer.magnet_range_mm(), UnlikeAnyDefault().haptics.magnet_range_mm);
   EXPECT_TRUE(answer.passivity_control());
   EXPECT_EQ(answer.free_side(), v1::FREE_SIDE_ABOVE);
-  EXPECT_EQ(answer.method(), v1::DECOMPOSITION_METHOD_TPTD);
+  EXPECT_EQ(answer.method(), v1::DECOMPOSITION_METHOD_BCC);
 }
 
 TEST(RenderService, EachMaskTakesItsFieldAlone) {
@@ -69,7 +69,7 @@ TEST(RenderService, EachMaskTakesItsFieldAlone) {
     EXPECT_EQ(update.flags.at(0), std::pair(setting.member, true));
   }
   EXPECT_EQ(FromProto(RequestOf(settings, "free_side")).free_side, FreeSide::kAbove);
-  EXPECT_EQ(FromProto(RequestOf(settings, "method")).method, DecompositionMethod::kTptd);
+  EXPECT_EQ(FromProto(RequestOf(settings, "method")).method, DecompositionMethod::kBcc);
   EXPECT_EQ(FromProto(RequestOf(settings, "isovalue")).isovalue, -200.0);
   EXPECT_EQ(FromProto(RequestOf(settings, "normalized_isovalue")).normalized_isovalue, 0.25);
 }

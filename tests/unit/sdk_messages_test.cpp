@@ -75,14 +75,14 @@ TEST(SdkMessages, MembersAreTheFieldsOfTheirNames) {
   update.stiffness_n_per_mm = 3.0;
   update.carve_rate_per_s = 17.0;
   update.clutch_tool = true;
-  update.method = DecompositionMethod::kTptd;
+  update.method = DecompositionMethod::kBcc;
   update.free_side = FreeSide::kAbove;
   const v1::UpdateSettingsRequest request = ToProto(update);
   EXPECT_EQ(request.update_mask().paths_size(), 5);
   EXPECT_EQ(request.settings().stiffness_n_per_mm(), 3.0);
   EXPECT_EQ(request.settings().carve_rate_per_s(), 17.0);
   EXPECT_TRUE(request.settings().clutch_tool());
-  EXPECT_EQ(request.settings().method(), v1::DECOMPOSITION_METHOD_TPTD);
+  EXPECT_EQ(request.settings().method(), v1::DECOMPOSITION_METHOD_BCC);
   EXPECT_EQ(request.settings().free_side(), v1::FREE_SIDE_ABOVE);
 }
 
@@ -94,7 +94,7 @@ TEST(SdkMessages, EveryChoiceComesBack) {
     update.method = FromProto(message, 1).method;
     EXPECT_EQ(ToProto(update).settings().method(), method);
   }
-  EXPECT_EQ(FromProto(message, 1).method, DecompositionMethod::kTpbccPublished);
+  EXPECT_EQ(FromProto(message, 1).method, DecompositionMethod::kTpbcc);
 }
 
 TEST(SdkMessages, WhatADaemonDoesNotSayIsUnknown) {

@@ -186,23 +186,6 @@ TEST_F(SessionTest, ALoadChoosesItsIsovalueAnewAndIsSeenAtOneTick) {
   EXPECT_GT(session().WaitForServo(state.scene_revision).tick, 0u);
 }
 
-TEST_F(SessionTest, MethodsForComparisonAreRefusedOnHardware) {
-  EXPECT_EQ(session().Update({.method = DecompositionMethod::kTptd}).state.settings.method,
-            DecompositionMethod::kTptd);
-  DeviceSpec hardware = device();
-  hardware.verification_level = VerificationLevel::kForceVerified;
-  SceneInbox inbox;
-  Session session(hardware, inbox, pump(), VolumeLoader{});
-  session.Load({.source = "builtin:sphere:16"}, kQuiet, kNever);
-  for (DecompositionMethod method :
-       {DecompositionMethod::kTptd, DecompositionMethod::kTpbccPublished}) {
-    EXPECT_EQ(Refusal([&] { session.Update({.method = method}); }), ErrorKind::kInvalidArgument);
-    EXPECT_EQ(Refusal([&] { session.SetInitial({.method = method}); }),
-              ErrorKind::kInvalidArgument);
-  }
-  EXPECT_EQ(session.settings().settings.method, DecompositionMethod::kTpbcc);
-}
-
 // As after a crash with a level set: its free side is not that of the densities that follow.
 TEST_F(SessionTest, AFirstLevelSetKeepsItsSideForItself) {
   SceneInbox inbox;

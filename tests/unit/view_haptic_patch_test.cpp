@@ -45,7 +45,8 @@ double DensityOf(const VolumeSnapshot& volume, double isovalue) {
 
 // The daemon's surface at an isovalue in data units.
 lab::SurfaceMesh MeshOf(const VolumeSnapshot& volume, double isovalue, DecompositionMethod method) {
-  return lab::ExtractSurface(volume, DensityOf(volume, isovalue), method, lab::PaddedCells(volume));
+  return lab::ExtractSurface(volume, DensityOf(volume, isovalue), lab::Compared(method),
+                             lab::PaddedCells(volume));
 }
 
 // levels: 0 for continuous values.
@@ -68,9 +69,7 @@ TEST(HapticPatch, HasTheVerticesOfTheDaemonsSurface) {
       // With levels some of these tie with stored values.
       double isovalue = metadata.value_min + share * range;
       if (levels != 0) isovalue = std::floor(isovalue);
-      for (const auto method :
-           {DecompositionMethod::kBcc, DecompositionMethod::kTptd,
-            DecompositionMethod::kTpbccPublished, DecompositionMethod::kTpbcc}) {
+      for (const auto method : {DecompositionMethod::kBcc, DecompositionMethod::kTpbcc}) {
         const auto mesh = MeshOf(*snapshot, isovalue, method);
         const auto patch = HapticPatch(volume, isovalue, method, Vec3(5, 4, 8), 40.0);
         ASSERT_GT(mesh.vertices.size(), 100u);
@@ -191,8 +190,8 @@ TEST(HapticPatch, HoldsTheCellsOfItsBoxAndNoOthers) {
       EXPECT_TRUE(patch.empty());
       continue;
     }
-    const auto mesh =
-        lab::ExtractSurface(*snapshot, DensityOf(*snapshot, 700.0), method, {first, end});
+    const auto mesh = lab::ExtractSurface(*snapshot, DensityOf(*snapshot, 700.0),
+                                          lab::Compared(method), {first, end});
     ASSERT_EQ(Distinct(patch), Distinct(mesh.vertices)) << center.transpose();
   }
 }

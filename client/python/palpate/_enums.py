@@ -58,13 +58,11 @@ class FreeSide(Word):
 class DecompositionMethod(Word):
     """How the cells of the volume are cut into tetrahedra; see help(palpate.Settings).
 
-    TPBCC keeps the surface's topology, BCC does not. TPTD and TPBCC_PUBLISHED are for comparison.
+    TPBCC keeps the surface's topology, BCC does not.
     """
 
     BCC = 1
     TPBCC = 2
-    TPTD = 3
-    TPBCC_PUBLISHED = 4
 
 
 class ForceState(Word):

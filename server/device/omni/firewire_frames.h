@@ -1,9 +1,9 @@
 // The frames of the FireWire Phantom Omni, taken from two independent open drivers: 44 bytes from
 // the device, 16 bytes to it, 1000 times a second.
 //
-// The USB devices' servo frames are not public. We have no evidence that they have this layout: a
-// transport must not use this codec for USB unless the operator asks for it. Verification level of
-// this layout: none; we have not seen a device.
+// The USB devices' servo frames are not public. We have no evidence that they have this layout: no
+// transport uses this codec for USB. Verification level of this layout: none; we have not seen a
+// device.
 //
 // Numbers are little-endian. The force of a motor count is not public either, so motors are in
 // counts here.

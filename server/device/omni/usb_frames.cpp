@@ -21,10 +21,6 @@ std::size_t EncodeOmniUsbFrame(std::uint8_t command, std::span<const std::uint8_
   return bytes;
 }
 
-void OmniUsbParser::Expect(OmniUsbCommand command) noexcept {
-  lengths_[command.command] = static_cast<std::uint16_t>(command.payload_bytes + 1);
-}
-
 void OmniUsbParser::Reset() noexcept {
   held_bytes_ = 0;
   frame_is_out_ = false;
@@ -50,8 +46,6 @@ std::optional<OmniUsbFrame> OmniUsbParser::Next(std::span<const std::uint8_t>& b
       Drop(static_cast<std::size_t>(next - held_.begin()));
     } else if (held_bytes_ < wanted) {
       return std::nullopt;
-    } else if (const std::size_t inner = InnerFrame(); inner > 0) {
-      Drop(inner);
     } else if (has_header || held_[3] == 0) {
       frame_is_out_ = true;
       in_run_ = false;
@@ -66,19 +60,7 @@ bool OmniUsbParser::HeaderFits() const noexcept {
   for (std::size_t n = 0; n < std::min(held_bytes_, kStart.size()); ++n) {
     if (held_[n] != kStart[n]) return false;
   }
-  if (held_bytes_ < kOmniUsbHeaderBytes) return true;
-  const std::uint16_t length = lengths_[held_[2]];
-  return length == 0 || length == held_[3] + 1;
-}
-
-// Returns where the header of another frame stands within a frame of known length; 0: nowhere. The
-// outer frame was then cut off, and the next frame was taken for its rest.
-std::size_t OmniUsbParser::InnerFrame() const noexcept {
-  if (lengths_[held_[2]] == 0) return 0;
-  const auto header = held_.begin(), payload = header + kOmniUsbHeaderBytes;
-  const auto end = header + held_bytes_;
-  const auto inner = std::search(payload, end, header, payload);
-  return inner == end ? 0 : static_cast<std::size_t>(inner - header);
+  return true;
 }
 
 void OmniUsbParser::Drop(std::size_t bytes) noexcept {

@@ -37,8 +37,6 @@ inline constexpr OmniUsbCommand kOmniUsbFirmwareReply{0x0e, 32};
 inline constexpr OmniUsbCommand kOmniUsbSerialReply{0x09, 97};
 
 inline constexpr std::array<std::uint8_t, 7> kOmniUsbServoOn = {0x01, 0, 0, 0x80, 0, 0, 0};
-// Our guess: the first byte switches the servo. The trace does not show it.
-inline constexpr std::array<std::uint8_t, 7> kOmniUsbServoOff = {0x00, 0, 0, 0x80, 0, 0, 0};
 
 // Returns the number of bytes of the frame. Returns 0, and writes nothing, if the payload is too
 // long or `out` is too short.
@@ -54,20 +52,14 @@ struct OmniUsbFrame {
 // on the cuts.
 //
 // Without a checksum a damaged payload passes, and a damaged length swallows the following frames,
-// at most 255 bytes. Commands of known length limit the damage:
-// - A header with another length counts as garbage. The search for the next header continues right
-//   behind its first byte.
-// - A frame that has its own header in its payload is two frames, of which the first was cut off.
+// at most 255 bytes.
 class OmniUsbParser {
  public:
-  // Sets the only valid length of a command. Other commands may have any length.
-  void Expect(OmniUsbCommand command) noexcept;
-
   // Returns the next whole frame. Cuts off the bytes that it takes from `bytes`. Returns none if it
   // has taken all bytes.
   std::optional<OmniUsbFrame> Next(std::span<const std::uint8_t>& bytes) noexcept;
 
-  // Drops an unfinished frame. Counts and known lengths stay.
+  // Drops an unfinished frame. Counts stay.
   void Reset() noexcept;
 
   // The number of bytes outside of frames, and the number of unbroken runs of such bytes.
@@ -76,7 +68,6 @@ class OmniUsbParser {
 
  private:
   bool HeaderFits() const noexcept;
-  std::size_t InnerFrame() const noexcept;
   void Drop(std::size_t bytes) noexcept;
 
   std::array<std::uint8_t, kOmniUsbMaxFrameBytes> held_{};
@@ -85,8 +76,6 @@ class OmniUsbParser {
   bool in_run_ = false;
   std::uint64_t corrupt_bytes_ = 0;
   std::uint64_t corrupt_runs_ = 0;
-  // The known length + 1 of each command; 0: any length.
-  std::array<std::uint16_t, 256> lengths_{};
 };
 
 }  // namespace palpate

@@ -28,9 +28,9 @@
 //              tetrahedra that fill the wedge between them
 // Two triangles of f3 face f1 and f2; these are joined to a. The same holds for f4 with f6, f5 and
 // b. Where the claim fails, the halves overlap in places and leave gaps in others.
-#include "common/isosurface/six_saddles.h"
+#include "server/lab/six_saddles.h"
 
-namespace palpate {
+namespace palpate::lab {
 namespace {
 
 void PlaceAtMeanOfSaddles(const CellSaddles& saddles, Decomposition& out) {
@@ -149,4 +149,4 @@ void DecomposeTpbccPublished(const CellDensities& d, Decomposition& out) {
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::lab

@@ -5,9 +5,11 @@
 // Threads: pure functions. Real-time: no allocation, no locks.
 #pragma once
 
-#include "common/isosurface/placement.h"
+#include <cstdint>
 
-namespace palpate {
+#include "server/lab/compared_method.h"
+
+namespace palpate::lab {
 
 // The partner of the n-th lowest face.
 enum class FacePartner : std::uint8_t {
@@ -19,4 +21,4 @@ enum class FacePartner : std::uint8_t {
 void DecomposeSixSaddles(const CellDensities& d, const CellSaddles& saddles, FacePartner partner,
                          Decomposition& out);
 
-}  // namespace palpate
+}  // namespace palpate::lab

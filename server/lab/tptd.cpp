@@ -8,9 +8,9 @@
 // Six face saddles are handled as in kTpbccPublished, which has the same figures in Table 4. But
 // the second half of the cell uses the faces opposite to those of the first half, instead of
 // trusting their ranks, so that the halves fill the cell. The "diamond" may still overlap itself.
-#include "common/isosurface/six_saddles.h"
+#include "server/lab/six_saddles.h"
 
-namespace palpate {
+namespace palpate::lab {
 namespace {
 
 // Calls visit(a, b, c) for the boundary triangles of a face.
@@ -59,4 +59,4 @@ void DecomposeTptd(const CellDensities& d, Decomposition& out) {
   JoinToApex(apex, saddles, out);
 }
 
-}  // namespace palpate
+}  // namespace palpate::lab

@@ -1,0 +1,81 @@
+#include "server/device/omni/omni_arm.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/error/error.h"
+
+namespace palpate {
+namespace {
+
+// One second. Counts farther apart belong to another count or are damaged.
+constexpr std::uint32_t kLongestGap = 1000;
+
+}  // namespace
+
+OmniArm::OmniArm(const std::optional<Gains>& motor_counts_per_n_mm)
+    : motor_counts_per_n_mm_(motor_counts_per_n_mm) {
+  for (const double counts : motor_counts_per_n_mm.value_or(Gains{})) {
+    if (std::abs(counts) <= kOmniMaxMotorGain) continue;
+    throw Error(
+        ErrorKind::kInvalidArgument,
+        "`motor_counts_per_n_mm` must be from -10 to 10: more saturates the motors at once");
+  }
+}
+
+void OmniArm::Forget() noexcept {
+  joints_ = {};
+  zero_ = {};
+  calibrated_ = false;
+  rest_readings_ = 0;
+  calibration_wanted_ = false;
+  counter_.reset();
+}
+
+std::optional<std::uint32_t> OmniArm::Take(const OmniState& reading, DeviceState& state) noexcept {
+  if (reading.counter == counter_) return std::nullopt;
+  // Wraps together with the counter.
+  const std::uint32_t gap = counter_ ? reading.counter - *counter_ : 1;
+  counter_ = reading.counter;
+  Calibrate(reading);
+  std::array<std::int16_t, 3> counts{};
+  for (std::size_t n = 0; n < 3; ++n) {
+    // Also right if the encoder wraps: no joint turns by half of the encoder's range.
+    counts[n] = static_cast<std::int16_t>(reading.encoders[n] - zero_[n]);
+  }
+  joints_ = OmniJointsFromCounts(counts);
+  state = {.p_DHip_mm = OmniPosition(joints_),
+           .R_DS = OmniOrientation(joints_, reading.gimbal_rad),
+           .buttons = (reading.buttons[0] ? 1u : 0u) | (reading.buttons[1] ? 2u : 0u),
+           .docked = reading.docked,
+           .calibrated = calibrated_};
+  return gap <= kLongestGap ? gap - 1 : 0;
+}
+
+// One frame is not enough, because frames have no checksum and the stylus may still be sliding in.
+void OmniArm::Calibrate(const OmniState& reading) noexcept {
+  if (calibration_wanted_.exchange(false)) calibrated_ = false;
+  if (!reading.docked || reading.encoders != docked_at_) rest_readings_ = 0;
+  docked_at_ = reading.encoders;
+  if (!reading.docked) return;
+  rest_readings_ = std::min(rest_readings_ + 1, kOmniRestReadings);
+  if (rest_readings_ < kOmniRestReadings) return;
+  zero_ = reading.encoders;
+  calibrated_ = true;
+}
+
+// If a count exceeds the motors' range, all three are scaled down, so that the force keeps its
+// direction.
+OmniForce OmniArm::ForceOf(const Vec3& force_D_n, bool forces_on) const noexcept {
+  if (!forces_on || !calibrated_ || !motor_counts_per_n_mm_) return {};
+  const auto& gains = *motor_counts_per_n_mm_;
+  Vec3 counts =
+      OmniTorques_n_mm(joints_, force_D_n).cwiseProduct(Vec3(gains[0], gains[1], gains[2]));
+  if (!counts.allFinite()) return {};
+  const double largest = counts.cwiseAbs().maxCoeff();
+  if (largest > kOmniMotorRange) counts *= kOmniMotorRange / largest;
+  const auto whole = [](double count) { return static_cast<int>(std::lround(count)); };
+  return {.motors = {whole(counts[0]), whole(counts[1]), whole(counts[2])}, .force_enabled = true};
+}
+
+}  // namespace palpate

@@ -1,0 +1,62 @@
+// The arm of a Phantom Omni: positions of the stylus from readings, and counts of the motors from
+// forces (firewire_frames.h). No transport uses it yet: the FireWire device needs the kernel's
+// /dev/fw*, and nobody knows whether a Touch on USB sends such frames.
+//
+// The place of rest: the encoders count from their positions at power-on. The zero of the
+// kinematics is the encoders' position while the stylus rests in its dock, after kOmniRestReadings
+// equal docked readings. Every docking sets the zero anew. Before the first docking of a
+// connection, and after each RequestCalibration, positions have no meaning and no force is given.
+// Frame D: as in kinematics.h, without an offset.
+//
+// Threads: one, but RequestCalibration on any. Real-time: no locks, no allocation.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <optional>
+
+#include "server/device/haptic_device.h"
+#include "server/device/omni/firewire_frames.h"
+#include "server/device/omni/kinematics.h"
+
+namespace palpate {
+
+inline constexpr int kOmniRestReadings = 50;
+// With 10, the motors saturate at 1 N with the arm stretched out.
+inline constexpr double kOmniMaxMotorGain = 10.0;
+
+class OmniArm {
+ public:
+  // Motor counts per N mm of torque at the base, shoulder and elbow, at most kOmniMaxMotorGain.
+  // Negative if a positive count turns the joint back. Neither sizes nor signs are public. Without
+  // them there is no force. Throws Error (kInvalidArgument) for other gains.
+  using Gains = std::array<double, 3>;
+  explicit OmniArm(const std::optional<Gains>& motor_counts_per_n_mm = {});
+
+  // Resets the state for a new connection.
+  void Forget() noexcept;
+
+  // Returns how many readings were lost before this one. None, and `state` stays: it is the last
+  // frame once more. That is no new reading: a device that hangs must become stale.
+  std::optional<std::uint32_t> Take(const OmniState& reading, DeviceState& state) noexcept;
+
+  // At the last reading. Disabled and zero if forces are off, or no force can be given.
+  OmniForce ForceOf(const Vec3& force_D_n, bool forces_on) const noexcept;
+
+  void RequestCalibration() noexcept { calibration_wanted_ = true; }
+
+ private:
+  void Calibrate(const OmniState& reading) noexcept;
+
+  std::optional<Gains> motor_counts_per_n_mm_;
+  OmniJoints joints_;                   // of the last reading
+  std::array<std::int16_t, 3> zero_{};  // encoders at the place of rest
+  bool calibrated_ = false;
+  std::array<std::int16_t, 3> docked_at_{};  // encoders of the docked readings so far
+  int rest_readings_ = 0;                    // docked, with the same encoders
+  std::atomic<bool> calibration_wanted_{false};
+  std::optional<std::uint32_t> counter_;  // of the last reading
+};
+
+}  // namespace palpate
