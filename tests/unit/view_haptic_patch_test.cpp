@@ -153,8 +153,7 @@ TEST(HapticPatch, HasTheLinesThatCellsShareOnce) {
     const auto snapshot = RandomVolume(Vec3i(7, 8, 9), levels, 31 + levels);
     const ViewVolume volume = CopyOf(*snapshot);
     const double isovalue = levels == 0 ? 650.0 : 3.5;
-    for (int m = 0; m < 4; ++m) {
-      const auto method = static_cast<DecompositionMethod>(m);
+    for (const auto method : {DecompositionMethod::kBcc, DecompositionMethod::kTpbcc}) {
       std::vector<Vec3> alone;
       std::size_t repeated_in_cells = 0;
       for (int n = 0; n < 5 * 5 * 5; ++n) {
