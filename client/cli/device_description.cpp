@@ -13,8 +13,9 @@
 namespace palpate::cli {
 namespace {
 
-std::string Spaced(std::string name) {
-  std::replace(name.begin(), name.end(), '_', ' ');
+std::string Spaced(std::string_view word) {
+  std::string name(word);
+  std::replace(name.begin(), name.end(), '-', ' ');
   return name;
 }
 
@@ -46,7 +47,7 @@ Json HandJson(const client::DaemonInfo& daemon) {
 }
 
 Json CallerJson(const client::DaemonInfo& daemon) {
-  return {{"identity", daemon.identity}, {"role", client::NameOf(daemon.role)}};
+  return {{"identity", daemon.identity}, {"role", NameOf(daemon.role)}};
 }
 
 Json ToJson(const client::DeviceInfo& device) {
@@ -59,11 +60,11 @@ Json ToJson(const client::DeviceInfo& device) {
           {"max_stiffness_n_per_mm", device.max_stiffness_n_per_mm},
           {"position_resolution_mm", device.position_resolution_mm},
           {"button_count", device.button_count},
-          {"verification_level", client::NameOf(device.verification_level)}};
+          {"verification_level", NameOf(device.verification_level)}};
 }
 
 Json ToJson(const client::DeviceHealth& health) {
-  return {{"connection", client::NameOf(health.connection)},
+  return {{"connection", NameOf(health.connection)},
           {"docked", health.docked},
           {"calibrated", health.calibrated},
           {"identity", health.identity},
@@ -78,60 +79,36 @@ Json ToJson(const client::DeviceHealth& health) {
 }
 
 Json ToJson(const client::ForceStatus& forces) {
-  return {{"state", client::NameOf(forces.state)},
-          {"reason", client::NameOf(forces.reason)},
+  return {{"state", NameOf(forces.state)},
+          {"reason", NameOf(forces.reason)},
           {"limit_n", forces.limit_n}};
 }
 
 Json ToJson(const client::ListedDevice& device) {
-  return {{"kind", device.kind},
-          {"model", device.model},
-          {"port", device.port},
-          {"usable", device.usable},
-          {"problem", device.problem},
-          {"verification_level", client::NameOf(device.verification_level)},
+  return {{"kind", device.kind},       {"model", device.model},
+          {"port", device.port},       {"usable", device.usable},
+          {"problem", device.problem}, {"verification_level", NameOf(device.verification_level)},
           {"in_use", device.in_use}};
 }
 
-std::string InWords(client::VerificationLevel level) {
-  using Level = client::VerificationLevel;
-  const std::string name = Spaced(client::NameOf(level));
-  switch (level) {
-    case Level::kUnknown:
-      break;
-    case Level::kNone:
-      return name + ": nothing of it was seen on hardware";
-    case Level::kEnumerated:
-      return name + ": it was found and opened on hardware, no more";
-    case Level::kIdentified:
-      return name + ": it told who it is on hardware, no more";
-    case Level::kStateRead:
-      return name + ": positions and buttons were right on hardware, forces not tried";
-    case Level::kForceVerified:
-      return name + ": forces had the right direction and size on hardware";
-    case Level::kSimulated:
-      return name + ": there is no hardware to verify";
-  }
-  return name;
-}
-
 std::string NameOf(const client::ForceStatus& forces) {
-  const std::string state = Spaced(client::NameOf(forces.state));
+  const std::string state = Spaced(NameOf(forces.state));
   const bool explained =
       forces.state != client::ForceState::kOn && forces.reason > client::ForceReason::kNone;
-  return explained ? state + " (" + Spaced(client::NameOf(forces.reason)) + ")" : state;
+  return explained ? state + " (" + Spaced(NameOf(forces.reason)) + ")" : state;
 }
 
 std::string InWords(const client::ForceStatus& forces) {
-  const std::string state = Spaced(client::NameOf(forces.state));
-  const std::string reason = client::InWords(forces.reason);
+  const std::string state = Spaced(NameOf(forces.state));
+  const std::string reason = InWords(forces.reason);
   return reason.empty() ? state : state + ": " + reason;
 }
 
 std::string DescribeCaller(const client::DaemonInfo& daemon) {
   std::string text;
   if (daemon.identity.empty()) return text;  // an older daemon does not say
-  AppendLine(text, "you are", OneLine(daemon.identity) + ", role " + client::NameOf(daemon.role));
+  AppendLine(text, "you are",
+             OneLine(daemon.identity) + ", role " + std::string(NameOf(daemon.role)));
   return text;
 }
 
@@ -144,7 +121,9 @@ std::string Describe(const client::DeviceInfo& device) {
           : "";
   std::string text;
   AppendLine(text, "device", device.kind + " (" + device.model + ")");
-  AppendLine(text, "", "verification level: " + InWords(device.verification_level));
+  AppendLine(text, "",
+             "verification level: " + Spaced(NameOf(device.verification_level)) + ": " +
+                 InWords(device.verification_level));
   AppendLine(text, "",
              fmt::format("workspace x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm", low.x(),
                          high.x(), low.y(), high.y(), low.z(), high.z()));
@@ -159,7 +138,7 @@ std::string Describe(const client::DeviceInfo& device) {
 std::string Describe(const client::DeviceHealth& health) {
   std::string text;
   AppendLine(text, "health",
-             client::NameOf(health.connection) + (health.calibrated ? ", calibrated" : "") +
+             std::string(NameOf(health.connection)) + (health.calibrated ? ", calibrated" : "") +
                  (health.docked ? ", docked" : "") +
                  (health.identity.empty() ? "" : "; " + health.identity));
   const bool has_bus = health.readings + health.transfer_errors + health.connections > 0;
@@ -204,7 +183,7 @@ std::string Describe(const std::vector<client::ListedDevice>& list) {
   std::vector<Row> rows = {{"device", "port", "verified", "state", "model"}};
   for (const client::ListedDevice& device : list) {
     rows.push_back({OneLine(device.kind), device.port.empty() ? "-" : OneLine(device.port),
-                    Spaced(client::NameOf(device.verification_level)), StateOf(device),
+                    Spaced(NameOf(device.verification_level)), StateOf(device),
                     OneLine(device.model)});
   }
   std::array<std::size_t, 5> widths{};

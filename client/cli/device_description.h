@@ -20,8 +20,6 @@ Json CallerJson(const client::DaemonInfo& daemon);
 // The state of the forces, and who set it.
 Json ForcesJson(const client::DaemonInfo& daemon);
 
-// Returns text such as "none: nothing of it was seen on hardware".
-std::string InWords(client::VerificationLevel level);
 // Returns text such as "on", "held (docked)".
 std::string NameOf(const client::ForceStatus& forces);
 // Returns text such as "held: the stylus rests in its holder: take it out".

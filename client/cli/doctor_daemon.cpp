@@ -17,7 +17,8 @@ constexpr double kMostMissed = 0.05;
 
 Finding JudgeDevice(const client::DaemonInfo& daemon) {
   const client::DeviceHealth& health = daemon.health;
-  const std::string name = OneLine(daemon.device.kind) + ", " + client::NameOf(health.connection);
+  const std::string name =
+      OneLine(daemon.device.kind) + ", " + std::string(NameOf(health.connection));
   const std::string& problem = health.problem;
   const bool streams = health.connection == client::DeviceConnection::kStreaming;
   if (problem.empty() && streams) return {"device", Verdict::kOk, name};
@@ -31,7 +32,7 @@ Finding JudgeForces(const client::ForceStatus& forces) {
   if (state == client::ForceState::kOn || state == client::ForceState::kRampIn) {
     return {"forces", Verdict::kOk, NameOf(forces)};
   }
-  const std::string advice = client::InWords(forces.reason);
+  const std::string advice = InWords(forces.reason);
   return {"forces", state == client::ForceState::kFault ? Verdict::kFail : Verdict::kWarn,
           NameOf(forces), advice.empty() ? "palpate device info" : advice};
 }

@@ -106,12 +106,6 @@ struct EditValues {
 };
 using EditValuesPtr = std::shared_ptr<EditValues>;
 
-const std::map<std::string, client::EditOperation> kOperations = {
-    {"add", client::EditOperation::kAdd},     {"subtract", client::EditOperation::kSubtract},
-    {"set", client::EditOperation::kSet},     {"smooth", client::EditOperation::kSmooth},
-    {"paint", client::EditOperation::kPaint},
-};
-
 void AddCommon(arguments::Command& command, Invocation& invocation,
                std::optional<std::uint64_t>& expected_revision) {
   command.add_option("--expected-revision", expected_revision,
@@ -144,7 +138,7 @@ void AddOperation(arguments::Command& command, Invocation& invocation, EditValue
 }
 
 void CheckOperation(EditValues& values, bool is_block) {
-  values.edit.operation = kOperations.at(values.operation);
+  values.edit.operation = *Named<EditOperation>(values.operation);
   const bool needs_value = !is_block && values.operation != "smooth";
   if (needs_value != values.value.has_value()) {
     throw arguments::UsageError(needs_value ? "--value is required for " + values.operation
@@ -273,15 +267,6 @@ void AddBlock(arguments::Command& edit, Invocation& invocation) {
   });
 }
 
-const std::map<std::string, client::FilterKind> kFilterKinds = {
-    {"gaussian", client::FilterKind::kGaussian},
-    {"mean", client::FilterKind::kMean},
-    {"median", client::FilterKind::kMedian},
-    {"offset", client::FilterKind::kOffset},
-    {"mean-curvature", client::FilterKind::kMeanCurvature},
-    {"resample", client::FilterKind::kResample},
-};
-
 // The values of a filter's options. Lives as long as its command.
 struct FilterValues {
   explicit FilterValues(arguments::Command& command) : frame(command) {}
@@ -312,8 +297,7 @@ void AddKind(arguments::Command& command, FilterValues& values) {
                   "median (of the same voxels; slow); of a level set: offset (moves the\n"
                   "surface) and mean-curvature (smooths it); resample (to another spacing)")
       ->required()
-      ->check(arguments::IsMember(
-          {"gaussian", "mean", "median", "offset", "mean-curvature", "resample"}))
+      ->check(arguments::IsMember({kWords<FilterKind>.begin(), kWords<FilterKind>.end()}))
       ->option_text("KIND");
   command
       .add_option("--width", values.filter.width,
@@ -345,7 +329,7 @@ void AddKind(arguments::Command& command, FilterValues& values) {
 
 void Fill(FilterValues& values) {
   client::Filter& filter = values.filter;
-  filter.kind = kFilterKinds.at(values.kind);
+  filter.kind = *Named<FilterKind>(values.kind);
   if (values.distance_mm.has_value() != (values.kind == "offset")) {
     throw arguments::UsageError("--distance-mm is for --kind offset, which needs it");
   }

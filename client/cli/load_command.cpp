@@ -18,17 +18,12 @@
 namespace palpate::cli {
 namespace {
 
-// In the order of VoxelType.
-constexpr std::array<std::string_view, 8> kVoxelTypes = {"int8",  "uint8",  "int16",   "uint16",
-                                                         "int32", "uint32", "float32", "float64"};
-
 arguments::Validator VoxelTypeName() {
   return {[](const std::string& text) {
-    return std::ranges::find(kVoxelTypes, text) != kVoxelTypes.end()
-               ? std::string()
-               : "'" + text +
-                     "' is no type of voxels: give int8, uint8, int16, "
-                     "uint16, int32, uint32, float32 or float64";
+    return Named<VoxelType>(text) ? std::string()
+                                  : "'" + text +
+                                        "' is no type of voxels: give int8, uint8, int16, "
+                                        "uint16, int32, uint32, float32 or float64";
   }};
 }
 
@@ -148,8 +143,7 @@ client::LoadOptions OptionsOf(const LoadValues& values) {
     options.raw->size[axis] =
         static_cast<int>(std::min(kMost, values.raw_size[static_cast<std::size_t>(axis)]));
   }
-  options.raw->type = static_cast<client::VoxelType>(
-      std::ranges::find(kVoxelTypes, values.raw_type) - kVoxelTypes.begin());
+  options.raw->type = *Named<VoxelType>(values.raw_type);
   return options;
 }
 

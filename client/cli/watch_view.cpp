@@ -62,7 +62,7 @@ std::string Fit(const std::string& line, int columns) {
 
 std::string ProxyInWords(const client::Pose& pose) {
   if (pose.mode == client::ProxyMode::kInside) return "inside the surface: pull out";
-  return client::NameOf(pose.mode) + (pose.contact ? ", in contact" : ", no contact");
+  return std::string(NameOf(pose.mode)) + (pose.contact ? ", in contact" : ", no contact");
 }
 
 // Whether the sample is of now: live, old or of a replay.

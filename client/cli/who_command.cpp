@@ -21,7 +21,7 @@ Json ToJson(const client::Activity& activity) {
   Json callers = Json::array();
   for (const client::ConnectedCaller& caller : activity.callers) {
     callers.push_back({{"identity", caller.identity},
-                       {"role", client::NameOf(caller.role)},
+                       {"role", NameOf(caller.role)},
                        {"peer", caller.peer},
                        {"connected_s", caller.connected_s},
                        {"watches", caller.watches},
@@ -41,7 +41,7 @@ std::string Describe(const client::Activity& activity) {
   }
   std::string text;
   for (const client::ConnectedCaller& caller : activity.callers) {
-    AppendLine(text, client::NameOf(caller.role),
+    AppendLine(text, NameOf(caller.role),
                fmt::format("{}{}{}, here for {}{}", OneLine(caller.identity),
                            caller.is_you ? " (you)" : "",
                            caller.peer.empty() ? "" : " at " + OneLine(caller.peer),

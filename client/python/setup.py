@@ -39,8 +39,8 @@ class BuildWithStubs(build_py):
             [*protoc, f"--python_out={out}", f"--pyi_out={out}", f"--grpc_python_out={out}",
              f"--plugin=protoc-gen-grpc_python={plugin}", *map(str, protos)], check=True)
         subprocess.run(
-            [*protoc, f"--plugin=protoc-gen-settings={PROTO}/settings/protoc-gen-settings",
-             f"--settings_out={out}", "--settings_opt=python", "palpate/v1/render.proto"],
+            [*protoc, f"--plugin=protoc-gen-contract={PROTO}/generate/protoc-gen-contract",
+             f"--contract_out={out}", "--contract_opt=python", *map(str, protos)],
             check=True)
 
 

@@ -9,30 +9,14 @@
 #include <vector>
 
 #include "client/sdk/pose.h"
+#include "common/contract/enumerations.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::client {
 
-enum class VerificationLevel {
-  kUnknown,
-  kNone,
-  kEnumerated,
-  kIdentified,
-  kStateRead,
-  kForceVerified,
-  kSimulated,
-};
-
-// What this client may do. Each role may also do everything that the roles before it may.
-enum class Role {
-  kUnknown,   // the daemon does not say
-  kViewer,    // watches
-  kEditor,    // changes settings, voxels and the volume's place
-  kOperator,  // drives the device; loads, saves and records
-  kAdmin,
-};
-
-enum class DeviceConnection { kUnknown, kAbsent, kConnecting, kStreaming };
+using palpate::DeviceConnection;
+using palpate::Role;
+using palpate::VerificationLevel;
 
 struct DeviceInfo {
   std::string kind;   // configuration name, such as "simulated"

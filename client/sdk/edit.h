@@ -11,12 +11,14 @@
 #include <variant>
 #include <vector>
 
+#include "common/contract/enumerations.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::client {
 
-enum class EditFrame { kWorld, kIndex };
-enum class EditOperation { kAdd, kSubtract, kSet, kSmooth, kPaint };
+using palpate::EditFrame;
+using palpate::EditOperation;
+using palpate::FilterKind;
 
 struct Sphere {
   Vec3 center = Vec3::Zero();
@@ -53,8 +55,6 @@ struct Edit {
   // voxel; 0: the edit stands alone.
   std::uint64_t stroke = 0;
 };
-
-enum class FilterKind { kGaussian, kMean, kMedian, kOffset, kMeanCurvature, kResample };
 
 // A filter of OpenVDB; edit.proto explains it.
 struct Filter {

@@ -1,21 +1,9 @@
 #include "client/sdk/info_messages.h"
 
-#include "client/sdk/enum_of.h"
 #include "common/wire/convert.h"
 
 namespace palpate::client {
 namespace {
-
-static_assert(static_cast<int>(ForceState::kStopped) == v1::FORCE_STATE_STOPPED);
-static_assert(static_cast<int>(ForceReason::kReplay) == v1::FORCE_REASON_REPLAY);
-static_assert(static_cast<int>(ForceReason::kDevice) == v1::FORCE_REASON_DEVICE);
-static_assert(static_cast<int>(VerificationLevel::kSimulated) == v1::VERIFICATION_LEVEL_SIMULATED);
-static_assert(static_cast<int>(DeviceConnection::kStreaming) == v1::DEVICE_CONNECTION_STREAMING);
-static_assert(static_cast<int>(Role::kAdmin) == v1::ROLE_ADMIN);
-
-VerificationLevel LevelOf(v1::VerificationLevel level) {
-  return EnumOf(level, VerificationLevel::kSimulated);
-}
 
 DeviceInfo DeviceOf(const v1::DeviceDescription& device) {
   DeviceInfo info;
@@ -28,7 +16,7 @@ DeviceInfo DeviceOf(const v1::DeviceDescription& device) {
   info.max_stiffness_n_per_mm = device.max_stiffness_n_per_mm();
   info.position_resolution_mm = device.position_resolution_mm();
   info.button_count = device.button_count();
-  info.verification_level = LevelOf(device.verification_level());
+  info.verification_level = EnumeratorOf<VerificationLevel>(device.verification_level());
   return info;
 }
 
@@ -51,13 +39,13 @@ ServoInfo ServoOf(const v1::ServoDescription& servo) {
 }  // namespace
 
 ForceStatus FromProto(const v1::ForceStatus& forces) {
-  return {EnumOf(forces.state(), ForceState::kStopped),
-          EnumOf(forces.reason(), ForceReason::kReplay), forces.limit_n()};
+  return {EnumeratorOf<ForceState>(forces.state()), EnumeratorOf<ForceReason>(forces.reason()),
+          forces.limit_n()};
 }
 
 DeviceHealth FromProto(const v1::DeviceHealth& health) {
   DeviceHealth result;
-  result.connection = EnumOf(health.connection(), DeviceConnection::kStreaming);
+  result.connection = EnumeratorOf<DeviceConnection>(health.connection());
   result.docked = health.docked();
   result.calibrated = health.calibrated();
   result.identity = health.identity();
@@ -76,12 +64,13 @@ DaemonInfo FromProto(const v1::GetDeviceResponse& response) {
   return {DeviceOf(response.device()),  FromProto(response.health()),
           FromProto(response.forces()), response.forces_set_by(),
           response.hand_led_by(),       ServoOf(response.servo()),
-          response.caller().identity(), EnumOf(response.caller().role(), Role::kAdmin)};
+          response.caller().identity(), EnumeratorOf<Role>(response.caller().role())};
 }
 
 ListedDevice FromProto(const v1::ListedDevice& device) {
-  return {device.kind(),   device.model(),   device.port(),
-          device.usable(), device.problem(), LevelOf(device.verification_level()),
+  return {device.kind(),    device.model(),
+          device.port(),    device.usable(),
+          device.problem(), EnumeratorOf<VerificationLevel>(device.verification_level()),
           device.in_use()};
 }
 
@@ -89,7 +78,7 @@ Activity FromProto(const v1::GetActivityResponse& response) {
   Activity activity;
   for (const v1::ConnectedCaller& caller : response.callers()) {
     activity.callers.push_back({caller.caller().identity(),
-                                EnumOf(caller.caller().role(), Role::kAdmin), caller.peer(),
+                                EnumeratorOf<Role>(caller.caller().role()), caller.peer(),
                                 caller.connected_s(), caller.watches(), caller.is_you()});
   }
   for (const v1::LastChange& change : response.changes()) {

@@ -11,19 +11,18 @@ target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE
   ${PROJECT_SOURCE_DIR}/common/bricks/leaf_type.h
   ${PROJECT_SOURCE_DIR}/common/bricks/typed_brick.h
   ${PROJECT_SOURCE_DIR}/common/bricks/volume_event.h
+  ${PROJECT_SOURCE_DIR}/common/contract/enumeration.h
   ${PROJECT_SOURCE_DIR}/common/error/error.h
-  ${PROJECT_SOURCE_DIR}/common/geometry/geometry.h
-  ${PROJECT_SOURCE_DIR}/common/isosurface/cell.h
-  ${PROJECT_SOURCE_DIR}/common/isosurface/complex.h
-  ${PROJECT_SOURCE_DIR}/common/isosurface/decomposition.h)
+  ${PROJECT_SOURCE_DIR}/common/geometry/geometry.h)
 target_sources(palpate_client PUBLIC FILE_SET written TYPE HEADERS
-  BASE_DIRS ${PALPATE_SETTINGS_FOLDER} FILES
-  ${PALPATE_SETTINGS_FOLDER}/client/sdk/setting_list.h)
+  BASE_DIRS ${PALPATE_CONTRACT_FOLDER} FILES
+  ${PALPATE_CONTRACT_FOLDER}/client/sdk/setting_list.h
+  ${PALPATE_CONTRACT_FOLDER}/common/contract/enumerations.h)
 target_compile_features(palpate_client PUBLIC cxx_std_20)
 
 set(names client)
 # What the client is linked with: palpate::client brings them along.
-list(APPEND names address bricks error files geometry isosurface messages proto setting_list volume_copy volume_mirror wire)
+list(APPEND names address bricks error files geometry isosurface messages proto contract volume_copy volume_mirror wire)
 foreach(name IN LISTS names)
   set_target_properties(palpate_${name} PROPERTIES EXPORT_NAME ${name})
   list(APPEND targets palpate_${name})

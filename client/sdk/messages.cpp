@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 
-#include "client/sdk/enum_of.h"
 #include "client/sdk/info_messages.h"
 #include "common/error/error.h"
 #include "common/wire/convert.h"
@@ -11,12 +10,6 @@
 
 namespace palpate::client {
 namespace {
-
-static_assert(static_cast<int>(ProxyMode::kInside) == v1::PROXY_MODE_INSIDE);
-
-FreeSide SideOf(v1::FreeSide side) {
-  return side == v1::FREE_SIDE_ABOVE ? FreeSide::kAbove : FreeSide::kBelow;
-}
 
 std::uint32_t Index(int value) {
   if (value < 0) throw Error(ErrorKind::kInvalidArgument, "a block outside of the volume");
@@ -55,22 +48,6 @@ void Set(v1::EditVolumeRequest& request, const Block& block) {
                                  block.values.size() * sizeof(float));
 }
 
-v1::EditOperation OperationOf(EditOperation operation) {
-  switch (operation) {
-    case EditOperation::kAdd:
-      return v1::EDIT_OPERATION_ADD;
-    case EditOperation::kSubtract:
-      return v1::EDIT_OPERATION_SUBTRACT;
-    case EditOperation::kSet:
-      return v1::EDIT_OPERATION_SET;
-    case EditOperation::kSmooth:
-      return v1::EDIT_OPERATION_SMOOTH;
-    case EditOperation::kPaint:
-      return v1::EDIT_OPERATION_PAINT;
-  }
-  return v1::EDIT_OPERATION_UNSPECIFIED;
-}
-
 }  // namespace
 
 Pose FromProto(const v1::PoseSample& sample) {
@@ -85,7 +62,7 @@ Pose FromProto(const v1::PoseSample& sample) {
   pose.stylus_orientation = UnalignedQuaternion(palpate::FromProto(sample.stylus_orientation()));
   pose.buttons = sample.buttons();
   pose.force_n = palpate::FromProto(sample.force_n());
-  pose.mode = EnumOf(sample.mode(), ProxyMode::kInside);
+  pose.mode = EnumeratorOf<ProxyMode>(sample.mode());
   pose.contact = sample.contact();
   pose.density = sample.density();
   pose.isovalue = sample.isovalue();
@@ -95,7 +72,7 @@ Pose FromProto(const v1::PoseSample& sample) {
   pose.missed_ticks = sample.missed_ticks();
   pose.iterations = sample.iterations();
   pose.capped_ticks = sample.capped_ticks();
-  pose.free_side = SideOf(sample.free_side());
+  pose.free_side = EnumeratorOf<FreeSide>(sample.free_side());
   pose.forces = FromProto(sample.forces());
   pose.replayed = sample.replayed();
   return pose;
@@ -105,8 +82,8 @@ v1::EditVolumeRequest ToProto(const Edit& edit) {
   v1::EditVolumeRequest request;
   std::visit([&](const auto& shape) { Set(request, shape); }, edit.shape);
   const bool is_index = edit.frame == EditFrame::kIndex || request.has_block();
-  request.set_frame(is_index ? v1::EDIT_FRAME_INDEX : v1::EDIT_FRAME_WORLD);
-  request.set_operation(OperationOf(edit.operation));
+  request.set_frame(is_index ? v1::EDIT_FRAME_INDEX : static_cast<v1::EditFrame>(edit.frame));
+  request.set_operation(static_cast<v1::EditOperation>(edit.operation));
   request.set_value(edit.value);
   request.set_strength(edit.strength);
   request.set_falloff(edit.falloff);
@@ -116,11 +93,8 @@ v1::EditVolumeRequest ToProto(const Edit& edit) {
 }
 
 v1::FilterVolumeRequest ToProto(const Filter& filter) {
-  constexpr v1::FilterKind kKinds[] = {v1::FILTER_KIND_GAUSSIAN,       v1::FILTER_KIND_MEAN,
-                                       v1::FILTER_KIND_MEDIAN,         v1::FILTER_KIND_OFFSET,
-                                       v1::FILTER_KIND_MEAN_CURVATURE, v1::FILTER_KIND_RESAMPLE};
   v1::FilterVolumeRequest request;
-  request.set_kind(kKinds[static_cast<int>(filter.kind)]);
+  request.set_kind(static_cast<v1::FilterKind>(filter.kind));
   // A negative width is sent as 0. The daemon refuses both.
   request.set_width(static_cast<std::uint32_t>(std::max(0, filter.width)));
   request.set_iterations(static_cast<std::uint32_t>(std::max(0, filter.iterations)));
@@ -128,8 +102,7 @@ v1::FilterVolumeRequest ToProto(const Filter& filter) {
   *request.mutable_spacing_mm() = palpate::ToProto(filter.spacing_mm);
   if (const auto* sphere = std::get_if<Sphere>(&filter.region)) Set(request, *sphere);
   if (const auto* box = std::get_if<Box>(&filter.region)) Set(request, *box);
-  request.set_frame(filter.frame == EditFrame::kIndex ? v1::EDIT_FRAME_INDEX
-                                                      : v1::EDIT_FRAME_WORLD);
+  request.set_frame(static_cast<v1::EditFrame>(filter.frame));
   if (filter.expected_revision) request.set_expected_revision(*filter.expected_revision);
   return request;
 }

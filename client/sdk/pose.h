@@ -11,28 +11,15 @@
 #include <optional>
 #include <vector>
 
+#include "common/contract/enumerations.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::client {
 
-// device.proto explains the names.
-enum class ForceState { kUnknown, kOff, kRampIn, kOn, kHeld, kFault, kStopped };
-enum class ForceReason {
-  kUnknown,
-  kNone,
-  kOperator,
-  kDocked,
-  kUncalibrated,
-  kStale,
-  kDeadlines,
-  kDevice,
-  kPosition,
-  kForce,
-  kSpeed,
-  kStopCall,
-  kStopButton,
-  kReplay,
-};
+using palpate::ForceReason;
+using palpate::ForceState;
+using palpate::FreeSide;
+using palpate::ProxyMode;
 
 struct ForceStatus {
   ForceState state = ForceState::kUnknown;
@@ -40,11 +27,6 @@ struct ForceStatus {
   // The greatest force now. Warm motors lower it below the device's maximum.
   double limit_n = 0.0;
 };
-
-enum class ProxyMode { kUnknown, kFree, kConstrained, kEjecting, kFault, kSuspended, kInside };
-
-// Side of the isosurface on which the stylus is free.
-enum class FreeSide { kBelow, kAbove };
 
 // The alignment of Eigen::Quaterniond depends on the compiler's flags. The program and the library
 // may have different flags.

@@ -14,7 +14,7 @@
 #include <variant>
 
 #include "client/sdk/pose.h"
-#include "common/isosurface/decomposition.h"
+#include "common/contract/enumerations.h"
 
 namespace palpate::client {
 
@@ -56,24 +56,27 @@ struct Setting {
   std::variant<NumberSetting, FlagSetting, ChoiceSetting> kind;
 };
 
-// Returns the index of `value` among the enumerators of a choice.
-template <typename Enum, std::size_t Count>
-constexpr std::size_t PlaceOf(Enum value, const std::array<Enum, Count>& values) {
-  return static_cast<std::size_t>(std::find(values.begin(), values.end(), value) - values.begin());
+template <Declared Enum>
+constexpr std::size_t PlaceOf(Enum value) {
+  return static_cast<std::size_t>(value) - 1;
 }
 
-// A choice among `Values`: enumerators, in the order of `words`.
-template <auto Member, auto Update, const auto& Values>
-constexpr ChoiceSetting MakeChoice(std::span<const std::string_view> words, std::size_t initial) {
-  return {words,
-          initial,
-          [](const Settings& settings) { return PlaceOf(settings.*Member, Values); },
-          [](Settings& settings, std::size_t place) { settings.*Member = Values.at(place); },
+template <Declared Enum>
+constexpr Enum AtPlace(std::size_t place) {
+  return EnumeratorOf<Enum>(static_cast<int>(place) + 1);
+}
+
+template <auto Member, auto Update, Declared Enum>
+constexpr ChoiceSetting MakeChoice(Enum initial) {
+  return {kWords<Enum>,
+          PlaceOf(initial),
+          [](const Settings& settings) { return PlaceOf(settings.*Member); },
+          [](Settings& settings, std::size_t place) { settings.*Member = AtPlace<Enum>(place); },
           [](const SettingsUpdate& update) {
-            const auto& value = update.*Update;
-            return value ? std::optional(PlaceOf(*value, Values)) : std::nullopt;
+            const std::optional<Enum>& value = update.*Update;
+            return value ? std::optional(PlaceOf(*value)) : std::nullopt;
           },
-          [](SettingsUpdate& update, std::size_t place) { update.*Update = Values.at(place); }};
+          [](SettingsUpdate& update, std::size_t place) { update.*Update = AtPlace<Enum>(place); }};
 }
 
 }  // namespace palpate::client

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/sdk/settings.h"
+#include "common/contract/enumerations.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::client {
@@ -55,7 +56,7 @@ struct VolumeInfo {
   ValueHistogram histogram;
 };
 
-enum class VoxelType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
+using palpate::VoxelType;
 
 // A file that holds only voxels, x fastest.
 struct RawVoxels {

@@ -9,9 +9,6 @@
 namespace palpate::client {
 namespace {
 
-static_assert(static_cast<int>(VoxelType::kInt8) + 1 == v1::VOXEL_TYPE_INT8);
-static_assert(static_cast<int>(VoxelType::kFloat64) + 1 == v1::VOXEL_TYPE_FLOAT64);
-
 // An older daemon does not send the map.
 AffineMap MapOf(const v1::AffineMap& map) {
   return map.linear_size() == 9 ? palpate::FromProto(map) : AffineMap();
@@ -25,7 +22,7 @@ v1::RawVoxels RawOf(const RawVoxels& raw) {
   message.set_size_x(static_cast<std::uint32_t>(raw.size.x()));
   message.set_size_y(static_cast<std::uint32_t>(raw.size.y()));
   message.set_size_z(static_cast<std::uint32_t>(raw.size.z()));
-  message.set_type(static_cast<v1::VoxelType>(static_cast<int>(raw.type) + 1));
+  message.set_type(static_cast<v1::VoxelType>(raw.type));
   message.set_big_endian(raw.big_endian);
   message.set_offset_bytes(raw.offset_bytes);
   return message;

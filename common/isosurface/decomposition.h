@@ -14,28 +14,12 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
-#include <optional>
-#include <string_view>
 
+#include "common/contract/enumerations.h"
 #include "common/isosurface/cell.h"
 #include "common/isosurface/complex.h"
 
 namespace palpate {
-
-enum class DecompositionMethod : std::uint8_t { kBcc, kTpbcc };
-
-// The names in settings and command lines.
-inline constexpr std::array<std::string_view, 2> kMethodNames = {"bcc", "tpbcc"};
-constexpr std::string_view MethodName(DecompositionMethod method) {
-  return kMethodNames[static_cast<std::size_t>(method)];
-}
-constexpr std::optional<DecompositionMethod> MethodNamed(std::string_view name) {
-  for (std::size_t n = 0; n < kMethodNames.size(); ++n) {
-    if (kMethodNames[n] == name) return static_cast<DecompositionMethod>(n);
-  }
-  return std::nullopt;
-}
 
 struct Decomposition {
   TetrahedralComplex complex;

@@ -53,25 +53,4 @@ AffineMap FromProto(const v1::AffineMap& map) {
   return result;
 }
 
-v1::DecompositionMethod ToProto(DecompositionMethod method) {
-  switch (method) {
-    case DecompositionMethod::kBcc:
-      return v1::DECOMPOSITION_METHOD_BCC;
-    case DecompositionMethod::kTpbcc:
-      return v1::DECOMPOSITION_METHOD_TPBCC;
-  }
-  return v1::DECOMPOSITION_METHOD_UNSPECIFIED;
-}
-
-DecompositionMethod FromProto(v1::DecompositionMethod method) {
-  switch (method) {
-    case v1::DECOMPOSITION_METHOD_BCC:
-      return DecompositionMethod::kBcc;
-    case v1::DECOMPOSITION_METHOD_TPBCC:
-      return DecompositionMethod::kTpbcc;
-    default:
-      throw Error(ErrorKind::kInvalidArgument, "unknown decomposition method");
-  }
-}
-
 }  // namespace palpate

@@ -36,7 +36,6 @@ struct Config {
   std::uint64_t memory_budget_bytes = DefaultMemoryBudget();
   UploadOptions uploads;
   HapticSettings haptics;
-  DecompositionMethod method = DecompositionMethod::kTpbcc;
   DeviceConfig device;
   std::string socket_path;  // empty: DefaultSocketPath()
   std::optional<HostPort> listen;

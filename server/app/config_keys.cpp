@@ -62,16 +62,6 @@ std::uint64_t Mebibytes(const Entry& entry) {
   return static_cast<std::uint64_t>(entry.Integer(1, 1 << 30)) << 20;
 }
 
-FreeSide Side(const Entry& entry) {
-  if (const auto side = FreeSideNamed(entry.Text())) return *side;
-  Refuse("must be \"below\" or \"above\"");
-}
-
-DecompositionMethod Method(const Entry& entry) {
-  if (const auto method = MethodNamed(entry.Text())) return *method;
-  Refuse("must be \"tpbcc\" or \"bcc\", not \"" + entry.Text() + "\"");
-}
-
 std::string LogLevelName(const Entry& entry) {
   CheckLogLevel(entry.Text());
   return entry.Text();
@@ -98,7 +88,7 @@ std::array<std::int64_t, 3> RawSize(const Entry& entry) {
 }
 
 Role ParseRole(const Entry& entry) {
-  if (const auto role = RoleNamed(entry.Text())) return *role;
+  if (const auto role = Named<Role>(entry.Text())) return *role;
   Refuse("must be \"viewer\", \"editor\", \"operator\" or \"admin\"");
 }
 
@@ -171,10 +161,7 @@ Setters VolumeSetters() {
 }
 
 Setters HapticsSetters() {
-  Setters setters = {
-      {"haptics.free_side", [](E e, C c) { c.haptics.free_side = Side(e); }},
-      {"haptics.method", [](E e, C c) { c.method = Method(e); }},
-  };
+  Setters setters;
   for (const NumberSetting& setting : kNumberSettings) {
     setters["haptics." + std::string(setting.key)] = [&setting](E e, C c) {
       const double value = e.Number();
@@ -188,6 +175,16 @@ Setters HapticsSetters() {
   for (const FlagSetting& setting : kFlagSettings) {
     setters["haptics." + std::string(setting.key)] = [&setting](E e, C c) {
       c.haptics.*setting.member = e.Flag();
+    };
+  }
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    setters["haptics." + std::string(setting.key)] = [&setting](E e, C c) {
+      const std::string word = e.Text();
+      const std::optional<int> number = NumberOf(setting, word);
+      if (!number) {
+        Refuse(fmt::format("must be {}, not \"{}\"", fmt::join(setting.words, " or "), word));
+      }
+      setting.set(c.haptics, *number);
     };
   }
   return setters;

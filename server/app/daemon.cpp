@@ -4,10 +4,10 @@
 #include <ctime>
 #include <functional>
 
+#include "common/contract/enumerations.h"
 #include "server/app/server_parts.h"
 #include "server/app/service_manager.h"
 #include "server/log/log.h"
-#include "server/safety/names.h"
 
 namespace palpate {
 namespace {

@@ -125,9 +125,7 @@ LoadRequest ConfiguredVolume(const Config& config) {
   return request;
 }
 
-RenderSettings ConfiguredSettings(const Config& config) {
-  return {.haptics = config.haptics, .method = config.method};
-}
+RenderSettings ConfiguredSettings(const Config& config) { return {.haptics = config.haptics}; }
 
 void LoadFirstVolume(const LoadedConfig& loaded, Session& session, SessionKeeper& keeper,
                      const PathPolicy& paths, const Progress& on_progress,

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <string>
 
+#include "common/contract/enumerations.h"
 #include "server/log/log.h"
-#include "server/safety/names.h"
 
 namespace palpate {
 namespace {

@@ -26,13 +26,12 @@ bool Names(const std::vector<std::string>& keys, std::string_view key) {
 
 bool IsEmpty(const SettingsUpdate& update) {
   return !update.isovalue && !update.normalized_isovalue && update.numbers.empty() &&
-         update.flags.empty() && !update.free_side && !update.method;
+         update.flags.empty() && update.choices.empty();
 }
 
 // Copies the part that can change while the daemon runs.
 void CopyLive(const LoadedConfig& from, LoadedConfig& to) {
   to.config.haptics = from.config.haptics;
-  to.config.method = from.config.method;
   to.config.volume.isovalue = from.config.volume.isovalue;
   to.config.volume.normalized_isovalue = from.config.volume.normalized_isovalue;
   to.config.security.policy = from.config.security.policy;
@@ -73,8 +72,10 @@ SettingsUpdate UpdateOf(const std::vector<std::string>& keys, const Config& conf
     if (!is_named(setting.key)) continue;
     update.flags.emplace_back(setting.member, config.haptics.*setting.member);
   }
-  if (is_named("free_side")) update.free_side = config.haptics.free_side;
-  if (is_named("method")) update.method = config.method;
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    if (!is_named(setting.key)) continue;
+    update.choices.emplace_back(&setting, setting.get(config.haptics));
+  }
   if (Names(keys, "volume.isovalue") || Names(keys, "volume.normalized_isovalue")) {
     update.isovalue = config.volume.isovalue;
     update.normalized_isovalue = config.volume.normalized_isovalue;

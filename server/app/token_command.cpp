@@ -54,7 +54,7 @@ std::vector<StoredToken> ReadOrNone(const std::string& file) {
   return std::filesystem::exists(file) ? ReadTokenFile(file) : std::vector<StoredToken>();
 }
 
-auto Named(std::vector<StoredToken>& tokens, const std::string& name) {
+auto TokenNamed(std::vector<StoredToken>& tokens, const std::string& name) {
   return std::find_if(tokens.begin(), tokens.end(),
                       [&](const StoredToken& token) { return token.name == name; });
 }
@@ -78,14 +78,14 @@ void Tell(const TokenValues& values, const NewToken& token, const std::string& p
 }
 
 void Add(const TokenValues& values) {
-  const auto role = RoleNamed(values.role);
+  const auto role = Named<Role>(values.role);
   if (!role) {
     throw Error(ErrorKind::kInvalidArgument,
                 "there is no role " + values.role + ": give viewer, editor, operator or admin");
   }
   const FileLock lock = LockFolderOf(values.file);
   std::vector<StoredToken> tokens = ReadOrNone(values.file);
-  if (Named(tokens, values.name) != tokens.end()) {
+  if (TokenNamed(tokens, values.name) != tokens.end()) {
     throw Error(ErrorKind::kConflict,
                 "there is a token of that name: revoke it first, or choose another name");
   }
@@ -122,7 +122,7 @@ void List(const TokenValues& values) {
 void Revoke(const TokenValues& values) {
   const FileLock lock = LockFolderOf(values.file);
   std::vector<StoredToken> tokens = ReadTokenFile(values.file);
-  const auto at = Named(tokens, values.name);
+  const auto at = TokenNamed(tokens, values.name);
   if (at == tokens.end()) {
     throw Error(ErrorKind::kNotFound, "there is no token of that name in " + values.file);
   }

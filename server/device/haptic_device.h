@@ -15,23 +15,10 @@
 #include <string>
 #include <string_view>
 
+#include "common/contract/enumerations.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate {
-
-// What we have seen of a kind of device on hardware. Each level includes the levels above it in
-// this list. The level is part of the program and is raised with evidence
-// (deploy/guides/devices.md). A device that answers now does not raise it.
-enum class VerificationLevel {
-  kNone,
-  kEnumerated,     // found, opened and claimed
-  kIdentified,     // told its identity
-  kStateRead,      // positions and buttons are right
-  kForceVerified,  // forces have the right direction and size
-  kSimulated,      // there is no hardware to verify
-};
-
-std::string_view NameOf(VerificationLevel level);
 
 struct DeviceSpec {
   std::string kind;   // configuration name, such as "simulated"
@@ -59,21 +46,6 @@ struct DeviceState {
   std::uint32_t buttons = 0;                                 // bit n: button n pressed
   bool docked = false;                                       // the stylus rests in its holder
   bool calibrated = true;                                    // the position has a meaning
-};
-
-enum class DeviceStatus : std::uint8_t {
-  kOk,
-  // No new reading came for longer than its period; the state is the last good one. Also returned
-  // after zero force was written because the servo was silent, until the servo writes zero: the old
-  // force must not come back in one step.
-  kStale,
-  kFault,  // the device is gone or broken; forces must stay off
-};
-
-enum class DeviceConnection : std::uint8_t {
-  kAbsent,      // not found or cannot be opened; the search continues
-  kConnecting,  // found; being set up
-  kStreaming,   // readings come
 };
 
 // For people and the metrics. Counts start at Start.

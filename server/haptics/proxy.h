@@ -28,13 +28,11 @@
 
 #include <cstdint>
 
+#include "common/contract/enumerations.h"
 #include "server/haptics/haptic_surface.h"
 #include "server/haptics/place.h"
 
 namespace palpate {
-
-// kInside: buried.
-enum class ProxyMode : std::uint8_t { kFree, kConstrained, kEjecting, kInside };
 
 // The most moves per step.
 inline constexpr int kMaxProxyMoves = 512;

@@ -4,10 +4,14 @@
 // Threads: plain values.
 #pragma once
 
-#include <array>
-#include <cstdint>
+#include <cstddef>
 #include <optional>
+#include <span>
 #include <string_view>
+#include <type_traits>
+#include <utility>
+
+#include "common/contract/enumerations.h"
 
 namespace palpate {
 
@@ -25,19 +29,33 @@ struct FlagSetting {
   bool HapticSettings::*member;
 };
 
-// The side of H on which the proxy is free: where densities are below τ, or where they are above τ
-// (to feel a cavity from the inside).
-enum class FreeSide : std::uint8_t { kBelow, kAbove };
+// A choice among enumerators, by their numbers.
+struct ChoiceSetting {
+  std::string_view key;
+  std::span<const std::string_view> words;  // word n: of the enumerator n + 1
+  int (*get)(const HapticSettings&);
+  void (*set)(HapticSettings&, int);
+};
 
-inline constexpr std::array<std::string_view, 2> kFreeSideNames = {"below", "above"};
-constexpr std::string_view FreeSideName(FreeSide side) {
-  return kFreeSideNames[static_cast<std::size_t>(side)];
+template <auto Member, class Settings = HapticSettings>
+constexpr ChoiceSetting MakeChoice(std::string_view key) {
+  using Enum = std::remove_cvref_t<decltype(std::declval<Settings>().*Member)>;
+  return {key, kWords<Enum>,
+          [](const Settings& settings) { return static_cast<int>(settings.*Member); },
+          [](Settings& settings, int number) { settings.*Member = EnumeratorOf<Enum>(number); }};
 }
-constexpr std::optional<FreeSide> FreeSideNamed(std::string_view name) {
-  for (std::size_t n = 0; n < kFreeSideNames.size(); ++n) {
-    if (kFreeSideNames[n] == name) return static_cast<FreeSide>(n);
+
+// The number of the enumerator with this word; none: there is none.
+constexpr std::optional<int> NumberOf(const ChoiceSetting& setting, std::string_view word) {
+  for (std::size_t n = 0; n < setting.words.size(); ++n) {
+    if (setting.words[n] == word) return static_cast<int>(n) + 1;
   }
   return std::nullopt;
+}
+
+// The word of a number that is none of kUnknown.
+constexpr std::string_view WordOf(const ChoiceSetting& setting, int number) {
+  return setting.words[static_cast<std::size_t>(number) - 1];
 }
 
 }  // namespace palpate

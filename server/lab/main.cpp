@@ -40,8 +40,8 @@ std::filesystem::path DefaultTable() {
 }
 
 const std::vector<std::string> kMethods(kMethodNames.begin(), kMethodNames.end());
-const std::vector<std::string> kFeltMethods(palpate::kMethodNames.begin(),
-                                            palpate::kMethodNames.end());
+const std::vector<std::string> kFeltMethods(kWords<DecompositionMethod>.begin(),
+                                            kWords<DecompositionMethod>.end());
 const std::vector<std::string> kTrajectories(kTrajectoryNames.begin(), kTrajectoryNames.end());
 
 void AddOverwrite(arguments::Command& command, bool& overwrite) {

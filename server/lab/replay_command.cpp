@@ -75,7 +75,7 @@ void RunReplay(const ReplayOptions& options, std::ostream& out) {
   CheckNewFile(options.output, ReplacesIf(options.overwrite));
   std::vector<Vec3> hips_mm = ReadTrajectory(options.trajectory);
   const LoadedSurface loaded = LoadSurface(options.surface);
-  const DecompositionMethod method = *palpate::MethodNamed(options.method);
+  const DecompositionMethod method = *Named<DecompositionMethod>(options.method);
   if (options.hand) hips_mm = HipsOfLedHand(SurfaceOf(loaded, method, settings), settings, hips_mm);
   const JudgedReplay judged = ReplayAndJudge(loaded, method, settings, hips_mm, options.passes);
   WriteText(options.output, ToCsv(judged.ticks, judged.summary.verdict.density),

@@ -1,6 +1,7 @@
 #include "server/lab/setting_arguments.h"
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <charconv>
 #include <string_view>
@@ -14,7 +15,8 @@ std::string KnownKeys() {
   std::string keys;
   for (const NumberSetting& setting : kNumberSettings) keys += fmt::format("{}, ", setting.key);
   for (const FlagSetting& setting : kFlagSettings) keys += fmt::format("{}, ", setting.key);
-  return keys + "free_side";
+  for (const ChoiceSetting& setting : kChoiceSettings) keys += fmt::format("{}, ", setting.key);
+  return keys.substr(0, keys.size() - 2);
 }
 
 void SetNumber(const NumberSetting& setting, std::string_view value, HapticSettings& settings) {
@@ -36,6 +38,14 @@ void SetFlag(const FlagSetting& setting, std::string_view value, HapticSettings&
   settings.*setting.member = on;
 }
 
+void SetChoice(const ChoiceSetting& setting, std::string_view value, HapticSettings& settings) {
+  const std::optional<int> number = NumberOf(setting, value);
+  if (!number) {
+    Refuse(fmt::format("{}={}: give {}", setting.key, value, fmt::join(setting.words, " or ")));
+  }
+  setting.set(settings, *number);
+}
+
 }  // namespace
 
 void ApplySetting(const std::string& argument, HapticSettings& settings) {
@@ -48,10 +58,10 @@ void ApplySetting(const std::string& argument, HapticSettings& settings) {
   for (const FlagSetting& setting : kFlagSettings) {
     if (key == setting.key) return SetFlag(setting, value, settings);
   }
-  if (key != "free_side") Refuse(key + ": no such setting; the settings are " + KnownKeys());
-  const auto side = FreeSideNamed(value);
-  if (!side) Refuse(fmt::format("free_side={}: give below or above", value));
-  settings.free_side = *side;
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    if (key == setting.key) return SetChoice(setting, value, settings);
+  }
+  Refuse(key + ": no such setting; the settings are " + KnownKeys());
 }
 
 }  // namespace palpate::lab

@@ -25,7 +25,7 @@ double Length(const std::array<double, 3>& v) { return std::hypot(v[0], v[1], v[
 
 // True if the proxy is held on the surface and yet inside the material. This must never happen.
 bool IsContactFault(const TickSample& sample) {
-  if (sample.mode != TickMode::kFree && sample.mode != TickMode::kConstrained) return false;
+  if (sample.mode != ProxyMode::kFree && sample.mode != ProxyMode::kConstrained) return false;
   return sample.free_side == FreeSide::kBelow ? sample.density > sample.isovalue
                                               : sample.density < sample.isovalue;
 }

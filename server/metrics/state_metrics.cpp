@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "server/safety/names.h"
+#include "common/contract/enumerations.h"
 
 namespace palpate {
 namespace {
@@ -80,11 +80,10 @@ void AddServo(Families& families, const ServoLoop& servo) {
 void AddForces(Families& families, const ForceWatch& watch) {
   MetricFamily family{"palpate_forces", "1: forces are in this state", MetricType::Gauge, {}};
   const std::optional<ForceTick> newest = watch.newest();
-  for (ForceState state : {ForceState::kOff, ForceState::kRampIn, ForceState::kOn,
-                           ForceState::kHeld, ForceState::kFault, ForceState::kStopped}) {
+  for (const std::string_view state : kWords<ForceState>) {
     ClientMetric metric;
-    metric.label.push_back({"state", std::string(NameOf(state))});
-    metric.gauge.value = newest && newest->state == state;
+    metric.label.push_back({"state", std::string(state)});
+    metric.gauge.value = newest && NameOf(newest->state) == state;
     family.metric.push_back(std::move(metric));
   }
   families.push_back(std::move(family));

@@ -6,10 +6,10 @@
 #include <fstream>
 #include <utility>
 
+#include "common/contract/enumerations.h"
 #include "common/error/error.h"
 #include "common/files/new_file.h"
 #include "server/recording/csv_export.h"
-#include "server/safety/names.h"
 
 namespace palpate {
 namespace {
@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t kMostWaiting = 4;
 
 bool IsCut(const TickSample& sample) {
-  return sample.mode == TickMode::kFault || sample.force_state == ForceState::kFault ||
+  return sample.mode == ProxyMode::kFault || sample.force_state == ForceState::kFault ||
          sample.force_state == ForceState::kStopped;
 }
 

@@ -86,7 +86,7 @@ Payload Encode(const RecordedScene& scene) {
   writer.Put(scene.isovalue);
   writer.Put(scene.normalized_isovalue);
   writer.PutText(SettingsText(scene.settings));
-  writer.PutText(MethodName(scene.method));
+  writer.PutText(NameOf(scene.settings.method));
   PutMap(scene.X_DI, writer);
   writer.Put(scene.volume_hash.high);
   writer.Put(scene.volume_hash.low);
@@ -118,9 +118,9 @@ RecordedScene DecodeScene(ByteReader& reader) {
   scene.isovalue = reader.Get<double>();
   scene.normalized_isovalue = reader.Get<double>();
   scene.settings = SettingsFromText(reader.GetText(), scene.unknown_settings);
-  const std::optional<DecompositionMethod> method = MethodNamed(reader.GetText());
+  const std::optional<DecompositionMethod> method = Named<DecompositionMethod>(reader.GetText());
   if (!method) throw DamagedBytes("of a method that this program does not know");
-  scene.method = *method;
+  scene.settings.method = *method;
   scene.X_DI = GetMap(reader);
   scene.volume_hash.high = reader.Get<std::uint64_t>();
   scene.volume_hash.low = reader.Get<std::uint64_t>();

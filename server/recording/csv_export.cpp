@@ -11,23 +11,16 @@
 #include <utility>
 #include <variant>
 
+#include "common/contract/enumerations.h"
 #include "common/error/error.h"
 #include "server/recording/sample_fields.h"
-#include "server/safety/names.h"
 
 namespace palpate {
 namespace {
 
-constexpr std::array<std::string_view, 6> kModeNames = {"free",  "constrained", "ejecting",
-                                                        "fault", "suspended",   "inside"};
-
 template <class Field>
 void AppendField(const Field& field, std::string& row) {
-  if constexpr (std::is_same_v<Field, TickMode>) {
-    row += kModeNames[static_cast<std::size_t>(field)];
-  } else if constexpr (std::is_same_v<Field, FreeSide>) {
-    row += FreeSideName(field);
-  } else if constexpr (std::is_enum_v<Field>) {
+  if constexpr (std::is_enum_v<Field>) {
     row += NameOf(field);
   } else if constexpr (std::is_same_v<Field, bool>) {
     row += field ? '1' : '0';

@@ -32,7 +32,6 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .isovalue = scene.isovalue,
           .normalized_isovalue = scene.surface.sign() * scene.surface.isovalue,
           .settings = scene.settings,
-          .method = scene.surface.method,
           .X_DI = scene.surface.X_DI,
           .volume_hash = hash,
           .volume_source = scene.volume->metadata().source,
@@ -64,9 +63,9 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
     throw Error(ErrorKind::kInvalidArgument, "the recording's place of the volume is no place");
   }
   Scene scene;
-  scene.surface =
-      MakeHapticSurface(*volume, recorded.X_DI, recorded.normalized_isovalue, recorded.method,
-                        recorded.geometry_revision, recorded.settings.free_side);
+  scene.surface = MakeHapticSurface(*volume, recorded.X_DI, recorded.normalized_isovalue,
+                                    recorded.settings.method, recorded.geometry_revision,
+                                    recorded.settings.free_side);
   scene.volume = std::move(volume);
   scene.isovalue = recorded.isovalue;
   scene.settings = recorded.settings;

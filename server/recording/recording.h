@@ -55,7 +55,6 @@ struct RecordedScene {
   // Names of settings that this program does not know. A newer program wrote them, and forces may
   // depend on them.
   std::vector<std::string> unknown_settings{};
-  DecompositionMethod method = DecompositionMethod::kTpbcc;
   AffineMap X_DI{};
   VolumeHash volume_hash{};
   std::string volume_source{};

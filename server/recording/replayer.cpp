@@ -35,12 +35,12 @@ std::string Text(const Field& field) {
 void CheckOrder(const RecordedScene& before, const RecordedScene& scene) {
   const bool same_geometry = scene.geometry_revision == before.geometry_revision;
   const bool same_volume = scene.volume_revision == before.volume_revision;
-  const bool good =
-      scene.geometry_revision >= before.geometry_revision &&
-      scene.volume_revision >= before.volume_revision &&
-      (!same_geometry || (scene.method == before.method && scene.X_DI == before.X_DI &&
-                          scene.loaded_revision == before.loaded_revision)) &&
-      (!same_volume || scene.volume_hash == before.volume_hash);
+  const bool good = scene.geometry_revision >= before.geometry_revision &&
+                    scene.volume_revision >= before.volume_revision &&
+                    (!same_geometry || (scene.settings.method == before.settings.method &&
+                                        scene.X_DI == before.X_DI &&
+                                        scene.loaded_revision == before.loaded_revision)) &&
+                    (!same_volume || scene.volume_hash == before.volume_hash);
   if (good) return;
   throw Error(ErrorKind::kInvalidArgument,
               "the recording is damaged: its scenes contradict each other");

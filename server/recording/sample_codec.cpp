@@ -27,6 +27,8 @@ constexpr FieldSizes kSizes = [] {
 
 template <class Field>
 std::uint64_t ToWord(const Field& field) {
+  // Files number enumerators from 0.
+  if constexpr (std::is_enum_v<Field>) return static_cast<std::uint64_t>(field) - 1;
   std::uint64_t word = 0;
   std::memcpy(&word, &field, sizeof field);
   return word;
@@ -34,17 +36,12 @@ std::uint64_t ToWord(const Field& field) {
 
 template <class Field>
 void FromWord(std::uint64_t word, Field& field) {
-  if constexpr (std::is_enum_v<Field> || std::is_same_v<Field, bool>) {
-    constexpr std::uint64_t kCount = [] {
-      if constexpr (std::is_same_v<Field, TickMode>) return std::uint64_t{6};
-      if constexpr (std::is_same_v<Field, ForceState>) return std::uint64_t{6};
-      if constexpr (std::is_same_v<Field, ForceReason>) return std::uint64_t{12};
-      if constexpr (std::is_same_v<Field, ForceCommand>) return std::uint64_t{4};
-      if constexpr (std::is_same_v<Field, DeviceStatus>) return std::uint64_t{3};
-      return std::uint64_t{2};
-    }();
-    if (word >= kCount) throw DamagedBytes("damaged: a field is out of its range");
-    field = static_cast<Field>(word);
+  if constexpr (std::is_enum_v<Field>) {
+    if (word >= kWords<Field>.size()) throw DamagedBytes("damaged: a field is out of its range");
+    field = static_cast<Field>(word + 1);
+  } else if constexpr (std::is_same_v<Field, bool>) {
+    if (word > 1) throw DamagedBytes("damaged: a field is out of its range");
+    field = word != 0;
   } else {
     std::memcpy(&field, &word, sizeof field);
   }

@@ -1,13 +1,14 @@
 #include "server/recording/settings_text.h"
 
+#include <array>
 #include <charconv>
+#include <optional>
 
 #include "server/recording/bytes.h"
 
 namespace palpate {
 namespace {
 
-constexpr std::string_view kFreeSideKey = "free_side";
 constexpr std::array<std::string_view, 2> kFlagNames = {"off", "on"};
 
 double ParseNumber(std::string_view text) {
@@ -26,18 +27,8 @@ bool ParseFlag(std::string_view text) {
   return text == kFlagNames[1];
 }
 
-FreeSide ParseFreeSide(std::string_view text) {
-  const std::optional<FreeSide> side = FreeSideNamed(text);
-  if (!side) throw DamagedBytes("damaged: free_side is no side");
-  return *side;
-}
-
 // False if no setting has this name.
 bool Set(HapticSettings& settings, std::string_view key, std::string_view value) {
-  if (key == kFreeSideKey) {
-    settings.free_side = ParseFreeSide(value);
-    return true;
-  }
   for (const NumberSetting& number : kNumberSettings) {
     if (number.key == key) {
       settings.*number.member = ParseNumber(value);
@@ -47,6 +38,14 @@ bool Set(HapticSettings& settings, std::string_view key, std::string_view value)
   for (const FlagSetting& flag : kFlagSettings) {
     if (flag.key == key) {
       settings.*flag.member = ParseFlag(value);
+      return true;
+    }
+  }
+  for (const ChoiceSetting& choice : kChoiceSettings) {
+    if (choice.key == key) {
+      const std::optional<int> number = NumberOf(choice, value);
+      if (!number) throw DamagedBytes("damaged: a setting is none of its words");
+      choice.set(settings, *number);
       return true;
     }
   }
@@ -67,7 +66,10 @@ std::string SettingsText(const HapticSettings& settings) {
     add(number.key, {digits.data(), static_cast<std::size_t>(end - digits.data())});
   }
   for (const FlagSetting& flag : kFlagSettings) add(flag.key, kFlagNames[settings.*flag.member]);
-  add(kFreeSideKey, FreeSideName(settings.free_side));
+  for (const ChoiceSetting& choice : kChoiceSettings) {
+    if (choice.key == "method") continue;  // the scene has it
+    add(choice.key, WordOf(choice, choice.get(settings)));
+  }
   return text;
 }
 

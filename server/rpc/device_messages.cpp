@@ -3,19 +3,6 @@
 #include "common/wire/convert.h"
 
 namespace palpate {
-namespace {
-
-static_assert(EnumToProto<v1::VerificationLevel>(VerificationLevel::kSimulated) ==
-              v1::VERIFICATION_LEVEL_SIMULATED);
-static_assert(EnumToProto<v1::DeviceConnection>(DeviceConnection::kStreaming) ==
-              v1::DEVICE_CONNECTION_STREAMING);
-static_assert(EnumToProto<v1::ForceState>(ForceState::kStopped) == v1::FORCE_STATE_STOPPED);
-static_assert(EnumToProto<v1::ForceReason>(ForceReason::kStopButton) ==
-              v1::FORCE_REASON_STOP_BUTTON);
-static_assert(EnumToProto<v1::Role>(Role::kAdmin) == v1::ROLE_ADMIN);
-
-}  // namespace
-
 v1::DeviceDescription ToProto(const DeviceSpec& spec) {
   v1::DeviceDescription out;
   out.set_kind(spec.kind);
@@ -27,13 +14,13 @@ v1::DeviceDescription ToProto(const DeviceSpec& spec) {
   out.set_max_stiffness_n_per_mm(spec.max_stiffness_n_per_mm);
   out.set_position_resolution_mm(spec.position_resolution_mm);
   out.set_button_count(static_cast<std::uint32_t>(spec.button_count));
-  out.set_verification_level(EnumToProto<v1::VerificationLevel>(spec.verification_level));
+  out.set_verification_level(static_cast<v1::VerificationLevel>(spec.verification_level));
   return out;
 }
 
 v1::DeviceHealth ToProto(const DeviceHealth& health) {
   v1::DeviceHealth out;
-  out.set_connection(EnumToProto<v1::DeviceConnection>(health.connection));
+  out.set_connection(static_cast<v1::DeviceConnection>(health.connection));
   out.set_docked(health.docked);
   out.set_calibrated(health.calibrated);
   out.set_identity(health.identity);
@@ -55,21 +42,21 @@ v1::ListedDevice ToProto(const ListedDevice& device) {
   out.set_port(device.port);
   out.set_usable(device.usable);
   out.set_problem(device.problem);
-  out.set_verification_level(EnumToProto<v1::VerificationLevel>(device.verification_level));
+  out.set_verification_level(static_cast<v1::VerificationLevel>(device.verification_level));
   return out;
 }
 
 v1::CallerDescription ToProto(const Identity& caller) {
   v1::CallerDescription description;
   description.set_identity(caller.name);
-  description.set_role(EnumToProto<v1::Role>(caller.role));
+  description.set_role(static_cast<v1::Role>(caller.role));
   return description;
 }
 
 v1::ForceStatus ToProto(ForceState state, ForceReason reason, double limit_n, bool replay) {
   v1::ForceStatus out;
-  out.set_state(EnumToProto<v1::ForceState>(state));
-  out.set_reason(EnumToProto<v1::ForceReason>(reason));
+  out.set_state(static_cast<v1::ForceState>(state));
+  out.set_reason(static_cast<v1::ForceReason>(reason));
   out.set_limit_n(limit_n);
   // For the safety stage, a replay is no state: it gets zero forces to write.
   if (replay && (state == ForceState::kOn || state == ForceState::kRampIn)) {

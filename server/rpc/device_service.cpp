@@ -7,12 +7,11 @@
 #include <memory>
 #include <utility>
 
+#include "common/contract/enumerations.h"
 #include "common/error/error.h"
-#include "common/wire/force_words.h"
 #include "common/wire/status.h"
 #include "server/log/log.h"
 #include "server/rpc/device_messages.h"
-#include "server/safety/names.h"
 
 namespace palpate {
 namespace {
@@ -268,6 +267,7 @@ std::string DeviceService::SetBy(const ForceTick& forces) const {
       return forces.reason == ForceReason::kOperator ? disabled_by_ : "";
     case ForceState::kStopped:
       return forces.reason == ForceReason::kStopCall ? stopped_by_ : "";
+    case ForceState::kUnknown:
     case ForceState::kFault:
       break;
   }
@@ -294,8 +294,9 @@ void DeviceService::CheckEnabled(const ForceTick& forces) const {
                             : forces.state == ForceState::kOff ? "disabled at the same time"
                                                                : "stopped";
   throw Error(ErrorKind::kFailedPrecondition,
-              "forces stay off (" + state +
-                  "): " + (problem.empty() ? InWords(ToProto(forces).reason()) : problem));
+              "forces stay off (" + state + "): " +
+                  (problem.empty() ? InWords(EnumeratorOf<ForceReason>(ToProto(forces).reason()))
+                                   : problem));
 }
 
 }  // namespace palpate

@@ -26,8 +26,6 @@ void SetVector(v1::Vector3* out, const std::array<double, 3>& v) {
   out->set_z(v[2]);
 }
 
-static_assert(EnumToProto<v1::ProxyMode>(TickMode::kInside) == v1::PROXY_MODE_INSIDE);
-
 }  // namespace
 
 PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start) {
@@ -116,7 +114,7 @@ v1::PoseSample ToProto(const TickSample& sample) {
   orientation->set_z(sample.stylus_orientation[3]);
   out.set_buttons(sample.buttons);
   SetVector(out.mutable_force_n(), sample.force_n);
-  out.set_mode(EnumToProto<v1::ProxyMode>(sample.mode));
+  out.set_mode(static_cast<v1::ProxyMode>(sample.mode));
   out.set_contact(sample.contact);
   out.set_density(sample.density);
   out.set_isovalue(sample.isovalue);
@@ -126,7 +124,7 @@ v1::PoseSample ToProto(const TickSample& sample) {
   out.set_missed_ticks(sample.missed_ticks);
   out.set_iterations(sample.iterations);
   out.set_capped_ticks(sample.capped_ticks);
-  out.set_free_side(ToProto(sample.free_side));
+  out.set_free_side(static_cast<v1::FreeSide>(sample.free_side));
   *out.mutable_forces() = palpate::ToProto(sample.force_state, sample.force_reason,
                                            sample.force_limit_n, sample.replayed);
   out.set_replayed(sample.replayed);

@@ -1,5 +1,7 @@
 #include "server/rpc/render_service.h"
 
+#include <fmt/ranges.h>
+
 #include "common/error/error.h"
 #include "common/wire/convert.h"
 #include "common/wire/status.h"
@@ -7,11 +9,6 @@
 
 namespace palpate {
 namespace {
-
-FreeSide SideOf(v1::FreeSide side) {
-  if (const auto known = EnumFromProto<FreeSide>(side)) return *known;
-  Refuse("unknown free_side: give FREE_SIDE_BELOW or FREE_SIDE_ABOVE");
-}
 
 // The fields of haptic settings have the names of the tables in settings.h. Returns null if no
 // field has this name.
@@ -33,6 +30,15 @@ bool TakeListed(const v1::RenderSettings& in, std::string_view name, SettingsUpd
     update.flags.emplace_back(setting.member, fields.GetBool(in, Field(name)));
     return true;
   }
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    if (setting.key != name) continue;
+    const int number = fields.GetEnumValue(in, Field(name));
+    if (number < 1 || number > static_cast<int>(setting.words.size())) {
+      Refuse(fmt::format("unknown {}: give {}", name, fmt::join(setting.words, " or ")));
+    }
+    update.choices.emplace_back(&setting, number);
+    return true;
+  }
   return false;
 }
 
@@ -45,18 +51,12 @@ void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate&
     update.isovalue = in.isovalue();
   } else if (name == "normalized_isovalue") {
     update.normalized_isovalue = in.normalized_isovalue();
-  } else if (name == "free_side") {
-    update.free_side = SideOf(in.free_side());
-  } else if (name == "method") {
-    update.method = FromProto(in.method());
   } else if (!TakeListed(in, name, update)) {
     Refuse("update_mask names an unknown field: " + name);
   }
 }
 
 }  // namespace
-
-v1::FreeSide ToProto(FreeSide side) { return EnumToProto<v1::FreeSide>(side); }
 
 v1::RenderSettings ToProto(const RenderSettings& settings) {
   v1::RenderSettings out;
@@ -69,8 +69,9 @@ v1::RenderSettings ToProto(const RenderSettings& settings) {
   }
   out.set_isovalue(settings.isovalue);
   out.set_normalized_isovalue(settings.normalized_isovalue);
-  out.set_free_side(ToProto(settings.haptics.free_side));
-  out.set_method(palpate::ToProto(settings.method));
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    fields.SetEnumValue(&out, Field(setting.key), setting.get(settings.haptics));
+  }
   return out;
 }
 

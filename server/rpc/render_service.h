@@ -24,7 +24,6 @@ class RenderService final : public v1::RenderService::CallbackService {
   ServiceMetrics& metrics_;
 };
 
-v1::FreeSide ToProto(FreeSide side);
 // Sets all fields.
 v1::RenderSettings ToProto(const RenderSettings& settings);
 

@@ -1,5 +1,7 @@
 #include "server/rpc/volume_edit.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -63,13 +65,13 @@ decltype(VolumeEdit::shape) ShapeOf(const v1::EditVolumeRequest& request) {
   }
 }
 
-static_assert(EnumToProto<v1::EditFrame>(EditFrame::kIndex) == v1::EDIT_FRAME_INDEX);
-static_assert(EnumToProto<v1::EditOperation>(EditOperation::kPaint) == v1::EDIT_OPERATION_PAINT);
-static_assert(EnumToProto<v1::FilterKind>(FilterKind::kResample) == v1::FILTER_KIND_RESAMPLE);
-
-EditFrame FrameOf(v1::EditFrame frame) {
-  if (const auto known = EnumFromProto<EditFrame>(frame)) return *known;
-  Refuse("the edit has no known frame: give EDIT_FRAME_WORLD or EDIT_FRAME_INDEX");
+// Errors: kInvalidArgument; `what` says what to give.
+template <class Enum>
+Enum Known(int number, const char* what) {
+  const Enum known = EnumeratorOf<Enum>(number);
+  if (known == Enum::kUnknown)
+    Refuse(fmt::format("{}: give {}", what, fmt::join(kWords<Enum>, " or ")));
+  return known;
 }
 
 EditFrame FrameOf(const v1::EditVolumeRequest& request) {
@@ -77,24 +79,12 @@ EditFrame FrameOf(const v1::EditVolumeRequest& request) {
   if (request.frame() == v1::EDIT_FRAME_UNSPECIFIED && request.has_block()) {
     return EditFrame::kIndex;
   }
-  return FrameOf(request.frame());
-}
-
-FilterKind KindOf(v1::FilterKind kind) {
-  if (const auto known = EnumFromProto<FilterKind>(kind)) return *known;
-  Refuse(
-      "the filter has no known kind: give gaussian, mean, median, offset, mean-curvature or "
-      "resample");
+  return Known<EditFrame>(request.frame(), "the edit has no known frame");
 }
 
 // Numbers above the range of int are refused later, as too large.
 int Int(std::uint32_t number) {
   return static_cast<int>(std::min<std::uint32_t>(number, std::numeric_limits<int>::max()));
-}
-
-EditOperation OperationOf(v1::EditOperation operation) {
-  if (const auto known = EnumFromProto<EditOperation>(operation)) return *known;
-  Refuse("the edit has no known operation: give add, subtract, set, smooth or paint");
 }
 
 std::uint32_t Count(std::int64_t number) { return static_cast<std::uint32_t>(number); }
@@ -105,7 +95,7 @@ VolumeEdit FromProto(const v1::EditVolumeRequest& request) {
   VolumeEdit edit;
   edit.shape = ShapeOf(request);
   edit.frame = FrameOf(request);
-  edit.operation = OperationOf(request.operation());
+  edit.operation = Known<EditOperation>(request.operation(), "the edit has no known operation");
   edit.value = request.value();
   if (request.has_strength()) edit.strength = request.strength();
   edit.falloff = request.falloff();
@@ -114,7 +104,7 @@ VolumeEdit FromProto(const v1::EditVolumeRequest& request) {
 
 VolumeFilter FromProto(const v1::FilterVolumeRequest& request) {
   VolumeFilter filter;
-  filter.kind = KindOf(request.kind());
+  filter.kind = Known<FilterKind>(request.kind(), "the filter has no known kind");
   if (request.has_width()) filter.width = Int(request.width());
   if (request.has_iterations()) filter.iterations = Int(request.iterations());
   filter.distance_mm = request.distance_mm();
@@ -122,7 +112,7 @@ VolumeFilter FromProto(const v1::FilterVolumeRequest& request) {
   if (request.has_sphere()) filter.region = SphereOf(request.sphere());
   if (request.has_box()) filter.region = BoxOf(request.box());
   if (request.region_case() != v1::FilterVolumeRequest::REGION_NOT_SET) {
-    filter.frame = FrameOf(request.frame());
+    filter.frame = Known<EditFrame>(request.frame(), "the filter has no known frame");
   }
   return filter;
 }

@@ -1,12 +1,12 @@
 #include "server/rpc/volume_messages.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cstdint>
 #include <limits>
 #include <string>
 #include <string_view>
 
+#include "common/contract/enumerations.h"
 #include "common/error/error.h"
 #include "common/wire/convert.h"
 #include "server/rpc/render_service.h"
@@ -14,24 +14,17 @@
 namespace palpate {
 namespace {
 
-// The names that palpate-import uses: "uint8" for VOXEL_TYPE_UINT8.
-std::string TypeName(v1::VoxelType type) {
-  if (type == v1::VOXEL_TYPE_UNSPECIFIED || !v1::VoxelType_IsValid(type)) {
-    Refuse("raw.type is missing or unknown: say which type the voxels have");
-  }
-  std::string name = v1::VoxelType_Name(type).substr(std::string_view("VOXEL_TYPE_").size());
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return name;
-}
-
 RawVoxels RawFromProto(const v1::RawVoxels& raw) {
   constexpr std::uint64_t kMostOffset = std::numeric_limits<std::int64_t>::max();
   if (raw.offset_bytes() > kMostOffset) {
     Refuse("raw.offset_bytes is beyond any file");
   }
+  const auto type = EnumeratorOf<VoxelType>(raw.type());
+  if (type == VoxelType::kUnknown) {
+    Refuse("raw.type is missing or unknown: say which type the voxels have");
+  }
   return {.size = {raw.size_x(), raw.size_y(), raw.size_z()},
-          .type = TypeName(raw.type()),
+          .type = std::string(NameOf(type)),
           .big_endian = raw.big_endian(),
           .offset_bytes = static_cast<std::int64_t>(raw.offset_bytes())};
 }

@@ -44,30 +44,11 @@
 
 #include <cstdint>
 
+#include "common/contract/enumerations.h"
 #include "common/geometry/geometry.h"
 #include "server/device/haptic_device.h"
 
 namespace palpate {
-
-enum class ForceState : std::uint8_t { kOff, kRampIn, kOn, kHeld, kFault, kStopped };
-
-enum class ForceReason : std::uint8_t {
-  kNone,
-  kOperator,
-  kDocked,
-  kUncalibrated,
-  kStale,
-  kDeadlines,
-  kDevice,
-  kPosition,
-  kForce,
-  kSpeed,
-  kStopCall,
-  kStopButton,
-};
-
-// The operator's command.
-enum class ForceCommand : std::uint8_t { kNone, kEnable, kDisable, kStop };
 
 struct SafetyLimits {
   double max_force_n = 3.3;

@@ -9,12 +9,11 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "common/contract/enumerations.h"
 #include "server/haptics/settings.h"
 #include "server/safety/safety.h"
 
 namespace palpate {
-
-enum class TickMode : std::uint8_t { kFree, kConstrained, kEjecting, kFault, kSuspended, kInside };
 
 struct TickSample {
   std::uint64_t tick = 0;
@@ -38,7 +37,7 @@ struct TickSample {
   std::uint64_t faulty_ticks = 0;
   std::uint32_t buttons = 0;
   std::uint32_t iterations = 0;
-  TickMode mode = TickMode::kFree;
+  ProxyMode mode = ProxyMode::kFree;
   FreeSide free_side = FreeSide::kBelow;
   bool contact = false;
   bool has_scp_v = false;

@@ -12,7 +12,6 @@ struct RenderSettings {
   double isovalue = 0.0;             // data units
   double normalized_isovalue = 0.5;  // the same isovalue over the volume's range, 0 to 1
   HapticSettings haptics{};
-  DecompositionMethod method = DecompositionMethod::kTpbcc;
 };
 
 }  // namespace palpate

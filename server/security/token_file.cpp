@@ -61,7 +61,7 @@ StoredToken ParseToken(const std::filesystem::path& path, const toml::table& tab
   } catch (const Error& error) {
     Fail(path, at + error.what());
   }
-  const auto role = RoleNamed(text("role"));
+  const auto role = Named<Role>(text("role"));
   if (!role) Fail(path, at + "the role is viewer, editor, operator or admin");
   token.role = *role;
   if (table.contains("expires")) token.expires = ParseTime(path, at, table["expires"]);

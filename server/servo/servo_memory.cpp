@@ -6,6 +6,8 @@
 #include <cstring>
 #include <type_traits>
 
+#include "common/contract/enumerations.h"
+
 namespace palpate {
 namespace {
 
@@ -109,18 +111,18 @@ void VisitMemory(Memory& memory, Visit visit) {
 
 // The first value beyond T's valid ones.
 template <class T>
-constexpr unsigned kEnd = 2;  // bool, FreeSide
+constexpr std::size_t kEnd = 2;  // bool
 template <>
-constexpr unsigned kEnd<Place::Kind> = 3;
-template <>
-constexpr unsigned kEnd<ForceState> = 6;
-template <>
-constexpr unsigned kEnd<ForceReason> = 12;
+constexpr std::size_t kEnd<Place::Kind> = 3;
 
 // Returns false if the bytes are no valid value of T.
 template <class T>
 bool FromBytes(const char* bytes, T& value) {
-  if constexpr (std::is_same_v<T, bool> || std::is_enum_v<T>) {
+  if constexpr (Declared<T>) {
+    const auto byte = static_cast<unsigned char>(*bytes);
+    value = static_cast<T>(byte + 1);
+    return byte < kWords<T>.size();
+  } else if constexpr (std::is_same_v<T, bool> || std::is_enum_v<T>) {
     static_assert(sizeof(T) == 1);
     const auto byte = static_cast<unsigned char>(*bytes);
     value = static_cast<T>(byte);
@@ -205,7 +207,11 @@ ServoKeyframe Save(const ServoMemory& memory) noexcept {
   ServoKeyframe keyframe;
   keyframe.tick = memory.tick;
   std::size_t at = 0;
-  const auto put = [&](const auto& number) {
+  const auto put = [&](auto number) {
+    // Files number enumerators from 0.
+    if constexpr (Declared<decltype(number)>) {
+      number = static_cast<decltype(number)>(static_cast<int>(number) - 1);
+    }
     if (at + sizeof number <= keyframe.bytes.size()) {
       std::memcpy(&keyframe.bytes[at], &number, sizeof number);
     }

@@ -11,25 +11,11 @@ namespace {
 
 std::array<double, 3> ToArray(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-TickMode ToTickMode(ProxyMode mode) {
-  switch (mode) {
-    case ProxyMode::kFree:
-      return TickMode::kFree;
-    case ProxyMode::kConstrained:
-      return TickMode::kConstrained;
-    case ProxyMode::kEjecting:
-      return TickMode::kEjecting;
-    case ProxyMode::kInside:
-      return TickMode::kInside;
-  }
-  return TickMode::kFault;
-}
-
 void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample) {
   sample.hip_mm = ToArray(output.p_DHip_mm);
   sample.scp_h_mm = ToArray(output.proxy.p_DH_mm);
   sample.scp_h_normal = ToArray(output.proxy.normal_D);
-  sample.mode = ToTickMode(output.proxy.mode);
+  sample.mode = output.proxy.mode;
   sample.free_side = output.free_side;
   sample.contact = !output.proxy.normal_D.isZero();
   sample.input_rejected = output.input_rejected;
@@ -82,7 +68,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   }
   Describe(scene, output, sample);
   if (suspended) {
-    sample.mode = TickMode::kSuspended;
+    sample.mode = ProxyMode::kSuspended;
     sample.free_side = scene.settings.free_side;
   }
   const Vec3 force_D_n = safety_.Step({.force_D_n = output.force_D_n,
@@ -97,7 +83,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
                                        .missed_ticks = missed},
                                       kTickPeriodS);
   if (safety_.faulty()) {
-    sample.mode = TickMode::kFault;
+    sample.mode = ProxyMode::kFault;
     ++faulty_ticks_;
   }
   TellWrittenForce(force_D_n, renderer_);

@@ -68,10 +68,18 @@ RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
   HapticSettings& haptics = settings.haptics;
   for (const auto& [member, value] : update.numbers) haptics.*member = value;
   for (const auto& [member, value] : update.flags) haptics.*member = value;
-  haptics.free_side = update.free_side.value_or(haptics.free_side);
+  for (const auto& [setting, number] : update.choices) setting->set(haptics, number);
   CheckHaptics(haptics);
-  if (update.method) settings.method = *update.method;
   return settings;
+}
+
+// What the update makes of a choice; none: it stays.
+template <class Enum>
+std::optional<Enum> Chosen(const SettingsUpdate& update, std::string_view key) {
+  for (const auto& [setting, number] : update.choices) {
+    if (setting->key == key) return EnumeratorOf<Enum>(number);
+  }
+  return std::nullopt;
 }
 
 // For the servo, before there is a volume.
@@ -142,7 +150,6 @@ void Session::SetInitial(const RenderSettings& settings) {
   const std::lock_guard lock(mutex_);
   if (settings_revision_ > 0) return;
   settings_.haptics = settings.haptics;
-  settings_.method = settings.method;
 }
 
 void Session::PublishLocked(std::span<const BrickChange> changes) {
@@ -155,8 +162,8 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
   scene->patient_axes = patient_axes_;
   scene->forces_off = forces_off_ || !has_volume_;
   scene->surface =
-      MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue), settings_.method,
-                        geometry_revision_, settings_.haptics.free_side);
+      MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue),
+                        settings_.haptics.method, geometry_revision_, settings_.haptics.free_side);
   if (has_volume_) {
     for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
   }
@@ -177,7 +184,7 @@ void Session::RequireServo() const {
 void Session::TakeBack(const RenderSettings& before, std::uint64_t revision) {
   const std::lock_guard lock(mutex_);
   if (settings_revision_ != revision) return;
-  if (settings_.method != before.method) ++geometry_revision_;
+  if (settings_.haptics.method != before.haptics.method) ++geometry_revision_;
   settings_ = before;
   ++settings_revision_;
   PublishLocked();
@@ -194,7 +201,7 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     CheckRevision(update.expected_revision, settings_revision_);
     const RenderSettings changed = Changed(*volume_, settings_, update);
     // Another decomposition makes another surface for the proxy.
-    if (changed.method != settings_.method) ++geometry_revision_;
+    if (changed.haptics.method != settings_.haptics.method) ++geometry_revision_;
     before = std::exchange(settings_, changed);
     ++settings_revision_;
     PublishLocked();
@@ -285,7 +292,7 @@ Registration Session::PlaceLoaded(const LoadRequest& request,
 // side of the last density.
 FreeSide Session::SideOf(const VolumeMetadata& metadata, const LoadRequest& request,
                          const SettingsUpdate& settings) const {
-  if (settings.free_side) return *settings.free_side;
+  if (const auto side = Chosen<FreeSide>(settings, "free_side")) return *side;
   if (request.free_side) return *request.free_side;
   if (metadata.is_level_set) return FreeSide::kAbove;
   const bool was_level_set = volume_->metadata().is_level_set;
@@ -297,10 +304,10 @@ void Session::TellBeforeOtherVolume(const LoadRequest& request, const SettingsUp
                                     double isovalue) const {
   if (!before_other_volume_) return;
   std::unique_lock lock(mutex_);
-  const HapticSurface surface =
-      MakeHapticSurface(volume, registration.X_DW * volume.metadata().WorldFromIndex(),
-                        DensityOf(volume, isovalue), settings.method.value_or(settings_.method),
-                        geometry_revision_ + 1, SideOf(volume.metadata(), request, settings));
+  const HapticSurface surface = MakeHapticSurface(
+      volume, registration.X_DW * volume.metadata().WorldFromIndex(), DensityOf(volume, isovalue),
+      Chosen<DecompositionMethod>(settings, "method").value_or(settings_.haptics.method),
+      geometry_revision_ + 1, SideOf(volume.metadata(), request, settings));
   lock.unlock();
   before_other_volume_(surface);
 }

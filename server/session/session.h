@@ -46,8 +46,8 @@ struct SettingsUpdate {
   // Members of RenderSettings::haptics and their new values.
   std::vector<std::pair<double HapticSettings::*, double>> numbers{};
   std::vector<std::pair<bool HapticSettings::*, bool>> flags{};
-  std::optional<FreeSide> free_side{};
-  std::optional<DecompositionMethod> method{};
+  // Settings of kChoiceSettings and the numbers of their enumerators.
+  std::vector<std::pair<const ChoiceSetting*, int>> choices{};
   std::optional<std::uint64_t> expected_revision{};
 };
 
@@ -241,7 +241,7 @@ class Session {
   RenderSettings settings_;
   FreeSide side_of_densities_ = FreeSide::kBelow;  // the free side to restore after a level set
   std::atomic<bool> forces_off_{false};            // written under the lock
-  bool has_volume_ = false;  // volume_ is not the empty one of the start
+  bool has_volume_ = false;                        // volume_ is not the empty one of the start
   std::uint64_t settings_revision_ = 0;
   std::uint64_t geometry_revision_ = 0;
   std::uint64_t scene_revision_ = 0;

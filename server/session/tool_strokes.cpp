@@ -93,8 +93,8 @@ bool ToolStrokes::OnSample(const TickSample& sample) {
     FollowClutch(false, sample);
     FollowCarve(false, Tools(), sample);
   }
-  if (tools && sample.mode != TickMode::kFault) {
-    const bool suspended = sample.mode == TickMode::kSuspended;
+  if (tools && sample.mode != ProxyMode::kFault) {
+    const bool suspended = sample.mode == ProxyMode::kSuspended;
     FollowClutch(suspended && tools->clutch && (sample.buttons & kClutchButton) != 0, sample);
     FollowCarve(!suspended && tools->carve && (sample.buttons & kCarveButton) != 0, *tools, sample);
   }

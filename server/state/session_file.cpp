@@ -60,13 +60,15 @@ LoadRequest SourceOf(const toml::table& table) {
 }
 
 toml::table HapticsTable(const RenderSettings& settings) {
-  toml::table table{{"method", MethodName(settings.method)},
-                    {"free_side", FreeSideName(settings.haptics.free_side)}};
+  toml::table table;
   for (const NumberSetting& setting : kNumberSettings) {
     table.insert(setting.key, settings.haptics.*setting.member);
   }
   for (const FlagSetting& setting : kFlagSettings) {
     table.insert(setting.key, settings.haptics.*setting.member);
+  }
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    table.insert(setting.key, WordOf(setting, setting.get(settings.haptics)));
   }
   return table;
 }
@@ -74,10 +76,11 @@ toml::table HapticsTable(const RenderSettings& settings) {
 // Settings that the file does not name get their defaults.
 RenderSettings SettingsOf(const toml::table& table) {
   RenderSettings settings;
-  const auto text = [&](std::string_view key) { return table[key].value_or(std::string()); };
-  settings.method = MethodNamed(text("method")).value_or(settings.method);
   HapticSettings& haptics = settings.haptics;
-  haptics.free_side = FreeSideNamed(text("free_side")).value_or(haptics.free_side);
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    const auto number = NumberOf(setting, table[setting.key].value_or(std::string_view()));
+    if (number) setting.set(haptics, *number);
+  }
   for (const NumberSetting& setting : kNumberSettings) {
     haptics.*setting.member = TomlNumber(table, setting.key).value_or(haptics.*setting.member);
   }

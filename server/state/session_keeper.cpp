@@ -48,11 +48,12 @@ void TakeChanges(const SavedSession& saved, const LoadRequest& now,
     if (was != is) value = is;
   };
   const RenderSettings& settings_before = saved.configured_settings;
-  take(settings_before.method, settings_now.method, felt.settings.method);
   const HapticSettings& was = settings_before.haptics;
   const HapticSettings& is = settings_now.haptics;
   HapticSettings& haptics = felt.settings.haptics;
-  take(was.free_side, is.free_side, haptics.free_side);
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    if (setting.get(was) != setting.get(is)) setting.set(haptics, setting.get(is));
+  }
   for (const NumberSetting& setting : kNumberSettings) {
     take(was.*setting.member, is.*setting.member, haptics.*setting.member);
   }

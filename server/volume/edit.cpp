@@ -228,8 +228,7 @@ class Editor {
         return with([](double voxel, double w, double target) { return voxel - w * target; });
       case EditOperation::kSet:
         return with(toward);
-      case EditOperation::kSmooth:
-      case EditOperation::kPaint:
+      default:
         break;
     }
     return with([&](double voxel, double w, double target) {

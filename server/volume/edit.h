@@ -15,19 +15,10 @@
 #include <variant>
 #include <vector>
 
+#include "common/contract/enumerations.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {
-
-enum class EditFrame { kWorld, kIndex };
-
-enum class EditOperation {
-  kAdd,       // v + w·value
-  kSubtract,  // v - w·value
-  kSet,       // v + w·(value - v); exactly the value where w is 1
-  kSmooth,    // v + w·strength·(m - v), m the mean of the 27 voxels around
-  kPaint,     // v + w·strength·(value - v)
-};
 
 struct SphereShape {
   Vec3 center = Vec3::Zero();

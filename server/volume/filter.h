@@ -27,16 +27,6 @@
 
 namespace palpate {
 
-enum class FilterKind {
-  kGaussian,  // four means one after the other
-  kMean,      // the mean of the (2·width + 1)³ voxels around each voxel
-  kMedian,    // the median of the same voxels
-  // The filters of whole volumes:
-  kOffset,         // moves a level set's surface outwards
-  kMeanCurvature,  // flow that smooths a level set's surface
-  kResample,       // to another spacing
-};
-
 struct VolumeFilter {
   FilterKind kind = FilterKind::kGaussian;
   int width = 1;  // for the first three kinds

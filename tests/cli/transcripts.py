@@ -138,7 +138,7 @@ DAEMON = {
              keys=["state", "limit_n", "applied_tick"]),
         Step("device enable other", exit=3, error="simulated"),
         Step("device stop", has=["forces    stopped: ", "since tick "]),
-        Step("device stop --json", json={"state": "stopped", "reason": "stop_call"}),
+        Step("device stop --json", json={"state": "stopped", "reason": "stop-call"}),
         Step("device info", has=["set by local socket"]),
         Step("info --json", keys=["forces.set_by"]),
         Step("who", has=["local socket (you)", "forces "]),

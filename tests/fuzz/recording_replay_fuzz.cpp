@@ -128,8 +128,8 @@ class ReplayScript {
     sample.docked = flags & 2;
     sample.calibrated = !(flags & 4);
     sample.buttons = flags >> 3 & 3;
-    sample.force_command = static_cast<ForceCommand>(flags >> 5 & 3);
-    sample.device_status = static_cast<DeviceStatus>((flags >> 7 & 3) % 3);
+    sample.force_command = static_cast<ForceCommand>(1 + (flags >> 5 & 3));
+    sample.device_status = static_cast<DeviceStatus>(1 + (flags >> 7 & 3) % 3);
     sample.missed_ticks = flags >> 9;
     for (TickSample& one : samples) one = sample;
     replayer_.Take(RecordedChunk(samples));

@@ -84,7 +84,7 @@ class HandRig : public testing::EditableSession {
       touch.greatest_step_n = std::max(touch.greatest_step_n, (force_n - last_n).norm());
       last_n = force_n;
       const bool is_settled =
-          sample.mode == TickMode::kFree || sample.mode == TickMode::kConstrained;
+          sample.mode == ProxyMode::kFree || sample.mode == ProxyMode::kConstrained;
       const bool is_above = scene.settings.free_side == FreeSide::kBelow
                                 ? sample.density > sample.isovalue
                                 : sample.density < sample.isovalue;

@@ -333,7 +333,7 @@ TEST_F(SdkCalls, TheDeviceIsListedStoppedAndEnabled) {
   EXPECT_EQ(info.device.verification_level, VerificationLevel::kSimulated);
   const ForceResult stopped = p.StopForces();
   EXPECT_EQ(stopped.forces.state, ForceState::kStopped);
-  EXPECT_EQ(NameOf(p.GetDevice().forces.reason), "stop_call");
+  EXPECT_EQ(p.GetDevice().forces.reason, ForceReason::kStopCall);
   PoseReader reader = p.ReadPoses(1000.0, 1);
   std::optional<PoseBatch> batch;
   ASSERT_TRUE(test::Eventually([&] {

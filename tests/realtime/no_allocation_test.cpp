@@ -128,7 +128,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
     outbox->last.Tell(sample);
     contacts += sample.contact;
     edits += sample.contact && &scene == edited.get();
-    ejecting += sample.mode == TickMode::kEjecting;
+    ejecting += sample.mode == ProxyMode::kEjecting;
   }
   counting = false;
   EXPECT_EQ(calls.load(), 0);

@@ -27,18 +27,10 @@ inline TickSample RandomSample(std::uint64_t tick) {
   VisitFields(sample, [&](std::string_view, auto& field) {
     using Field = std::decay_t<decltype(field)>;
     const std::uint64_t bits = random();
-    if constexpr (std::is_same_v<Field, TickMode>) {
-      field = static_cast<TickMode>(bits % 6);
-    } else if constexpr (std::is_same_v<Field, ForceState>) {
-      field = static_cast<ForceState>(bits % 6);
-    } else if constexpr (std::is_same_v<Field, ForceReason>) {
-      field = static_cast<ForceReason>(bits % 12);
-    } else if constexpr (std::is_same_v<Field, ForceCommand>) {
-      field = static_cast<ForceCommand>(bits % 4);
-    } else if constexpr (std::is_same_v<Field, DeviceStatus>) {
-      field = static_cast<DeviceStatus>(bits % 3);
-    } else if constexpr (std::is_same_v<Field, bool> || std::is_same_v<Field, FreeSide>) {
-      field = static_cast<Field>(bits % 2);
+    if constexpr (std::is_enum_v<Field>) {
+      field = static_cast<Field>(1 + bits % kWords<Field>.size());
+    } else if constexpr (std::is_same_v<Field, bool>) {
+      field = bits % 2 != 0;
     } else {
       std::memcpy(&field, &bits, sizeof field);
     }

@@ -29,7 +29,7 @@ class BlackBoxTest : public ::testing::Test {
  protected:
   BlackBoxTest() { box_.Start(); }
 
-  void Tick(TickMode mode = TickMode::kFree, ForceState state = ForceState::kOn,
+  void Tick(ProxyMode mode = ProxyMode::kFree, ForceState state = ForceState::kOn,
             ForceReason reason = ForceReason::kNone) {
     TickSample sample;
     sample.tick = tick_;
@@ -42,8 +42,8 @@ class BlackBoxTest : public ::testing::Test {
   void Ticks(int count) {
     for (int n = 0; n < count; ++n) Tick();
   }
-  void Fault() { Tick(TickMode::kFault, ForceState::kFault, ForceReason::kDevice); }
-  void Stop() { Tick(TickMode::kFree, ForceState::kStopped, ForceReason::kStopCall); }
+  void Fault() { Tick(ProxyMode::kFault, ForceState::kFault, ForceReason::kDevice); }
+  void Stop() { Tick(ProxyMode::kFree, ForceState::kStopped, ForceReason::kStopCall); }
 
   // After the files that wait are written.
   std::vector<std::filesystem::path> Files() {
@@ -92,7 +92,7 @@ TEST_F(BlackBoxTest, KeepsTheLastTwoSecondsUpToTheFault) {
 // By an isovalue that is swept, or another volume.
 TEST_F(BlackBoxTest, AStylusThatTheSurfaceMovedOverIsNoFault) {
   Ticks(10);
-  for (int n = 0; n < 100; ++n) Tick(TickMode::kInside);
+  for (int n = 0; n < 100; ++n) Tick(ProxyMode::kInside);
   EXPECT_TRUE(Files().empty());
   EXPECT_TRUE(reports_.empty());
 }
@@ -160,7 +160,7 @@ TEST(BlackBox, WithoutAFolderNothingIsWritten) {
   box.Start();
   TickSample sample;
   box.OnSample(sample);
-  sample.mode = TickMode::kFault;
+  sample.mode = ProxyMode::kFault;
   box.OnSample(sample);
   box.Stop();
 }

@@ -76,7 +76,7 @@ TEST_P(BrushTest, AStrokeActsOnceOnEachVoxel) {
   int strokes = 0;
   for (int n = 0; n < 50; ++n) {
     VolumeEdit edit;
-    edit.operation = static_cast<EditOperation>(n % 5);
+    edit.operation = static_cast<EditOperation>(1 + n % 5);
     edit.value = Uniform(0.1, 0.9) * volume()->metadata().value_max;
     edit.falloff = Uniform(0, 4);
     edit.strength = edit.operation == EditOperation::kSet ? 1.0 : 0.3;

@@ -6,14 +6,14 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <string_view>
 
 #include "client/cli/device_description.h"
 #include "client/cli/device_test.h"
 #include "client/cli/doctor_daemon.h"
 #include "client/cli/output.h"
 #include "client/sdk/words.h"
-#include "common/wire/force_words.h"
-#include "palpate/v1/device.pb.h"
+#include "common/contract/enumerations.h"
 
 namespace palpate::cli {
 namespace {
@@ -22,40 +22,20 @@ bool Has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-// Of an enum of the wire, but UNSPECIFIED.
-template <typename Enum>
-std::vector<Enum> AllOf(const google::protobuf::EnumDescriptor* descriptor) {
-  std::vector<Enum> values;
-  for (int n = 1; n < descriptor->value_count(); ++n) {
-    values.push_back(static_cast<Enum>(descriptor->value(n)->number()));
-  }
-  return values;
-}
-
 TEST(DeviceWords, EveryReasonHasWordsOfItsOwnOnOneLine) {
   std::set<std::string> words;
-  for (const auto reason : AllOf<v1::ForceReason>(v1::ForceReason_descriptor())) {
-    const std::string text = palpate::InWords(reason);
-    EXPECT_EQ(text.empty(), reason == v1::FORCE_REASON_NONE) << v1::ForceReason_Name(reason);
+  for (int n = 1; n < static_cast<int>(kEnumerators<client::ForceReason>.size()); ++n) {
+    const auto reason = static_cast<client::ForceReason>(n);
+    const std::string text = InWords(reason);
+    EXPECT_EQ(text.empty(), reason == client::ForceReason::kNone) << NameOf(reason);
     EXPECT_FALSE(Has(text, "\n"));
     EXPECT_TRUE(words.insert(text).second) << text;
-    EXPECT_TRUE(words.insert(palpate::NameOf(reason)).second);
   }
-  for (const auto state : AllOf<v1::ForceState>(v1::ForceState_descriptor())) {
-    EXPECT_TRUE(words.insert("state " + palpate::NameOf(state)).second);
-  }
-  EXPECT_EQ(palpate::NameOf(v1::FORCE_STATE_RAMP_IN), "ramp_in");
-  EXPECT_EQ(palpate::NameOf(v1::FORCE_REASON_STOP_CALL), "stop_call");
-  // Of a newer daemon.
-  EXPECT_EQ(palpate::NameOf(static_cast<v1::ForceState>(99)), "unknown");
-  EXPECT_EQ(palpate::InWords(static_cast<v1::ForceReason>(99)), "");
 }
 
 TEST(DeviceWords, EveryLevelIsExplained) {
-  for (const auto number : AllOf<v1::VerificationLevel>(v1::VerificationLevel_descriptor())) {
-    const auto level = static_cast<client::VerificationLevel>(number);
-    EXPECT_TRUE(Has(InWords(level), ": ")) << InWords(level);
-    EXPECT_NE(client::NameOf(level), "unknown");
+  for (const std::string_view word : kWords<client::VerificationLevel>) {
+    EXPECT_FALSE(InWords(*Named<client::VerificationLevel>(word)).empty()) << word;
   }
 }
 
@@ -140,7 +120,7 @@ TEST(DoctorDaemon, ForcesThatAreNotOnSayWhatToDo) {
       {client::ForceState::kStopped, Verdict::kWarn}, {client::ForceState::kFault, Verdict::kFail}};
   for (const auto& [state, verdict] : verdicts) {
     const bool is_ok = verdict == Verdict::kOk;
-    EXPECT_EQ(JudgeForces(Forces(state)).verdict, verdict) << client::NameOf(state);
+    EXPECT_EQ(JudgeForces(Forces(state)).verdict, verdict) << NameOf(state);
     EXPECT_EQ(JudgeForces(Forces(state)).advice.empty(), is_ok);
     EXPECT_EQ(JudgeForces(Forces(state, client::ForceReason::kStopCall)).advice,
               is_ok ? "" : client::InWords(client::ForceReason::kStopCall));

@@ -83,9 +83,9 @@ TEST(CliSetting, NamesOfValuesAreTheDaemons) {
       EXPECT_NE(ValuesOf(setting).find(name), std::string::npos) << name;
     }
   };
-  takes_all("method", kMethodNames);
+  takes_all("method", kWords<DecompositionMethod>);
   EXPECT_EQ(update.method, DecompositionMethod::kTpbcc);
-  takes_all("free_side", kFreeSideNames);
+  takes_all("free_side", kWords<FreeSide>);
   EXPECT_EQ(update.free_side, client::FreeSide::kAbove);
 }
 

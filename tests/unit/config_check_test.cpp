@@ -347,7 +347,7 @@ TEST(ConfigReload, UpdatesOnlyTheKeysThatAreNamed) {
   EXPECT_EQ(update.numbers[0].second, 0.9);
   ASSERT_EQ(update.flags.size(), 1u);
   EXPECT_TRUE(update.flags[0].second);
-  EXPECT_FALSE(update.isovalue || update.normalized_isovalue || update.free_side || update.method);
+  EXPECT_FALSE(update.isovalue || update.normalized_isovalue || !update.choices.empty());
   // An isovalue that is taken out stays until the next load.
   EXPECT_FALSE(UpdateOf({"volume.isovalue"}, config).normalized_isovalue);
   config.volume.isovalue = 300.0;

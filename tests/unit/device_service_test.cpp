@@ -23,36 +23,6 @@ namespace {
 
 using grpc::StatusCode;
 
-// The conversion goes by number. States and reasons of forces: pose_stream_test.
-TEST(DeviceMessages, EnumeratorsKeepTheirNames) {
-  const auto proto_name = [](std::string prefix, std::string_view name) {
-    for (const char c : name) {
-      prefix += c == '-' || c == ' '
-                    ? '_'
-                    : static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
-    }
-    return prefix;
-  };
-  for (int n = 0; n < v1::VerificationLevel_MAX; ++n) {
-    const auto level = static_cast<VerificationLevel>(n);
-    DeviceSpec spec;
-    spec.verification_level = level;
-    EXPECT_EQ(v1::VerificationLevel_Name(ToProto(spec).verification_level()),
-              proto_name("VERIFICATION_LEVEL_", NameOf(level)));
-  }
-  constexpr std::array<const char*, 3> kConnections = {"absent", "connecting", "streaming"};
-  for (int n = 0; n < v1::DeviceConnection_MAX; ++n) {
-    const DeviceHealth health{.connection = static_cast<DeviceConnection>(n)};
-    EXPECT_EQ(v1::DeviceConnection_Name(ToProto(health).connection()),
-              proto_name("DEVICE_CONNECTION_", kConnections.at(static_cast<std::size_t>(n))));
-  }
-  for (int n = 0; n < v1::Role_MAX; ++n) {
-    const auto role = static_cast<Role>(n);
-    EXPECT_EQ(v1::Role_Name(ToProto(Identity{.name = "", .role = role}).role()),
-              proto_name("ROLE_", NameOf(role)));
-  }
-}
-
 // Told by the test what to read and how it is.
 class FakeDevice : public HapticDevice {
  public:

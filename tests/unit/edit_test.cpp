@@ -84,8 +84,7 @@ double Expected(const VolumeSnapshot& volume, const VolumeEdit& edit, double w, 
     case EditOperation::kSet:
       result = v + w * (toward - v);
       break;
-    case EditOperation::kSmooth:
-    case EditOperation::kPaint:
+    default:
       result = v + w * edit.strength * (toward - v);
       break;
   }

@@ -11,10 +11,13 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 COMMON = ["common/bricks", "common/error", "common/files", "common/geometry", "common/isosurface"]
 
+# What the contract declares is everybody's.
+EVERYBODYS = "common/contract"
 # Folder: folders it may include, besides itself.
 LAYERS = {
     "common/arguments": [],
     "common/bricks": ["common/error", "common/geometry"],
+    "common/contract": [],
     "common/error": [],
     "common/files": ["common/error", "common/geometry"],
     "common/geometry": [],
@@ -186,7 +189,7 @@ def violations(folder, includes):
     for include in includes:
         parent = str(pathlib.PurePosixPath(include).parent)
         if re.match(r"(common|server|client)/", include):
-            if parent != folder and parent not in LAYERS[folder]:
+            if parent not in (folder, EVERYBODYS) and parent not in LAYERS[folder]:
                 found.append(f"{include}: {folder} may not use {parent}")
             if folder in NO_OPENVDB and parent == "server/volume" \
                     and include not in PLAIN_VOLUME_HEADERS:
@@ -272,11 +275,11 @@ class IncludeLayers(unittest.TestCase):
         listed = re.findall(r"[\w./{}$]+\.h\b", installed)
         paths = {path.replace("${PROJECT_SOURCE_DIR}/", "") if "/" in path
                  else "client/sdk/" + path for path in listed}
-        # What the build writes from the list of settings is in no folder of the tree.
+        # What the build writes from the contract is in no folder of the tree.
         written = {header for header in others if re.match("(common|client)/", header)}
-        self.assertEqual(written, {"client/sdk/setting_list.h"})
-        self.assertEqual({path.replace("${PALPATE_SETTINGS_FOLDER}/", "") for path in paths},
-                         own | written)
+        self.assertEqual(written, {"client/sdk/setting_list.h", "common/contract/enumerations.h"})
+        self.assertEqual({path.replace("${PALPATE_CONTRACT_FOLDER}/", "") for path in paths},
+                         own | written | {"common/contract/enumeration.h"})  # what is written has it
 
     def test_one_file_includes_cli11(self):
         users = [str(path.relative_to(ROOT)) for top in ("common", "server", "client", "tests")

@@ -61,7 +61,7 @@ struct GlideHand {
     const Vec3 force_n(sample.force_n.data());
     greatest_step_n = std::max(greatest_step_n, (force_n - last_force_n).norm());
     last_force_n = force_n;
-    faults += sample.mode == TickMode::kFault || sample.mode == TickMode::kInside;
+    faults += sample.mode == ProxyMode::kFault || sample.mode == ProxyMode::kInside;
     return sample;
   }
   TickSample Ticks(int count, const Vec3& from_centre) {
@@ -132,7 +132,7 @@ TEST(IsovalueGlide, AFreeStylusThatWouldBeInsideIsCarriedOut) {
   sample = hand.Ticks(2500, Vec3(10, 0, 0));
   EXPECT_EQ(sample.isovalue, 0.2);
   EXPECT_NEAR(RadiusOf(sample), 12.5, 0.2);
-  EXPECT_EQ(sample.mode, TickMode::kConstrained);
+  EXPECT_EQ(sample.mode, ProxyMode::kConstrained);
 }
 
 TEST(IsovalueGlide, AnotherVolumeOrSideBeginsWithItsOwn) {
@@ -189,7 +189,7 @@ Met GoInAndOut(bool jumps) {
     const double radius_mm = 10.5 + 3.5 * std::cos(n * 2e-3);
     const TickSample sample = hand.Tick(radius_mm * direction);
     met.touching += sample.contact;
-    met.lost += sample.mode == TickMode::kInside;
+    met.lost += sample.mode == ProxyMode::kInside;
     met.greatest_n = std::max(met.greatest_n, hand.last_force_n.norm());
     EXPECT_LE(sample.density, sample.isovalue + 1e-12) << n;
   }
@@ -219,7 +219,7 @@ TEST(IsovalueGlide, ANewIsovalueThatBuriesIsNoFault) {
   hand.Set(0.9);
   sample = hand.Ticks(3000, Vec3(0, 0, 0.5));
   EXPECT_EQ(sample.isovalue, 0.9);
-  EXPECT_EQ(sample.mode, TickMode::kFree);
+  EXPECT_EQ(sample.mode, ProxyMode::kFree);
 }
 
 TEST(IsovalueGlide, GoesOnFromAKeyframe) {

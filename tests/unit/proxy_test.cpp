@@ -205,7 +205,7 @@ TEST(Proxy, FollowsASphereWithEveryMethod) {
     return std::clamp(0.5 - ((Vec3(i, j, k) - centre).norm() - 11.0) / 8.0, 0.0, 1.0);
   });
   for (const auto method : {DecompositionMethod::kBcc, DecompositionMethod::kTpbcc}) {
-    SCOPED_TRACE(MethodName(method));
+    SCOPED_TRACE(NameOf(method));
     Prober prober(volume, volume->Normalize(0.5), AffineMap(), method);
     prober.Step(centre + Vec3(14, 0, 0));
     for (int n = 0; n < 5000; ++n) {

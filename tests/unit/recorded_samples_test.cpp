@@ -83,7 +83,7 @@ TEST(CsvExport, NumbersReadBackBitForBit) {
     std::from_chars(text.data(), text.data() + text.size(), read);
     const double recorded = samples[n].force_n[1];
     EXPECT_TRUE(read == recorded || (std::isnan(read) && std::isnan(recorded))) << text;
-    EXPECT_EQ(fields[mode] == "ejecting", samples[n].mode == TickMode::kEjecting);
+    EXPECT_EQ(fields[mode] == "ejecting", samples[n].mode == ProxyMode::kEjecting);
   }
 }
 

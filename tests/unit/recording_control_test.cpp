@@ -259,7 +259,7 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
   }
   EXPECT_EQ(next + 1, recorded.size());
   // Live again.
-  EXPECT_NE(shown.back().mode, TickMode::kSuspended);
+  EXPECT_NE(shown.back().mode, ProxyMode::kSuspended);
   EXPECT_FALSE(shown.back().replayed);
   EXPECT_EQ(shown.back().hip_mm, live.back().hip_mm);
 }
@@ -402,7 +402,7 @@ TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
   pump().Subscribe(tool, Pump::Feed::kShown);
   EXPECT_TRUE(Eventually([&] {
     const std::vector<TickSample> samples = tool->Take();
-    return !samples.empty() && samples.back().mode != TickMode::kSuspended;
+    return !samples.empty() && samples.back().mode != ProxyMode::kSuspended;
   }));
   control_.Start(File("b"), false);  // the way is free
   control_.Stop();

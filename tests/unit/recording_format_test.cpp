@@ -38,7 +38,8 @@ HapticSettings RandomSettings(std::uint64_t seed) {
   HapticSettings settings;
   for (const NumberSetting& number : kNumberSettings) settings.*number.member = uniform(random);
   for (const FlagSetting& flag : kFlagSettings) settings.*flag.member = random() % 2 == 1;
-  settings.free_side = static_cast<FreeSide>(random() % 2);
+  settings.free_side = static_cast<FreeSide>(1 + random() % 2);
+  settings.method = DecompositionMethod::kBcc;
   return settings;
 }
 
@@ -51,7 +52,6 @@ RecordedScene SceneAt(std::uint64_t tick) {
                       .isovalue = 1e-300,
                       .normalized_isovalue = 1.0 / 3.0,
                       .settings = RandomSettings(tick),
-                      .method = DecompositionMethod::kBcc,
                       .volume_hash = {5, 6},
                       .volume_source = "head \xc3\xa4.nrrd",
                       .spacing_mm = Vec3(0.1, 2.0, 1e-3),
@@ -120,9 +120,9 @@ void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
   EXPECT_TRUE(std::signbit(b.X_DI.translation.x()));
   const auto members = [](const RecordedScene& s) {
     return std::tie(s.X_DI.linear, s.X_DI.translation, s.volume_hash, s.volume_source,
-                    s.loaded_revision, s.spacing_mm, s.voxels_missing, s.method, s.tick_period_s,
-                    s.safety, s.device, s.reloadable, s.all_voxels_stored, s.size, s.value_min,
-                    s.value_max, s.isovalue, s.normalized_isovalue);
+                    s.loaded_revision, s.spacing_mm, s.voxels_missing, s.settings.method,
+                    s.tick_period_s, s.safety, s.device, s.reloadable, s.all_voxels_stored, s.size,
+                    s.value_min, s.value_max, s.isovalue, s.normalized_isovalue);
   };
   EXPECT_TRUE(members(a) == members(b));
   ASSERT_TRUE(a.X_WI && b.X_WI);

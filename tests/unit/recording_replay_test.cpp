@@ -467,12 +467,13 @@ TEST_F(RecordingReplay, ScenesThatContradictEachOtherAreRefused) {
   EXPECT_EQ(refusal_of([](RecordedScene& next) { next.isovalue += 1.0; }), std::nullopt);
   EXPECT_EQ(refusal_of([](RecordedScene& next) {
               ++next.geometry_revision;
-              next.method = DecompositionMethod::kBcc;
+              next.settings.method = DecompositionMethod::kBcc;
             }),
             std::nullopt);
   const auto contradicts = ErrorKind::kInvalidArgument;
-  EXPECT_EQ(refusal_of([](RecordedScene& next) { next.method = DecompositionMethod::kBcc; }),
-            contradicts);
+  EXPECT_EQ(
+      refusal_of([](RecordedScene& next) { next.settings.method = DecompositionMethod::kBcc; }),
+      contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { next.X_DI.translation.x() += 1.0; }), contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { --next.geometry_revision; }), contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { --next.volume_revision; }), contradicts);

@@ -20,7 +20,7 @@ RenderSettings UnlikeAnyDefault() {
   }
   for (const FlagSetting& setting : kFlagSettings) settings.haptics.*setting.member = true;
   settings.haptics.free_side = FreeSide::kAbove;
-  settings.method = DecompositionMethod::kBcc;
+  settings.haptics.method = DecompositionMethod::kBcc;
   settings.isovalue = -200.0;
   settings.normalized_isovalue = 0.25;
   return settings;
@@ -56,8 +56,7 @@ TEST(RenderService, EachMaskTakesItsFieldAlone) {
     SCOPED_TRACE(name);
     const SettingsUpdate update = FromProto(RequestOf(settings, name));
     const std::size_t taken = update.isovalue.has_value() + update.normalized_isovalue.has_value() +
-                              update.numbers.size() + update.flags.size() +
-                              update.free_side.has_value() + update.method.has_value();
+                              update.numbers.size() + update.flags.size() + update.choices.size();
     EXPECT_EQ(taken, 1u);
   }
   for (const NumberSetting& setting : kNumberSettings) {
@@ -68,8 +67,10 @@ TEST(RenderService, EachMaskTakesItsFieldAlone) {
     const SettingsUpdate update = FromProto(RequestOf(settings, std::string(setting.key)));
     EXPECT_EQ(update.flags.at(0), std::pair(setting.member, true));
   }
-  EXPECT_EQ(FromProto(RequestOf(settings, "free_side")).free_side, FreeSide::kAbove);
-  EXPECT_EQ(FromProto(RequestOf(settings, "method")).method, DecompositionMethod::kBcc);
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    const SettingsUpdate update = FromProto(RequestOf(settings, std::string(setting.key)));
+    EXPECT_EQ(update.choices.at(0), std::pair(&setting, setting.get(settings.haptics)));
+  }
   EXPECT_EQ(FromProto(RequestOf(settings, "isovalue")).isovalue, -200.0);
   EXPECT_EQ(FromProto(RequestOf(settings, "normalized_isovalue")).normalized_isovalue, 0.25);
 }

@@ -64,10 +64,10 @@ TEST_F(ServoMetricsTest, AProxyInTheMaterialIsAFaultUnlessItIsOnItsWayOut) {
   TickSample inside = Next();
   inside.density = 100.5;
   metrics_.OnSample(inside);  // free, and inside
-  inside.mode = TickMode::kConstrained;
+  inside.mode = ProxyMode::kConstrained;
   metrics_.OnSample(inside);
-  for (TickMode mode :
-       {TickMode::kEjecting, TickMode::kSuspended, TickMode::kFault, TickMode::kInside}) {
+  for (ProxyMode mode :
+       {ProxyMode::kEjecting, ProxyMode::kSuspended, ProxyMode::kFault, ProxyMode::kInside}) {
     inside.mode = mode;
     metrics_.OnSample(inside);
   }

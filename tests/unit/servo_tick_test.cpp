@@ -61,7 +61,7 @@ TEST_F(HardwareTick, NoForceAndNoCurrentUntilForcesAreEnabled) {
   const TickSample before = Tick();
   EXPECT_TRUE(before.contact);
   EXPECT_EQ(before.force_state, ForceState::kOff);
-  EXPECT_EQ(before.mode, TickMode::kConstrained);
+  EXPECT_EQ(before.mode, ProxyMode::kConstrained);
   EXPECT_EQ(Force(), 0.0);
   EXPECT_FALSE(device_.motors_on);
   forces_.Set(ForceCommand::kEnable);
@@ -74,17 +74,17 @@ TEST_F(HardwareTick, NoForceAndNoCurrentUntilForcesAreEnabled) {
 TEST_F(HardwareTick, WhatTheDeviceSaysIsHeededInItsTick) {
   struct Case {
     std::function<void(testing::FakeDevice&)> say;
-    TickMode mode;
+    ProxyMode mode;
     ForceState state;
     ForceReason reason;
   };
-  const Case cases[] = {{[](auto& device) { device.reading.docked = true; }, TickMode::kSuspended,
+  const Case cases[] = {{[](auto& device) { device.reading.docked = true; }, ProxyMode::kSuspended,
                          ForceState::kHeld, ForceReason::kDocked},
                         {[](auto& device) { device.reading.calibrated = false; },
-                         TickMode::kSuspended, ForceState::kHeld, ForceReason::kUncalibrated},
+                         ProxyMode::kSuspended, ForceState::kHeld, ForceReason::kUncalibrated},
                         {[](auto& device) { device.status = DeviceStatus::kFault; },
-                         TickMode::kFault, ForceState::kFault, ForceReason::kDevice},
-                        {[](auto& device) { device.reading.buttons = 3; }, TickMode::kConstrained,
+                         ProxyMode::kFault, ForceState::kFault, ForceReason::kDevice},
+                        {[](auto& device) { device.reading.buttons = 3; }, ProxyMode::kConstrained,
                          ForceState::kStopped, ForceReason::kStopButton}};
   const DeviceState usual = device_.reading;
   for (const Case& c : cases) {
@@ -173,7 +173,7 @@ TEST_F(SuspendedTest, TheForceIsZeroInTheVeryTickOfThePress) {
   EXPECT_GT(ForceOf(Tick()).norm(), 0.5);
   Clutch(true);
   const TickSample sample = Tick();
-  EXPECT_EQ(sample.mode, TickMode::kSuspended);
+  EXPECT_EQ(sample.mode, ProxyMode::kSuspended);
   EXPECT_EQ(sample.force_state, ForceState::kOn);
   EXPECT_EQ(ForceOf(sample), Vec3::Zero());
   EXPECT_EQ(sample.scp_h_mm, sample.hip_mm);
@@ -204,7 +204,7 @@ TEST_F(SuspendedTest, TheFirstTickEverMayBeSuspended) {
     Clutch(!by_scene);
     scene_.forces_off = by_scene;
     const TickSample sample = fresh.Run(scene_, {1, 1, 0});
-    EXPECT_EQ(sample.mode, TickMode::kSuspended);
+    EXPECT_EQ(sample.mode, ProxyMode::kSuspended);
     EXPECT_EQ(sample.hip_mm[2], 20.0);
     EXPECT_EQ(ForceOf(sample), Vec3::Zero());
     Clutch(false);
@@ -219,7 +219,7 @@ TEST_F(SuspendedTest, TheFirstTickEverMayBeSuspendedWithoutAPosition) {
   device_.reading.p_DHip_mm = Vec3(std::nan(""), 0, 0);
   for (int n = 0; n < 3; ++n) {
     const TickSample sample = Tick();
-    EXPECT_EQ(sample.mode, TickMode::kFault);
+    EXPECT_EQ(sample.mode, ProxyMode::kFault);
     EXPECT_TRUE(sample.input_rejected);
     EXPECT_EQ(sample.hip_mm, (std::array<double, 3>{}));
     EXPECT_EQ(ForceOf(sample), Vec3::Zero());
@@ -240,14 +240,14 @@ TEST_F(SuspendedTest, BadPositionsAreFaultsAndTheLastGoodOneStays) {
       Vec3 p_mm(9, 9, 9);
       p_mm[axis] = bad;
       const TickSample sample = TickAt(p_mm);
-      EXPECT_EQ(sample.mode, TickMode::kFault);
+      EXPECT_EQ(sample.mode, ProxyMode::kFault);
       EXPECT_TRUE(sample.input_rejected);
       EXPECT_EQ(sample.hip_mm, (std::array<double, 3>{3, 2, 20}));
       EXPECT_EQ(sample.scp_h_mm, sample.hip_mm);
       EXPECT_EQ(ForceOf(sample), Vec3::Zero());
     }
   }
-  EXPECT_EQ(TickAt(Vec3(3, 2, 20)).mode, TickMode::kSuspended);
+  EXPECT_EQ(TickAt(Vec3(3, 2, 20)).mode, ProxyMode::kSuspended);
 }
 
 TEST_F(SuspendedTest, ADeviceThatFailsIsAFaultToo) {
@@ -255,16 +255,16 @@ TEST_F(SuspendedTest, ADeviceThatFailsIsAFaultToo) {
   Tick();
   device_.status = DeviceStatus::kFault;
   TickSample sample = Tick();
-  EXPECT_EQ(sample.mode, TickMode::kFault);
+  EXPECT_EQ(sample.mode, ProxyMode::kFault);
   EXPECT_EQ(ForceOf(sample), Vec3::Zero());
   // A late reading is none: forces are held, and come back by themselves.
   device_.status = DeviceStatus::kStale;
   sample = Tick();
-  EXPECT_EQ(sample.mode, TickMode::kSuspended);
+  EXPECT_EQ(sample.mode, ProxyMode::kSuspended);
   EXPECT_EQ(sample.force_state, ForceState::kHeld);
   EXPECT_EQ(ForceOf(sample), Vec3::Zero());
   device_.status = DeviceStatus::kOk;
-  EXPECT_EQ(Tick().mode, TickMode::kSuspended);
+  EXPECT_EQ(Tick().mode, ProxyMode::kSuspended);
 }
 
 // Half a second at a steady speed, with gaps in the readings and missed ticks while
@@ -306,7 +306,7 @@ TEST_F(SuspendedTest, NothingOfBeforeIsFeltAfterwards) {
   EXPECT_EQ(Tick().hip_mm[2], -15.5);
   Clutch(false);
   const TickSample sample = Tick();
-  EXPECT_EQ(sample.mode, TickMode::kFree);
+  EXPECT_EQ(sample.mode, ProxyMode::kFree);
   EXPECT_EQ(ForceOf(sample), Vec3::Zero());
   EXPECT_EQ(sample.scp_h_mm, sample.hip_mm);
 }
@@ -339,7 +339,7 @@ TEST_F(SuspendedTest, AResumeAtAnyDepthKeepsTheSlewAndTheLimit) {
           EXPECT_LE((ForceOf(sample) - last_n).norm(), testing::kMaxStepN);
           EXPECT_LE(ForceOf(sample).norm(), 3.3 + 1e-9);
           last_n = ForceOf(sample);
-          if (sample.mode == TickMode::kConstrained) {
+          if (sample.mode == ProxyMode::kConstrained) {
             EXPECT_LE(sample.density, 0.5 + 1e-9);
           }
         }

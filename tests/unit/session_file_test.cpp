@@ -25,7 +25,7 @@ SavedSession Session1() {
                         .spacing_mm = Vec3(1.0 / 3.0, 1.0, 2.5),
                         .device_mm_per_volume_mm = 0.1};
   session.configured.isovalue = 2.0 / 3.0;
-  session.configured_settings.method = DecompositionMethod::kBcc;
+  session.configured_settings.haptics.method = DecompositionMethod::kBcc;
   session.configured_settings.haptics.stiffness_n_per_mm = 0.7;
   session.attempts = 2;
   LoadRequest& volume = session.felt.volume;
@@ -37,7 +37,7 @@ SavedSession Session1() {
       .size = {1, 1'000'000'007, 3}, .type = "uint16", .big_endian = true, .offset_bytes = 352};
   RenderSettings& settings = session.felt.settings;
   settings.isovalue = -1000.0 / 3.0;
-  settings.method = DecompositionMethod::kBcc;
+  settings.haptics.method = DecompositionMethod::kBcc;
   settings.haptics.free_side = FreeSide::kAbove;
   double value = 0.1;
   for (const NumberSetting& setting : kNumberSettings) {
@@ -56,7 +56,7 @@ auto Members(const RawVoxels& raw) {
 
 void ExpectSameSettings(const RenderSettings& read, const RenderSettings& written) {
   EXPECT_EQ(read.isovalue, written.isovalue);
-  EXPECT_EQ(read.method, written.method);
+  EXPECT_EQ(read.haptics.method, written.haptics.method);
   EXPECT_EQ(read.haptics.free_side, written.haptics.free_side);
   for (const NumberSetting& setting : kNumberSettings) {
     EXPECT_EQ(read.haptics.*setting.member, written.haptics.*setting.member) << setting.key;
@@ -98,7 +98,7 @@ TEST_F(SessionFileTest, HoldsAllToTheBit) {
   EXPECT_EQ(read.configured.spacing_mm, written.configured.spacing_mm);
   EXPECT_EQ(read.configured.device_mm_per_volume_mm, written.configured.device_mm_per_volume_mm);
   EXPECT_EQ(read.configured.isovalue, written.configured.isovalue);
-  EXPECT_EQ(read.configured_settings.method, DecompositionMethod::kBcc);
+  EXPECT_EQ(read.configured_settings.haptics.method, DecompositionMethod::kBcc);
   EXPECT_EQ(read.configured_settings.haptics.stiffness_n_per_mm, 0.7);
   EXPECT_EQ(read.attempts, 2);
   ExpectSameSession(read.felt, written.felt);
@@ -199,7 +199,7 @@ TEST_F(SessionKeeperTest, WhatIsConfiguredOtherwiseNowIsAsConfigured) {
   RenderSettings settings;
   settings.haptics.stiffness_n_per_mm = 0.125;
   settings.haptics.force_shading = true;
-  settings.method = DecompositionMethod::kBcc;
+  settings.haptics.method = DecompositionMethod::kBcc;
   const LoadRequest configured{.source = "builtin:bumps", .isovalue = 0.25};
   const std::optional<FeltSession> left = Make(configured, settings)->TakeLeft();
   ASSERT_TRUE(left);

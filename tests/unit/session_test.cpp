@@ -15,11 +15,13 @@
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"
+#include "tests/support/setting_choice.h"
 
 namespace palpate {
 namespace {
 
 using std::chrono::milliseconds;
+using testing::Choice;
 using testing::kNever;
 using testing::kQuiet;
 using testing::Refusal;
@@ -52,7 +54,7 @@ TEST_F(SessionTest, BadUpdatesChangeNothing) {
         SettingsUpdate{.numbers = {{&HapticSettings::damping_n_s_per_m, 1.0},
                                    {&HapticSettings::magnet_range_mm, nan}},
         .flags = {{&HapticSettings::force_shading, true}},
-        .free_side = FreeSide::kAbove}}) {
+        .choices = {Choice("free_side", FreeSide::kAbove)}}}) {
     EXPECT_EQ(Refusal([&] { session().Update(bad); }), ErrorKind::kInvalidArgument);
   }
   for (const std::uint64_t other : {before.settings_revision - 1, before.settings_revision + 1}) {
@@ -88,13 +90,14 @@ TEST_F(SessionTest, EveryNumberHasARangeThatNamesItsKeyAndUnit) {
 
 TEST_F(SessionTest, FlagsAndTheFreeSideComeAndGo) {
   for (const bool on : {true, false}) {
-    SettingsUpdate update{.free_side = on ? FreeSide::kAbove : FreeSide::kBelow};
+    const FreeSide side = on ? FreeSide::kAbove : FreeSide::kBelow;
+    SettingsUpdate update{.choices = {Choice("free_side", side)}};
     for (const FlagSetting& setting : kFlagSettings) update.flags.emplace_back(setting.member, on);
     const HapticSettings haptics = session().Update(update).state.settings.haptics;
     for (const FlagSetting& setting : kFlagSettings) {
       EXPECT_EQ(haptics.*setting.member, on) << setting.key;
     }
-    EXPECT_EQ(haptics.free_side, *update.free_side);
+    EXPECT_EQ(haptics.free_side, side);
   }
 }
 
@@ -156,14 +159,14 @@ TEST_F(SessionTest, ALoadBringsItsSettingsInOneScene) {
   const VolumeState state = load(bumps, {.isovalue = 0.3,
                                          .numbers = {soft},
                                          .flags = {{&HapticSettings::force_shading, true}},
-                                         .free_side = FreeSide::kAbove,
-                                         .method = DecompositionMethod::kBcc});
+                                         .choices = {Choice("free_side", FreeSide::kAbove),
+                                                     Choice("method", DecompositionMethod::kBcc)}});
   EXPECT_EQ(seen.volumes, std::vector{state.volume->revision()});
   EXPECT_EQ(seen.isovalues, std::vector{0.3});
   EXPECT_EQ(seen.settings[0].stiffness_n_per_mm, 0.2);
   EXPECT_TRUE(seen.settings[0].force_shading);
   EXPECT_EQ(seen.settings[0].free_side, FreeSide::kAbove);
-  EXPECT_EQ(session().settings().settings.method, DecompositionMethod::kBcc);
+  EXPECT_EQ(session().settings().settings.haptics.method, DecompositionMethod::kBcc);
   EXPECT_EQ(session().settings().settings_revision, before.settings_revision + 1);
 }
 
@@ -235,8 +238,8 @@ class Checker : public SampleSink {
     const bool nearer = left == 0.0 || left < std::abs(last_isovalue_ - expected);
     if (sample.settings_revision > 1) mixed_ += !nearer;
     last_isovalue_ = sample.isovalue;
-    above_ += sample.density > sample.isovalue && sample.mode != TickMode::kEjecting &&
-              sample.mode != TickMode::kInside;
+    above_ += sample.density > sample.isovalue && sample.mode != ProxyMode::kEjecting &&
+              sample.mode != ProxyMode::kInside;
     went_back_ += sample.settings_revision < last_revision_;
     last_revision_ = sample.settings_revision;
   }
@@ -281,13 +284,13 @@ TEST_F(SessionTest, AnUpdateWithoutAServoChangesNothing) {
   servo().Stop();
   const SettingsUpdate update{.isovalue = 0.5,
                               .numbers = {{&HapticSettings::damping_n_s_per_m, 1.0}},
-                              .method = DecompositionMethod::kBcc};
+                              .choices = {Choice("method", DecompositionMethod::kBcc)}};
   for (int n = 0; n < 2; ++n) {
     EXPECT_EQ(Refusal([&] { session().Update(update); }), ErrorKind::kUnavailable);
     const RenderSettings after = session().settings().settings;
     EXPECT_EQ(after.isovalue, before.settings.isovalue);
     EXPECT_EQ(after.normalized_isovalue, before.settings.normalized_isovalue);
-    EXPECT_EQ(after.method, before.settings.method);
+    EXPECT_EQ(after.haptics.method, before.settings.haptics.method);
     EXPECT_EQ(after.haptics.damping_n_s_per_m, before.settings.haptics.damping_n_s_per_m);
   }
 }

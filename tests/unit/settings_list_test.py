@@ -26,16 +26,16 @@ def generate(field, *more):
         (folder / "palpate/v1/setting.proto").write_text(
             (PROTO / "palpate/v1/setting.proto").read_text())
         done = subprocess.run(
-            ["protoc", f"--proto_path={folder}", f"--settings_out={folder}",
-             f"--plugin=protoc-gen-settings={PROTO}/settings/protoc-gen-settings",
-             "--settings_opt=cpp", "palpate/v1/render.proto"],
+            ["protoc", f"--proto_path={folder}", f"--contract_out={folder}",
+             f"--plugin=protoc-gen-contract={PROTO}/generate/protoc-gen-contract",
+             "--contract_opt=cpp", "palpate/v1/render.proto"],
             capture_output=True, text=True, check=False)
         return done.returncode, done.stderr
 
 
 class Texts(unittest.TestCase):
     def test_palpated_toml_and_the_guide_have_the_list(self):
-        done = subprocess.run([PROTO / "settings/update.py", "--check"], capture_output=True,
+        done = subprocess.run([PROTO / "generate/update.py", "--check"], capture_output=True,
                               text=True, check=False)
         self.assertEqual((done.returncode, done.stdout), (0, ""), done.stderr)
 

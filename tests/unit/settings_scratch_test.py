@@ -52,7 +52,7 @@ class ScratchTest(unittest.TestCase):
         body, end, rest = tail.partition("\n}\n")
         contract.write_text(head + begin + body + FIELD + end.lstrip("\n") + rest)
         # The one command.
-        run(cls.root / "proto/settings/update.py")
+        run(cls.root / "proto/generate/update.py")
 
     def line_of(self, name, start):
         found = [line for line in (self.root / name).read_text().splitlines()
@@ -75,9 +75,10 @@ class ScratchTest(unittest.TestCase):
     def test_programs(self):
         made, probe = self.root / "made", self.root / "probe"
         made.mkdir()
-        run("protoc", f"--proto_path={self.root}/proto", f"--settings_out={made}",
-            f"--plugin=protoc-gen-settings={self.root}/proto/settings/protoc-gen-settings",
-            "--settings_opt=cpp", "palpate/v1/render.proto")
+        run("protoc", f"--proto_path={self.root}/proto", f"--contract_out={made}",
+            f"--plugin=protoc-gen-contract={self.root}/proto/generate/protoc-gen-contract",
+            "--contract_opt=cpp",
+            *sorted((self.root / "proto/palpate/v1").glob("*.proto")))
         run("c++", "-std=c++20", "-O0", "-Wall", "-Wextra", "-Werror", "-I", self.root, "-I", made,
             "-isystem", "/usr/include/eigen3", "-o", probe,
             *(self.root / source for source in (

@@ -110,13 +110,13 @@ double GreatestJump(const std::vector<TickSample>& samples) {
 // Ticks in which the proxy is in what is felt as material.
 long TicksInside(const std::vector<TickSample>& samples) {
   return std::count_if(samples.begin(), samples.end(), [](const TickSample& s) {
-    const bool judged = s.mode == TickMode::kFree || s.mode == TickMode::kConstrained;
+    const bool judged = s.mode == ProxyMode::kFree || s.mode == ProxyMode::kConstrained;
     const double sign = s.free_side == FreeSide::kBelow ? 1.0 : -1.0;
     return judged && sign * s.density > sign * s.isovalue + 1e-9;
   });
 }
 
-long Ticks(const std::vector<TickSample>& samples, TickMode mode) {
+long Ticks(const std::vector<TickSample>& samples, ProxyMode mode) {
   return std::count_if(samples.begin(), samples.end(),
                        [&](const TickSample& s) { return s.mode == mode; });
 }
@@ -175,7 +175,7 @@ TEST(Carve, MovesTheSurfaceSmoothlyAndTheProxyStaysOutside) {
     const double way_mm = carved.back().scp_h_mm[2] - before.back().scp_h_mm[2];
     EXPECT_GT(way_mm / c.way_mm, 1.0) << way_mm << " mm";
     EXPECT_EQ(TicksInside(carved), 0);
-    EXPECT_EQ(Ticks(carved, TickMode::kFault), 0);
+    EXPECT_EQ(Ticks(carved, ProxyMode::kFault), 0);
     EXPECT_LE(GreatestJump(carved), c.most_jump_n);
     if (c.settings.carve_rate_per_s != 0.5) continue;
     // The proxy goes down and never up.
@@ -194,7 +194,7 @@ TEST(Carve, APressChangesNothingBeyondItsRadiusAndIsOneStepToUndo) {
   rig.Run(1.0);
   const VolumeState before = rig.session().volume();
   const std::vector<TickSample> carved = rig.Run(2.1);
-  EXPECT_EQ(Ticks(carved, TickMode::kEjecting), 0);
+  EXPECT_EQ(Ticks(carved, ProxyMode::kEjecting), 0);
   const VolumeState after = rig.session().volume();
   int changed = 0;
   for (int i = 0; i < 32 * 32 * 32; ++i) {
@@ -267,7 +267,7 @@ TEST(Clutch, MovesTheVolumeRigidlyWithTheStylus) {
     const auto release = std::find_if_not(press, samples.end(), is_held);
     ASSERT_GT(release - press, 950);
     for (auto s = press; s != release; ++s) {
-      ASSERT_EQ(s->mode, TickMode::kSuspended);
+      ASSERT_EQ(s->mode, ProxyMode::kSuspended);
       ASSERT_EQ(Force(*s), Vec3::Zero());
       ASSERT_FALSE(s->contact);
     }
@@ -293,7 +293,7 @@ TEST(Clutch, AVolumeThatIsMovedMeanwhileKeepsThatMove) {
   const Registration half = rig.registration();
   const TickSample* at = nullptr;  // of the last step
   for (const TickSample& s : samples) {
-    if (s.mode == TickMode::kSuspended) at = &s;
+    if (s.mode == ProxyMode::kSuspended) at = &s;
   }
   ASSERT_TRUE(at != nullptr);
   rig.session().Move([&](const VolumeState& state) {
@@ -318,7 +318,7 @@ TEST(Tools, DoNothingInThinAirOrSwitchedOffOrForAnotherButton) {
                       {"builtin:bumps:32", kClutching, Sweeping(kCarveButton)}};
   for (StylusRig& rig : rigs) {
     const Registration before = rig.registration();
-    EXPECT_EQ(Ticks(rig.Run(1.5), TickMode::kSuspended), 0);
+    EXPECT_EQ(Ticks(rig.Run(1.5), ProxyMode::kSuspended), 0);
     EXPECT_EQ(rig.revision(), 1u);
     EXPECT_EQ(Distance(rig.registration(), before), 0.0);
   }

@@ -43,7 +43,7 @@ class ToolStrokesTest : public ::testing::Test {
     sample.hip_mm = sample.scp_h_mm = {p_mm.x(), p_mm.y(), p_mm.z()};
     sample.buttons = buttons;
     const bool clutched = scene_.settings.clutch_tool && (buttons & kClutchButton) != 0;
-    if (clutched || scene_.forces_off) sample.mode = TickMode::kSuspended;
+    if (clutched || scene_.forces_off) sample.mode = ProxyMode::kSuspended;
     return sample;
   }
   // Sum of what would be added.
@@ -125,7 +125,7 @@ TEST_F(ToolStrokesTest, FaultsAndOrientationsThatAreNoneArePassedOver) {
   Tick(kClutchButton, Vec3(0, 0, 0));
   Tick(kClutchButton, Vec3(1, 0, 0));
   TickSample fault = Sample(kClutchButton, Vec3(500, 0, 0));
-  fault.mode = TickMode::kFault;
+  fault.mode = ProxyMode::kFault;
   strokes_.OnSample(fault);
   for (const Eigen::Quaterniond& bad :
        {Eigen::Quaterniond(std::nan(""), 0, 0, 0), Eigen::Quaterniond(0, 0, 0, 0),
@@ -208,7 +208,7 @@ TEST_F(ToolStrokesTest, CarvesAtItsRate) {
   Tick(kCarveButton);
   for (int n = 0; n < 3000; ++n) {
     TickSample fault = Sample(kCarveButton, Vec3::Zero());
-    fault.mode = TickMode::kFault;
+    fault.mode = ProxyMode::kFault;
     EXPECT_FALSE(strokes_.OnSample(fault));
   }
   Tick(kCarveButton);

@@ -108,7 +108,7 @@ TEST(TornVolume, NoTickSeesOne) {
     volumes += sample.volume_revision != last_revision;
     last_revision = sample.volume_revision;
     contacts += sample.contact;
-    const bool settled = sample.mode == TickMode::kFree || sample.mode == TickMode::kConstrained;
+    const bool settled = sample.mode == ProxyMode::kFree || sample.mode == ProxyMode::kConstrained;
     inside += settled && sample.density > sample.isovalue;
     if (n % 16 == 0) std::this_thread::sleep_for(std::chrono::microseconds(500));
   }

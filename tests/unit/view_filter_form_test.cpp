@@ -11,7 +11,7 @@ using client::FilterKind;
 const Vec3i kFilteredSize(40, 50, 60);
 
 TEST(FilterForm, HasNoMoreIterationsThanTheDaemonTakes) {
-  for (int kind = 0; kind < 6; ++kind) {
+  for (int kind = 1; kind <= 6; ++kind) {
     for (int width = 0; width < 12; ++width) {
       FilterForm form;
       form.filter.kind = static_cast<FilterKind>(kind);

@@ -75,7 +75,7 @@ TEST(HapticPatch, HasTheVerticesOfTheDaemonsSurface) {
         ASSERT_GT(mesh.vertices.size(), 100u);
         ASSERT_EQ(patch.size() % 2, 0u);
         ASSERT_EQ(Distinct(patch), Distinct(mesh.vertices))
-            << levels << ' ' << share << ' ' << MethodName(method);
+            << levels << ' ' << share << ' ' << NameOf(method);
       }
     }
   }
@@ -166,7 +166,7 @@ TEST(HapticPatch, HasTheLinesThatCellsShareOnce) {
       const auto [expected, shared] = DistinctLines(alone);
       const auto patch = HapticPatch(volume, isovalue, method, Vec3::Constant(2.5), 2.25);
       const auto [seen, repeated] = DistinctLines(patch);
-      ASSERT_TRUE(seen == expected) << levels << ' ' << MethodName(method);
+      ASSERT_TRUE(seen == expected) << levels << ' ' << NameOf(method);
       EXPECT_LE(repeated, levels == 0 ? 0 : repeated_in_cells);
       EXPECT_GT(shared, expected.size() / 10);
     }

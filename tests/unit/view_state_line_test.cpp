@@ -74,7 +74,7 @@ TEST(StateLine, AReplayIsNoLiveState) {
                    "until the replay ends"},
         {ForceState::kOff, ForceReason::kOperator, Tone::kCaution, ForceAction::kEnable,
          "not enabled"},
-        {ForceState::kHeld, ForceReason::kDocked, Tone::kCaution, ForceAction::kDisable, "docked"},
+        {ForceState::kHeld, ForceReason::kDocked, Tone::kCaution, ForceAction::kDisable, "holder"},
         {ForceState::kStopped, ForceReason::kStopCall, Tone::kAlarm, ForceAction::kEnable,
          "emergency stop"}}) {
     KnownState known = Connected(state, reason);

@@ -32,7 +32,7 @@ class VolumeEditorTest : public ::testing::Test, protected testing::RunningSessi
     };
     VolumeEdit edit;
     edit.shape = SphereShape{Vec3(uniform(0, 39), uniform(0, 39), uniform(0, 39)), uniform(1, 6)};
-    edit.operation = static_cast<EditOperation>(random_() % 5);
+    edit.operation = static_cast<EditOperation>(1 + random_() % 5);
     edit.value = uniform(0.1, 0.9);
     edit.falloff = uniform(0, 4);
     return edit;

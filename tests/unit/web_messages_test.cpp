@@ -220,7 +220,7 @@ TEST(TopicTexts, HelloHasTheSettingsThatTheUserMaySteerAndTheIsovalue) {
   const json settings = json::parse(HelloText({.may_steer = {"method"}}))["settings"];
   EXPECT_EQ(settings[0]["minimum"], json());
   EXPECT_EQ(settings[1]["kind"], "choice");
-  EXPECT_EQ(settings[1]["words"].size(), 4u);
+  EXPECT_EQ(settings[1]["words"].size(), 2u);
 }
 
 TEST(TopicTexts, SettingsHaveAllThatTheDaemonKnows) {

@@ -329,7 +329,7 @@ pageTest("a replay is no live picture, and says what is with the forces", {}, as
   await until(page, () => document.getElementById("badge-words").textContent.endsWith("old"));
   assert.equal(await page.$("#stage[data-replay]"), null);
   await shown("live", {});
-  mode = await shown(words, { replayed: true, forceState: "stopped", forceReason: "stop call" });
+  mode = await shown(words, { replayed: true, forceState: "stopped", forceReason: "stop-call" });
   assert.match(mode, /replay: forces are off; .*emergency stop/);
 });
 

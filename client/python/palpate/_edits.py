@@ -7,25 +7,17 @@ import typing
 import numpy as np
 import numpy.typing as npt
 
+from palpate._enums import (EditFrame, EditFrameWord, EditOperation, EditOperationWord, FilterKind,
+                            FilterKindWord)
 from palpate._errors import InvalidArgument, TooLarge
 from palpate._geometry import Triple, numbers_of, vector_of
 from palpate._link import Link
 from palpate._progress import Progress, result_of
 from palpate._values import number, number_or_none, whole, whole_or_none
+from palpate._word import numbers_by_word
 from palpate.v1 import edit_pb2, volume_pb2_grpc
 
-Operation = typing.Literal["add", "subtract", "set", "smooth", "paint"]
-Frame = typing.Literal["world", "index"]
-FilterKind = typing.Literal["gaussian", "mean", "median", "offset", "mean-curvature", "resample"]
-
-_OPERATIONS = {"add": edit_pb2.EDIT_OPERATION_ADD, "subtract": edit_pb2.EDIT_OPERATION_SUBTRACT,
-               "set": edit_pb2.EDIT_OPERATION_SET, "smooth": edit_pb2.EDIT_OPERATION_SMOOTH,
-               "paint": edit_pb2.EDIT_OPERATION_PAINT}
-_FRAMES = {"world": edit_pb2.EDIT_FRAME_WORLD, "index": edit_pb2.EDIT_FRAME_INDEX}
-_FILTER_KINDS = {"gaussian": edit_pb2.FILTER_KIND_GAUSSIAN, "mean": edit_pb2.FILTER_KIND_MEAN,
-                 "median": edit_pb2.FILTER_KIND_MEDIAN, "offset": edit_pb2.FILTER_KIND_OFFSET,
-                 "mean-curvature": edit_pb2.FILTER_KIND_MEAN_CURVATURE,
-                 "resample": edit_pb2.FILTER_KIND_RESAMPLE}
+_OPERATIONS, _FRAMES, _FILTER_KINDS = map(numbers_by_word, (EditOperation, EditFrame, FilterKind))
 _MOST_FILTER_NUMBER = 1000  # more than palpated takes
 _MOST_INDEX = (1 << 31) - 1
 _MOST_BLOCK_VOXELS = 3 * 1024 * 1024 // 4
@@ -84,8 +76,8 @@ class Edits:
         self._link = link
         self._stub = link.stub(volume_pb2_grpc.VolumeServiceStub)
 
-    def sphere(self, center: Triple, radius: float, operation: Operation,
-               value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
+    def sphere(self, center: Triple, radius: float, operation: EditOperationWord,
+               value: float | None = None, *, frame: EditFrameWord = "world", falloff: float = 0.0,
                strength: float | None = None, expected_revision: int | None = None,
                progress: Progress | None = None) -> EditResult:
         """Edits a sphere. Returns when the servo has used the edit.
@@ -100,8 +92,8 @@ class Edits:
         return self._edit(edit_pb2.EditVolumeRequest(sphere=shape), operation, value, frame,
                           falloff, strength, expected_revision, progress)
 
-    def box(self, corner_min: Triple, corner_max: Triple, operation: Operation,
-            value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
+    def box(self, corner_min: Triple, corner_max: Triple, operation: EditOperationWord,
+            value: float | None = None, *, frame: EditFrameWord = "world", falloff: float = 0.0,
             strength: float | None = None, expected_revision: int | None = None,
             progress: Progress | None = None) -> EditResult:
         """Edits a box along the frame's axes. Returns when the servo has used the edit.
@@ -115,8 +107,8 @@ class Edits:
         return self._edit(edit_pb2.EditVolumeRequest(box=shape), operation, value, frame, falloff,
                           strength, expected_revision, progress)
 
-    def capsule(self, start: Triple, end: Triple, radius: float, operation: Operation,
-                value: float | None = None, *, frame: Frame = "world", falloff: float = 0.0,
+    def capsule(self, start: Triple, end: Triple, radius: float, operation: EditOperationWord,
+                value: float | None = None, *, frame: EditFrameWord = "world", falloff: float = 0.0,
                 strength: float | None = None, expected_revision: int | None = None,
                 progress: Progress | None = None) -> EditResult:
         """Edits a stroke: what a sphere sweeps. Returns when the servo has used the edit.
@@ -131,7 +123,7 @@ class Edits:
                           falloff, strength, expected_revision, progress)
 
     def block(self, first: tuple[int, int, int], values: npt.ArrayLike,
-              operation: Operation = "set", *, strength: float | None = None,
+              operation: EditOperationWord = "set", *, strength: float | None = None,
               expected_revision: int | None = None) -> EditResult:
         """Edits a block of voxels from index `first` (i, j, k) on, each with a value of its own.
 
@@ -154,10 +146,10 @@ class Edits:
         return self._edit(edit_pb2.EditVolumeRequest(block=shape), operation, None, "index", 0.0,
                           strength, expected_revision)
 
-    def filter(self, kind: FilterKind, width: int = 1, iterations: int = 1, *,
+    def filter(self, kind: FilterKindWord, width: int = 1, iterations: int = 1, *,
                distance_mm: float | None = None, spacing_mm: float | Triple | None = None,
                box: tuple[Triple, Triple] | None = None,
-               sphere: tuple[Triple, float] | None = None, frame: Frame = "world",
+               sphere: tuple[Triple, float] | None = None, frame: EditFrameWord = "world",
                expected_revision: int | None = None,
                progress: Progress | None = None) -> EditResult:
         """Filters all voxels, or those of a region, with a filter of OpenVDB, as one edit.
@@ -246,8 +238,8 @@ class Edits:
         return self._result(self._stub.RevertVolume, edit_pb2.RevertVolumeRequest(
             expected_revision=whole_or_none("expected_revision", expected_revision)))
 
-    def _edit(self, request: edit_pb2.EditVolumeRequest, operation: Operation,
-              value: float | None, frame: Frame, falloff: float, strength: float | None,
+    def _edit(self, request: edit_pb2.EditVolumeRequest, operation: EditOperationWord,
+              value: float | None, frame: EditFrameWord, falloff: float, strength: float | None,
               expected_revision: int | None, progress: Progress | None = None) -> EditResult:
         _check_word("operation", operation, _OPERATIONS)
         _check_word("frame", frame, _FRAMES)

@@ -4,16 +4,15 @@ import collections.abc
 import dataclasses
 import typing
 
+from palpate._enums import VoxelType
 from palpate._errors import InvalidArgument
 from palpate._geometry import Triple, vector_of
 from palpate._settings import put_changes
 from palpate._values import number_or_none, switch, text_of, whole_or_none
+from palpate._word import numbers_by_word
 from palpate.v1 import volume_pb2
 
-_TYPES = {"int8": volume_pb2.VOXEL_TYPE_INT8, "uint8": volume_pb2.VOXEL_TYPE_UINT8,
-          "int16": volume_pb2.VOXEL_TYPE_INT16, "uint16": volume_pb2.VOXEL_TYPE_UINT16,
-          "int32": volume_pb2.VOXEL_TYPE_INT32, "uint32": volume_pb2.VOXEL_TYPE_UINT32,
-          "float32": volume_pb2.VOXEL_TYPE_FLOAT32, "float64": volume_pb2.VOXEL_TYPE_FLOAT64}
+_TYPES = numbers_by_word(VoxelType)
 _MOST_FRAMES = (1 << 32) - 1
 
 Changes = collections.abc.Mapping[str, typing.Any]

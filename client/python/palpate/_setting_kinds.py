@@ -6,8 +6,8 @@ import typing
 
 import numpy as np
 
-from palpate._enums import Word
 from palpate._errors import InvalidArgument
+from palpate._word import Word
 
 T = typing.TypeVar("T")
 E = typing.TypeVar("E", bound=Word)

@@ -73,7 +73,7 @@ std::string Files::WhyNotOpen() const {
     return feed.is_here() ? "" : "not connected to " + feed.name();
   }
   if (feed.May(client::Role::kOperator)) return {};
-  return "needs the role operator; yours is " + client::NameOf(feed.role());
+  return "needs the role operator; yours is " + std::string(NameOf(feed.role()));
 }
 
 std::string Files::WhyNotSave() const {

@@ -25,11 +25,9 @@ int MostIterations(FilterKind kind, int width) {
       return 32 / std::max(width, 1);
     case FilterKind::kMeanCurvature:
       return 1000;
-    case FilterKind::kOffset:
-    case FilterKind::kResample:
-      break;
+    default:
+      return 0;
   }
-  return 0;
 }
 
 std::optional<client::Filter> FilterOf(const FilterForm& form, const CropBox& crop,

@@ -24,7 +24,7 @@ void ShowConnection(const Viewer& viewer) {
   } else if (connection.state == client::ConnectionState::kConnected) {
     const auto device = feed.device();
     const std::string who = device && !device->identity.empty() ? " as " + device->identity : "";
-    WrappedText(kGood, "connected to " + name + who + ", role " + client::NameOf(feed.role()));
+    WrappedText(kGood, "connected to " + name + who + ", role " + std::string(NameOf(feed.role())));
   } else if (connection.state == client::ConnectionState::kConnecting) {
     WrappedText(kWarning, "connecting to " + name);
   } else {

@@ -1,5 +1,6 @@
 #include <algorithm>
-#include <array>
+#include <string_view>
+#include <vector>
 
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
@@ -7,33 +8,21 @@
 namespace palpate::view {
 namespace {
 
+using client::EditOperation;
 using client::Filter;
 using client::FilterKind;
 
-constexpr std::string_view kOperations[] = {"remove", "add", "subtract", "set", "smooth", "paint"};
 // In the order of FilterRegion.
 constexpr std::string_view kRegions[] = {"whole volume", "crop box", "ball at the proxy"};
 
-struct KindText {
-  const char* name;
-  const char* tip;
-};
-// In the order of FilterKind.
-constexpr std::array<KindText, 6> kKinds = {{
-    {"gaussian", "smooths noise: four means one after the other"},
-    {"mean", "the mean of the voxels around each voxel"},
-    {"median", "removes single wrong voxels and keeps edges; slow above a width of 2"},
-    {"offset", "level sets: moves the surface outwards, or inwards by a negative distance"},
-    {"mean curvature", "level sets: smooths the surface, the more the stronger it curves"},
-    {"resample", "another spacing of the voxels, for the whole volume"},
-}};
-
 void EditBrush(Viewer& viewer) {
   BrushOptions& brush = viewer.state().brush;
-  int operation = brush.removes ? 0 : 1 + static_cast<int>(brush.operation);
-  if (Choose("Operation", operation, kOperations)) {
+  std::vector<std::string_view> operations = {"remove"};
+  operations.insert(operations.end(), kWords<EditOperation>.begin(), kWords<EditOperation>.end());
+  int operation = brush.removes ? 0 : static_cast<int>(brush.operation);
+  if (Choose("Operation", operation, operations)) {
     brush.removes = operation == 0;
-    if (operation > 0) brush.operation = static_cast<client::EditOperation>(operation - 1);
+    if (operation > 0) brush.operation = static_cast<EditOperation>(operation);
   }
   Tip("what a stroke does, once for each voxel, within the volume's range of values; remove makes "
       "them free space");
@@ -59,18 +48,17 @@ void EditBrush(Viewer& viewer) {
 }
 
 void ChooseKind(Filter& filter, bool is_level_set) {
-  const auto now = static_cast<std::size_t>(filter.kind);
-  if (ImGui::BeginCombo("Kind", kKinds[now].name)) {
-    for (std::size_t n = 0; n < kKinds.size(); ++n) {
-      const auto kind = static_cast<FilterKind>(n);
+  if (ImGui::BeginCombo("Kind", NameOf(filter.kind).data())) {
+    for (const std::string_view word : kWords<FilterKind>) {
+      const FilterKind kind = *Named<FilterKind>(word);
       ImGui::BeginDisabled(IsForLevelSets(kind) && !is_level_set);
-      if (ImGui::Selectable(kKinds[n].name, n == now)) filter.kind = kind;
+      if (ImGui::Selectable(word.data(), kind == filter.kind)) filter.kind = kind;
       ImGui::EndDisabled();
-      Tip(kKinds[n].tip);
+      Tip(Describe(kind).says.data());
     }
     ImGui::EndCombo();
   }
-  Tip(kKinds[now].tip);
+  Tip(Describe(filter.kind).says.data());
 }
 
 void EditSpacing(Filter& filter, const VolumeLattice& lattice, bool is_level_set) {
@@ -139,7 +127,7 @@ void StartOrCancel(Viewer& viewer, const VolumeLattice& lattice, bool is_level_s
   const bool fits = is_level_set || !IsForLevelSets(form.filter.kind);
   ImGui::BeginDisabled(!filter || !moves || !fits);
   if (ImGui::Button("Apply the filter")) {
-    const char* name = kKinds[static_cast<std::size_t>(form.filter.kind)].name;
+    const std::string name(NameOf(form.filter.kind));
     run.Start(*filter, viewer.brush().OtherStroke(name));
   }
   ImGui::EndDisabled();

@@ -66,7 +66,7 @@ void ConnectionState(Viewer& viewer) {
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", viewer.feed().name().c_str());
   if (viewer.feed().May(client::Role::kAdmin)) return;
   ImGui::SameLine();
-  ImGui::TextColored(kDim, "as %s", client::NameOf(viewer.feed().role()).c_str());
+  ImGui::TextColored(kDim, "as %s", NameOf(viewer.feed().role()).data());
 }
 
 void VolumeState(const Viewer& viewer) {
@@ -148,7 +148,7 @@ void ShowPerson(const Person& person) {
     ImGui::SetTooltip("%s\nhere for %s", from.c_str(), AgeInWords(caller.connected_s).c_str());
   }
   ImGui::TableNextColumn();
-  ImGui::TextUnformatted(client::NameOf(caller.role).c_str());
+  ImGui::TextUnformatted(NameOf(caller.role).data());
   ImGui::TableNextColumn();
   const std::string programs =
       person.programs > 1 ? fmt::format("{} programs ", person.programs) : std::string();

@@ -202,8 +202,8 @@ bool HeldChoice(Viewer& viewer, const char* label, double& value,
 std::string WhyNot(const Viewer& viewer, client::Role least) {
   if (viewer.feed().is_disconnected()) return "not connected";
   if (viewer.feed().May(least)) return {};
-  return "needs the role " + client::NameOf(least) + "; yours is " +
-         client::NameOf(viewer.feed().role());
+  return "needs the role " + std::string(NameOf(least)) + "; yours is " +
+         std::string(NameOf(viewer.feed().role()));
 }
 
 void BeginAllowed(const Viewer& viewer, client::Role least) {

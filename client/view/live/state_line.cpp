@@ -10,40 +10,7 @@ namespace {
 using client::ConnectionState;
 using client::ForceReason;
 using client::ForceState;
-
-// Says why forces are not on; empty if the state says it already.
-const char* InWords(ForceReason reason) {
-  switch (reason) {
-    case ForceReason::kUnknown:
-    case ForceReason::kNone:
-      return "";
-    case ForceReason::kOperator:
-      return "not enabled";
-    case ForceReason::kDocked:
-      return "the stylus is docked: take it out";
-    case ForceReason::kUncalibrated:
-      return "the device is not calibrated";
-    case ForceReason::kStale:
-      return "readings come late";
-    case ForceReason::kDeadlines:
-      return "the loop misses deadlines";
-    case ForceReason::kDevice:
-      return "the device is gone or broken";
-    case ForceReason::kPosition:
-      return "a position was no number";
-    case ForceReason::kForce:
-      return "a force was no number";
-    case ForceReason::kSpeed:
-      return "the stylus moved too fast";
-    case ForceReason::kStopCall:
-      return "emergency stop";
-    case ForceReason::kStopButton:
-      return "emergency stop by the stylus";
-    case ForceReason::kReplay:
-      return "until the replay ends";
-  }
-  return "";
-}
+using client::ProxyMode;
 
 std::string With(const std::string& state, const std::string& why) {
   return why.empty() ? state : state + ": " + why;
@@ -52,38 +19,36 @@ std::string With(const std::string& state, const std::string& why) {
 StateLine OfForces(const client::ForceStatus& forces, const KnownState& known) {
   const std::string why = forces.reason == ForceReason::kDevice && !known.device_problem.empty()
                               ? known.device_problem
-                              : InWords(forces.reason);
+                              : std::string(Describe(forces.reason).says);
+  const std::string says(Describe(forces.state).says);
   switch (forces.state) {
     case ForceState::kUnknown:
-      return {Tone::kCaution, "forces unknown"};
+      break;
     case ForceState::kOff:
-      return {Tone::kIdle, With("forces off", why), ForceAction::kEnable};
-    case ForceState::kRampIn:
-      return {Tone::kActing, "forces are coming on", ForceAction::kDisable};
+      return {Tone::kIdle, With(says, why), ForceAction::kEnable};
     case ForceState::kOn:
-      if (known.mode == client::ProxyMode::kSuspended) {
-        return {Tone::kIdle, "nothing is felt: the volume is moved", ForceAction::kDisable};
-      }
-      if (known.mode == client::ProxyMode::kInside) {
-        return {Tone::kCaution, "nothing is felt: the stylus is inside the surface, pull it out",
+      if (known.mode == ProxyMode::kSuspended || known.mode == ProxyMode::kInside) {
+        const bool is_moved = known.mode == ProxyMode::kSuspended;
+        return {is_moved ? Tone::kIdle : Tone::kCaution, std::string(Describe(known.mode).says),
                 ForceAction::kDisable};
       }
-      return {Tone::kActing, "forces on", ForceAction::kDisable};
+      return {Tone::kActing, says, ForceAction::kDisable};
+    case ForceState::kRampIn:
+      return {Tone::kActing, says, ForceAction::kDisable};
     case ForceState::kHeld:
-      return {Tone::kCaution, With("forces held back", why), ForceAction::kDisable};
+      return {Tone::kCaution, With(says, why), ForceAction::kDisable};
     case ForceState::kFault:
-      return {Tone::kAlarm, With("forces off after a fault", why), ForceAction::kEnable};
     case ForceState::kStopped:
-      return {Tone::kAlarm, With("forces stopped", why), ForceAction::kEnable};
+      return {Tone::kAlarm, With(says, why), ForceAction::kEnable};
   }
-  return {Tone::kCaution, "forces unknown"};
+  return {Tone::kCaution, says};
 }
 
 // What the forces do after the replay.
 StateLine OfReplay(const client::ForceStatus& forces, const KnownState& known) {
   StateLine line = OfForces(forces, known);
   line.text = known.replay + (forces.reason == ForceReason::kReplay
-                                  ? " " + std::string(InWords(forces.reason))
+                                  ? " " + std::string(Describe(forces.reason).says)
                                   : "; " + line.text);
   if (line.tone != Tone::kAlarm) line.tone = Tone::kCaution;
   return line;

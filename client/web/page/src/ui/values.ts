@@ -2,7 +2,7 @@
 import type { State } from "../state";
 import { norm, subtract } from "../view/geometry";
 import type { VolumeCopy } from "../volume/copy";
-import { kProxyModes } from "../wire/pose";
+import { kProxyMode } from "../wire/words";
 import type { Pose } from "../wire/pose";
 import { badgeOf } from "./badge";
 import { find, make, setText } from "./dom";
@@ -33,7 +33,7 @@ function userText(state: State): string {
 // A label, what it means, and the text; none: there is nothing to say.
 const kRows: [string, string, (pose: Pose | null, state: State, copy: VolumeCopy) => string | null][] = [
   ["Stream", "Whether what you see is now", (_, state) => badgeOf(state).words],
-  ["Stylus", "What the haptic loop does with the proxy", (pose) => pose && kProxyModes[pose.mode]],
+  ["Stylus", "What the haptic loop does with the proxy", (pose) => pose && kProxyMode[pose.mode]],
   ["Force", "On the hand, and the most that the device gives now",
     (pose) => pose && `${fixed(norm(pose.force), 2, "N")} of ${fixed(pose.forceLimit, 1, "N")}`],
   ["Forces", "Whether the device may push", (pose) => pose && forcesText(pose)],
@@ -69,7 +69,7 @@ export function showValues(state: State, copy: VolumeCopy): () => void {
     if (!pose) return;
     const { kind } = badgeOf(state);
     const last = kind === "live" || kind === kReplay ? "" : "last known: ";
-    setText(mode, `${last}${kProxyModes[pose.mode]} · ${forcesText(pose)}`);
+    setText(mode, `${last}${kProxyMode[pose.mode]} · ${forcesText(pose)}`);
     setText(touch, `${last}${pose.contact ? `contact ${fixed(norm(pose.force), 2, "N")}` : "no contact"}`);
   };
 }

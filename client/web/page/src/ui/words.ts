@@ -1,7 +1,7 @@
 // Numbers and states in words.
 import type { SteeringMessage } from "../wire/messages";
-import { kForceReasons, kForceStates } from "../wire/pose";
 import type { Pose } from "../wire/pose";
+import { kForceReason, kForceState } from "../wire/words";
 
 const kThinSpace = "\u202f";
 
@@ -33,8 +33,8 @@ export function bytesText(bytes: number): string {
 export const kReplay = "replay: forces are off";
 
 export function forcesText(pose: Pose): string {
-  const why = pose.forceState === "on" ? "" : kForceReasons[pose.forceReason];
-  const text = why ? `${kForceStates[pose.forceState]}: ${why}` : kForceStates[pose.forceState];
+  const why = pose.forceState === "on" ? "" : kForceReason[pose.forceReason];
+  const text = why ? `${kForceState[pose.forceState]}: ${why}` : kForceState[pose.forceState];
   if (!pose.replayed) return text;
   return pose.forceReason === "replay" ? `${kReplay} ${why}` : `${kReplay}; ${text}`;
 }

@@ -1,45 +1,10 @@
 // The pose as the gateway's binary message carries it: 176 bytes, little-endian. The layout is that of
 // client/web/source/pose_bytes.h; what the page does not show is not read.
 import type { Vec3 } from "./messages";
+import { kForceReason, kForceState, kProxyMode } from "./words";
 
 export const kPoseBytes = 176;
 const kKind = 1;
-
-// Names and words, in the order of the enumerators of client/sdk/pose.h.
-export const kProxyModes = {
-  unknown: "unknown",
-  free: "in free space",
-  constrained: "held by the surface",
-  ejecting: "the surface moved over the tip, the proxy is being moved out",
-  fault: "nothing is felt after a fault",
-  suspended: "nothing is felt: the volume is moved",
-  inside: "nothing is felt: the tip is inside the material until it is pulled out",
-};
-export const kForceStates = {
-  unknown: "forces unknown",
-  off: "forces off",
-  "ramp in": "forces are coming on",
-  on: "forces on",
-  held: "forces held back",
-  fault: "forces off after a fault",
-  stopped: "forces stopped",
-};
-export const kForceReasons = {
-  unknown: "",
-  none: "",
-  operator: "not enabled",
-  docked: "the stylus rests in its holder",
-  uncalibrated: "the device is not calibrated",
-  stale: "the device's readings are late",
-  deadlines: "the haptic loop is late",
-  device: "the device is gone or broken",
-  position: "a position was no number",
-  force: "a force was no number",
-  speed: "the stylus moved too fast",
-  "stop call": "emergency stop",
-  "stop button": "emergency stop by the stylus",
-  replay: "until the replay ends",
-};
 
 function nameOf<Names extends { unknown: string }>(names: Names, number: number): keyof Names {
   return (Object.keys(names) as (keyof Names)[])[number] ?? "unknown";
@@ -56,9 +21,9 @@ export interface Pose {
   freeAbove: boolean; // the stylus is free above the isovalue
   fresh: boolean; // the gateway hears from palpated
   replayed: boolean; // of a recording that is replayed; the forces are those of now
-  mode: keyof typeof kProxyModes;
-  forceState: keyof typeof kForceStates;
-  forceReason: keyof typeof kForceReasons;
+  mode: keyof typeof kProxyMode;
+  forceState: keyof typeof kForceState;
+  forceReason: keyof typeof kForceReason;
   hip: Vec3;
   scpH: Vec3;
   scpV: Vec3 | null;
@@ -90,9 +55,9 @@ export function decodePose(bytes: ArrayBuffer): Pose | null {
     freeAbove: (flags & 8) !== 0,
     fresh: (flags & 16) !== 0,
     replayed: (flags & 32) !== 0,
-    mode: nameOf(kProxyModes, view.getUint8(2)),
-    forceState: nameOf(kForceStates, view.getUint8(3)),
-    forceReason: nameOf(kForceReasons, view.getUint8(156)),
+    mode: nameOf(kProxyMode, view.getUint8(2)),
+    forceState: nameOf(kForceState, view.getUint8(3)),
+    forceReason: nameOf(kForceReason, view.getUint8(156)),
     hip: vector(56),
     scpH: vector(68),
     scpV: flags & 4 ? vector(92) : null,

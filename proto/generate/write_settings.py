@@ -1,15 +1,9 @@
 """The headers that the daemon and the client library make of the list. Neither knows protobuf."""
 
-from setting_list import Fault, Setting, values_of
+from setting_list import Setting, values_of
+from write_enumerations import camel
 
-HEAD = "// Written by proto/settings from palpate/v1/render.proto: change that.\n#pragma once\n\n"
-# Enumerations of the contract by the header that declares them, for the client library.
-ENUMS = ("FreeSide", "DecompositionMethod")
-
-
-def camel(word: str) -> str:
-    """kTpbccPublished of "tpbcc-published"."""
-    return "k" + "".join(part.capitalize() for part in word.split("-"))
+HEAD = "// Written by proto/generate from palpate/v1/render.proto: change that.\n#pragma once\n\n"
 
 
 def quoted(text: str) -> str:
@@ -22,8 +16,6 @@ def value(setting: Setting) -> str:
         return repr(setting.default)
     if setting.kind == "flag":
         return str(setting.default).lower()
-    if setting.enum not in ENUMS:
-        raise Fault(f"{setting.key}: proto/settings/write_cpp.py does not know {setting.enum}")
     return f"{setting.enum}::{camel(setting.default)}"
 
 
@@ -37,15 +29,14 @@ def member(setting: Setting) -> str:
 
 
 def daemon(settings: list[Setting]) -> str:
-    """server/haptics: the settings of the renderer, and tables of numbers and flags."""
+    """server/haptics: the settings of the renderer, and tables of numbers, flags and choices."""
     haptic = [setting for setting in settings if setting.is_haptic]
     numbers = [setting for setting in haptic if setting.kind == "number"]
     flags = [setting for setting in haptic if setting.kind == "flag"]
-    # How cells are cut is the scene's; other choices are used by name: see settings.h.
-    sides = [setting for setting in haptic if setting.enum == "FreeSide"]
+    choices = [setting for setting in haptic if setting.kind == "choice"]
     text = HEAD + '#include <array>\n\n#include "server/haptics/setting_kinds.h"\n\n'
     text += "namespace palpate {\n\nstruct HapticSettings {\n"
-    text += "".join(map(member, numbers + flags + sides)) + "};\n\n"
+    text += "".join(map(member, numbers + flags + choices)) + "};\n\n"
     text += f"inline constexpr std::array<NumberSetting, {len(numbers)}> kNumberSettings = {{{{\n"
     for setting in numbers:
         unit = f" {setting.unit}" if setting.unit else ""
@@ -55,6 +46,10 @@ def daemon(settings: list[Setting]) -> str:
     text += f"inline constexpr std::array<FlagSetting, {len(flags)}> kFlagSettings = {{{{\n"
     for setting in flags:
         text += f'    {{"{setting.key}", &HapticSettings::{setting.key}}},\n'
+    text += "}};\n\n"
+    text += f"inline constexpr std::array<ChoiceSetting, {len(choices)}> kChoiceSettings = {{{{\n"
+    for setting in choices:
+        text += f'    MakeChoice<&HapticSettings::{setting.key}>("{setting.key}"),\n'
     return text + "}};\n\n}  // namespace palpate\n"
 
 
@@ -87,22 +82,9 @@ struct SettingsUpdate {{
 };
 
 """
-    for enum in {setting.enum: setting for setting in settings if setting.enum}.values():
-        text += words(enum)
     text += "// All, in the order in which they are shown; the isovalue's two come first.\n"
     text += f"inline constexpr std::array<Setting, {len(settings)}> kSettings = {{{{\n"
     return text + "".join(map(entry, settings)) + "}};\n\n}  // namespace palpate::client\n"
-
-
-def words(setting: Setting) -> str:
-    """The enumerators of a choice, and their words, in the contract's order."""
-    count, enum = len(setting.words), setting.enum
-    value(setting)  # its fault
-    enumerators = ", ".join(f"{enum}::{camel(word)}" for word in setting.words)
-    return (f"inline constexpr std::array<std::string_view, {count}> k{enum}Words = {{\n    "
-            f"{', '.join(map(quoted, setting.words))}}};\n"
-            f"inline constexpr std::array<{enum}, {count}> k{enum}Values = {{\n"
-            f"    {enumerators}}};\n\n")
 
 
 def entry(setting: Setting) -> str:
@@ -115,9 +97,8 @@ def entry(setting: Setting) -> str:
     elif setting.kind == "flag":
         kind = f"FlagSetting{{{members}, {value(setting)}}}"
     else:
-        default = setting.words.index(setting.default)
-        kind = (f"MakeChoice<&Settings::{setting.key}, &SettingsUpdate::{setting.key}, "
-                f"k{setting.enum}Values>(k{setting.enum}Words, {default})")
+        kind = (f"MakeChoice<&Settings::{setting.key}, &SettingsUpdate::{setting.key}>("
+                f"{value(setting)})")
     texts = [setting.key, setting.name, setting.label, setting.unit, setting.help,
              setting.shown_with]
     rows = ",\n     ".join([", ".join(map(quoted, texts[:4])), quoted(texts[4]), quoted(texts[5])])

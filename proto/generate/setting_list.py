@@ -3,17 +3,16 @@
 import dataclasses
 import typing
 
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf import descriptor_pb2
+
+import enumeration_list
+from contract import Fault, comments, option
 
 MESSAGE = "RenderSettings"
 # They belong to the volume: what is felt of it begins after them.
 ISOVALUES = ("isovalue", "normalized_isovalue")
 
 Kind = descriptor_pb2.FieldDescriptorProto
-
-
-class Fault(Exception):
-    """What is wrong with the list, for who changed it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,54 +79,24 @@ def sentence(text: str) -> str:
 
 def read(request: typing.Any) -> list[Setting]:
     """The settings of a CodeGeneratorRequest, in the order of their fields. Errors: Fault."""
-    option = _option(request)
+    says = option(request, "FieldOptions", "setting")
+    words = {enum.name: tuple(one.word for one in enum.known)
+             for enum in enumeration_list.read(request)}
     for file in request.proto_file:
         for index, message in enumerate(file.message_type):
             if message.name == MESSAGE:
-                comments = _comments(file, index)
-                found = [_setting(field, option, file, comments.get(number, ""))
-                         for number, field in enumerate(message.field)]
+                details = comments(file)
+                found = [_setting(field, says(field), words, details.get((4, index, 2, n), ""))
+                         for n, field in enumerate(message.field)]
                 _check(found)
                 return found
     raise Fault(f"there is no message {MESSAGE}")
 
 
-def _option(request: typing.Any) -> typing.Callable[[typing.Any], typing.Any]:
-    """Reads the option off a field. This program is not built with it, but is told of it."""
-    pool = descriptor_pool.DescriptorPool()
-    for file in request.proto_file:
-        pool.AddSerializedFile(file.SerializeToString())
-    names = [file.name for file in request.proto_file]
-    types = message_factory.MessageFactory(pool).GetMessages(names)
-    options = types["google.protobuf.FieldOptions"]
-    extension = pool.FindExtensionByName("palpate.v1.setting")
-
-    def of(field: typing.Any) -> typing.Any:
-        read = options.FromString(field.options.SerializeToString())
-        if not read.HasExtension(extension):
-            raise Fault(f"{field.name} has no option (setting)")
-        return read.Extensions[extension]
-    return of
-
-
-def _comments(file: typing.Any, message: int) -> dict[int, str]:
-    """The comments above the fields of a message."""
-    return {place.path[3]: " ".join(place.leading_comments.split())
-            for place in file.source_code_info.location
-            if list(place.path[:3]) == [4, message, 2] and len(place.path) == 4}
-
-
-def _words(file: typing.Any, name: str) -> tuple[str, ...]:
-    """"tpbcc-published" of DECOMPOSITION_METHOD_TPBCC_PUBLISHED; not ..._UNSPECIFIED."""
-    values = next(enum for enum in file.enum_type if enum.name == name).value
-    prefix = values[0].name.removesuffix("UNSPECIFIED")
-    if [value.number for value in values] != list(range(len(values))):
-        raise Fault(f"{name} is not numbered from 0 on")
-    return tuple(value.name.removeprefix(prefix).lower().replace("_", "-") for value in values[1:])
-
-
-def _setting(field: typing.Any, option: typing.Any, file: typing.Any, details: str) -> Setting:
-    says = option(field)
+def _setting(field: typing.Any, says: typing.Any, words: dict[str, tuple[str, ...]],
+             details: str) -> Setting:
+    if says is None:
+        raise Fault(f"{field.name} has no option (setting)")
     kinds = {Kind.TYPE_DOUBLE: "number", Kind.TYPE_BOOL: "flag", Kind.TYPE_ENUM: "choice"}
     if field.type not in kinds or not field.proto3_optional:
         raise Fault(f"{field.name} must be an optional double, bool or enum")
@@ -139,7 +108,7 @@ def _setting(field: typing.Any, option: typing.Any, file: typing.Any, details: s
                  "choice": says.default_choice}[kind],
         unit=says.unit, minimum=says.minimum if says.HasField("minimum") else None,
         maximum=says.maximum if says.HasField("maximum") else None, shown_with=says.shown_with,
-        details=details, enum=enum, words=_words(file, enum) if enum else ())
+        details=details, enum=enum, words=words.get(enum, ()))
 
 
 def _check(settings: list[Setting]) -> None:

@@ -4,7 +4,7 @@ import textwrap
 
 from setting_list import Setting, one_of, sentence, text_of, values_of
 
-HEAD = '''"""The list of settings. Written by proto/settings from palpate/v1/render.proto: change that."""
+HEAD = '''"""The list of settings. Written by proto/generate from palpate/v1/render.proto: change that."""
 
 from palpate._enums import {enums}
 from palpate._setting_kinds import Setting, choice

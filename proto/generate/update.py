@@ -1,8 +1,9 @@
 #!/usr/bin/python3
-"""Writes the list of settings (palpate/v1/render.proto) into the files that people read:
-deploy/config/palpated.toml and deploy/guides/settings.md. Run it when the list has changed.
+"""Writes what the contract declares into files of the source tree: the settings into
+deploy/config/palpated.toml and deploy/guides/settings.md, and what enumerators say into the page's
+words.ts. Run it when the contract has changed.
 
---check: only says which file has another list; exit code 1 then.
+--check: only says which file has something else; exit code 1 then.
 """
 
 import pathlib
@@ -12,19 +13,20 @@ import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-# File: what is written of it, and between which lines.
+# File: what is written of it, and between which lines; none: all of it.
 FILES = {"deploy/config/palpated.toml": ("haptics.toml", "# (", ")"),
-         "deploy/guides/settings.md": ("settings.md", "<!-- ", " -->")}
-BEGIN = "The list of settings begins. It is written by proto/settings/update.py."
+         "deploy/guides/settings.md": ("settings.md", "<!-- ", " -->"),
+         "client/web/page/src/wire/words.ts": ("words.ts", None, None)}
+BEGIN = "The list of settings begins. It is written by proto/generate/update.py."
 END = "The list of settings ends."
 
 
 def written(folder: pathlib.Path) -> dict[str, str]:
     """What the list says now, by the names of its files."""
     subprocess.run(
-        ["protoc", f"--proto_path={ROOT}/proto", f"--settings_out={folder}",
-         f"--plugin=protoc-gen-settings={HERE}/protoc-gen-settings", "--settings_opt=texts",
-         "palpate/v1/render.proto"], check=True)
+        ["protoc", f"--proto_path={ROOT}/proto", f"--contract_out={folder}",
+         f"--plugin=protoc-gen-contract={HERE}/protoc-gen-contract", "--contract_opt=texts",
+         *sorted(map(str, (ROOT / "proto").glob("palpate/v1/*.proto")))], check=True)
     return {path.name: path.read_text() for path in folder.iterdir()}
 
 
@@ -46,12 +48,13 @@ def main() -> int:
     stale = 0
     for name, (listed, left, right) in FILES.items():
         path = ROOT / name
-        before = path.read_text()
-        now = with_list(before, lists[listed], f"{left}{BEGIN}{right}", f"{left}{END}{right}")
+        before, now = path.read_text() if path.exists() else "", lists[listed]
+        if left is not None:
+            now = with_list(before, now, f"{left}{BEGIN}{right}", f"{left}{END}{right}")
         if now == before:
             continue
         stale += 1
-        print(f"{name}: {'has another list: run proto/settings/update.py' if check else 'written'}")
+        print(f"{name}: {'is not as the contract has it: run proto/generate/update.py' if check else 'written'}")
         if not check:
             path.write_text(now)
     return 1 if check and stale else 0
