@@ -26,7 +26,7 @@ test("a pose is read from its bytes", () => {
   assert.equal(kPoseBytes, 176);
   assert.deepEqual(decodePose(poseBytes()), {
     sequence: 4_000_000_000, tick: 2 ** 40 + 1, timeMs: 12.5, sentMs: 13.5, ageMs: 0.75,
-    contact: true, freeAbove: true, fresh: true, replayed: false, mode: "constrained", forceState: "on", forceReason: "stop button",
+    contact: true, freeAbove: true, fresh: true, replayed: false, mode: "constrained", forceState: "on", forceReason: "stop-button",
     hip: [0.5, 1.5, 2.5], scpH: [3.5, 4.5, 5.5], scpV: [9.5, 10.5, 11.5],
     orientation: [12.5, 13.5, 14.5, 15.5], force: [16.5, 17.5, 18.5], forceLimit: 19.5, density: 20.5, isovalue: -300.5,
     missedTicks: 77, updateUs: 8.25,
