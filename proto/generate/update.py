@@ -54,7 +54,8 @@ def main() -> int:
         if now == before:
             continue
         stale += 1
-        print(f"{name}: {'is not as the contract has it: run proto/generate/update.py' if check else 'written'}")
+        print(f"{name}: "
+              f"{'not as the contract has it: run proto/generate/update.py' if check else 'written'}")
         if not check:
             path.write_text(now)
     return 1 if check and stale else 0

@@ -2,8 +2,9 @@
 // they touch.
 //
 // setting_list.h is generated from the contract's list (proto/palpate/v1/render.proto). It has
-//   HapticSettings                  a member for each setting, with its default
-//   kNumberSettings, kFlagSettings  the same settings by name, with units and ranges
+//   HapticSettings                    a member for each setting, with its default
+//   kNumberSettings, kFlagSettings,
+//   kChoiceSettings                   the same settings by name, with units, ranges and words
 // Every effect and tool is off by default; only the stiffness is felt. The surface is H. The
 // effects act at the proxy: friction holds it, static friction if that is greater than dynamic
 // friction. The magnet pulls the stylus within magnet_range_mm, hardest half way. A pop takes the

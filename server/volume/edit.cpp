@@ -228,7 +228,9 @@ class Editor {
         return with([](double voxel, double w, double target) { return voxel - w * target; });
       case EditOperation::kSet:
         return with(toward);
-      default:
+      case EditOperation::kUnknown:
+      case EditOperation::kSmooth:
+      case EditOperation::kPaint:
         break;
     }
     return with([&](double voxel, double w, double target) {

@@ -25,9 +25,12 @@ int MostIterations(FilterKind kind, int width) {
       return 32 / std::max(width, 1);
     case FilterKind::kMeanCurvature:
       return 1000;
-    default:
-      return 0;
+    case FilterKind::kUnknown:
+    case FilterKind::kOffset:
+    case FilterKind::kResample:
+      break;
   }
+  return 0;
 }
 
 std::optional<client::Filter> FilterOf(const FilterForm& form, const CropBox& crop,
