@@ -44,13 +44,16 @@ function markPictures() {
   });
 }
 
+// Shares of one run, since machines differ: how much sooner than the volume the overview comes.
 const CASES = [
-  { edge: 256, volumeMs: 3000 },
-  { edge: 512, volumeMs: 8000 },
+  { edge: 256, overviewShare: 1 / 2 },
+  { edge: 512, overviewShare: 1 / 4 },
 ];
-const OVERVIEW_MS = 500;
+// Eight times the voxels take at most half of eight times as long.
+const VOLUME_GROWTH = 4;
+const volumesMs = [];
 
-for (const { edge, volumeMs } of CASES) {
+for (const { edge, overviewShare } of CASES) {
   test(`${edge}³ uint8: first the overview, then the volume`, async (t) => {
     const room = new Room();
     t.after(() => room.end());
@@ -76,7 +79,12 @@ for (const { edge, volumeMs } of CASES) {
       };
     });
     t.diagnostic(`${edge}³: ${JSON.stringify(seen)}`);
-    assert.ok(seen.overviewMs <= OVERVIEW_MS, `the overview came after ${seen.overviewMs} ms`);
-    assert.ok(seen.volumeMs <= volumeMs, `the volume came after ${seen.volumeMs} ms`);
+    assert.ok(seen.overviewMs <= overviewShare * seen.volumeMs, "the overview came late");
+    volumesMs.push(seen.volumeMs);
   });
 }
+
+test("a larger volume takes no more than its share", () => {
+  assert.equal(volumesMs.length, CASES.length);
+  assert.ok(volumesMs[1] <= VOLUME_GROWTH * volumesMs[0]);
+});
