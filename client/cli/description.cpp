@@ -13,12 +13,6 @@
 namespace palpate::cli {
 namespace {
 
-Json MapJson(const AffineMap& map) {
-  Json linear = Json::array();
-  for (int n = 0; n < 9; ++n) linear.push_back(map.linear(n / 3, n % 3));
-  return {{"linear", linear}, {"translation", ToJson(map.translation)}};
-}
-
 std::string YesOrNo(bool value) { return value ? "yes" : "no"; }
 
 // The box in the world that holds all voxels, by their centres. The world is LPS (towards the
@@ -28,7 +22,7 @@ std::string WorldBox(const client::VolumeInfo& volume) {
   const Vec3 center = volume.world_from_index.Apply(middle_I);
   const Vec3 half = volume.world_from_index.linear.cwiseAbs() * middle_I;
   const Vec3 low = center - half, high = center + half;
-  const bool is_lps = volume.patient_axes == "LPS" && !volume.axes_are_answered;
+  const bool is_lps = volume.patient_axes == "LPS" && !volume.patient_axes_answered;
   return fmt::format(
       "world{} x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm, centre {:g},{:g},{:g}",
       is_lps ? " (LPS)" : "", low.x(), high.x(), low.y(), high.y(), low.z(), high.z(), center.x(),
@@ -40,50 +34,13 @@ std::string Orientation(const client::VolumeInfo& volume) {
     return "orientation: unknown; 'palpate place --face=-y --head=+z' says where the patient faces";
   }
   return "orientation: " + volume.patient_axes +
-         (volume.axes_are_answered ? ", as somebody answered" : ", as the file states");
+         (volume.patient_axes_answered ? ", as somebody answered" : ", as the file states");
 }
 
 }  // namespace
 
 void AppendLine(std::string& text, std::string_view subject, std::string_view content) {
   fmt::format_to(std::back_inserter(text), "{:<10}{}\n", subject, OneLine(content));
-}
-
-Json ToJson(const Vec3& vector) { return {vector.x(), vector.y(), vector.z()}; }
-
-Json ToJson(const client::ServoInfo& servo) {
-  return {{"rate_hz", servo.rate_hz},
-          {"realtime_scheduling", servo.realtime_scheduling},
-          {"memory_locked", servo.memory_locked},
-          {"warnings", servo.warnings},
-          {"ticks", servo.ticks},
-          {"missed_ticks", servo.missed_ticks},
-          {"scenes_applied", servo.scenes_applied}};
-}
-
-Json ToJson(const client::VolumeInfo& volume) {
-  Json suggested = Json::array();
-  for (const auto& [name, isovalue, reason] : volume.suggested_isovalues) {
-    suggested.push_back({{"name", name}, {"isovalue", isovalue}, {"reason", reason}});
-  }
-  return {{"source", volume.source},
-          {"volume_revision", volume.volume_revision},
-          {"size", {volume.size.x(), volume.size.y(), volume.size.z()}},
-          {"spacing_mm", ToJson(volume.spacing_mm)},
-          {"value_min", volume.value_min},
-          {"value_max", volume.value_max},
-          {"unit", volume.unit},
-          {"original_type", volume.original_type},
-          {"is_level_set", volume.is_level_set},
-          {"world_from_index", MapJson(volume.world_from_index)},
-          {"device_from_index", MapJson(volume.device_from_index)},
-          {"device_mm_per_volume_mm", volume.device_mm_per_volume_mm},
-          {"patient_axes", volume.patient_axes},
-          {"patient_axes_answered", volume.axes_are_answered},
-          {"memory_bytes", volume.memory_bytes},
-          {"unsaved_edits", volume.unsaved_edits},
-          {"warnings", volume.warnings},
-          {"suggested_isovalues", suggested}};
 }
 
 Json ToJson(const client::Settings& settings) {
@@ -94,7 +51,7 @@ Json ToJson(const client::Settings& settings) {
   return json;
 }
 
-std::string Describe(const client::ServoInfo& servo) {
+std::string Describe(const client::ServoDescription& servo) {
   const double due = static_cast<double>(servo.ticks + servo.missed_ticks);
   const double missed = static_cast<double>(servo.missed_ticks);
   std::string text;

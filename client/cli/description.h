@@ -1,23 +1,21 @@
-// Volume, servo and settings as text and as JSON. Pure, except PrintWarnings; any thread.
+// Volume, servo and settings as text; the settings also as JSON. Pure, except PrintWarnings; any
+// thread.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 
 #include "client/sdk/device.h"
 #include "client/sdk/settings.h"
 #include "client/sdk/volume.h"
+#include "common/fields/json.h"
 
 namespace palpate::cli {
 
 // Keys keep the order in which they were set.
-using Json = nlohmann::ordered_json;
+using palpate::Json;
+using palpate::ToJson;
 
-// Returns [x, y, z].
-Json ToJson(const Vec3& vector);
-Json ToJson(const client::ServoInfo& servo);
-Json ToJson(const client::VolumeInfo& volume);
 Json ToJson(const client::Settings& settings);
 
 // Appends a line: a column with the subject, then the content.
@@ -25,7 +23,7 @@ void AppendLine(std::string& text, std::string_view subject, std::string_view co
 
 // Return lines that end with \n, each with a column for its subject. Settings that are off share
 // one line.
-std::string Describe(const client::ServoInfo& servo);
+std::string Describe(const client::ServoDescription& servo);
 std::string Describe(const client::VolumeInfo& volume);
 std::string Describe(const client::Settings& settings);
 // Returns the warnings of the volume's import, or "" if there are none.

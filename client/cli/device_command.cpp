@@ -34,9 +34,7 @@ void PrintForces(const client::ForceResult& result, bool json) {
 void PrintDevices(client::Calls& palpated, bool json) {
   const std::vector<client::ListedDevice> list = palpated.ListDevices();
   if (!json) return WriteOutput(Describe(list));
-  Json devices = Json::array();
-  for (const client::ListedDevice& device : list) devices.push_back(ToJson(device));
-  WriteOutput(ToText({{"devices", devices}}));
+  WriteOutput(ToText({{"devices", ToJson(list)}}));
 }
 
 void PrintDevice(client::Calls& palpated, bool json) {

@@ -46,51 +46,6 @@ Json HandJson(const client::DaemonInfo& daemon) {
   return {{"led_by", daemon.hand_led_by.empty() ? Json() : Json(daemon.hand_led_by)}};
 }
 
-Json CallerJson(const client::DaemonInfo& daemon) {
-  return {{"identity", daemon.identity}, {"role", NameOf(daemon.role)}};
-}
-
-Json ToJson(const client::DeviceInfo& device) {
-  return {{"kind", device.kind},
-          {"model", device.model},
-          {"workspace_min_mm", ToJson(device.workspace_min_mm)},
-          {"workspace_max_mm", ToJson(device.workspace_max_mm)},
-          {"max_force_n", device.max_force_n},
-          {"continuous_force_n", device.continuous_force_n},
-          {"max_stiffness_n_per_mm", device.max_stiffness_n_per_mm},
-          {"position_resolution_mm", device.position_resolution_mm},
-          {"button_count", device.button_count},
-          {"verification_level", NameOf(device.verification_level)}};
-}
-
-Json ToJson(const client::DeviceHealth& health) {
-  return {{"connection", NameOf(health.connection)},
-          {"docked", health.docked},
-          {"calibrated", health.calibrated},
-          {"identity", health.identity},
-          {"problem", health.problem},
-          {"readings", health.readings},
-          {"forces_written", health.forces_written},
-          {"lost_readings", health.lost_readings},
-          {"corrupt_frames", health.corrupt_frames},
-          {"transfer_errors", health.transfer_errors},
-          {"connections", health.connections},
-          {"watchdog_zeros", health.watchdog_zeros}};
-}
-
-Json ToJson(const client::ForceStatus& forces) {
-  return {{"state", NameOf(forces.state)},
-          {"reason", NameOf(forces.reason)},
-          {"limit_n", forces.limit_n}};
-}
-
-Json ToJson(const client::ListedDevice& device) {
-  return {{"kind", device.kind},       {"model", device.model},
-          {"port", device.port},       {"usable", device.usable},
-          {"problem", device.problem}, {"verification_level", NameOf(device.verification_level)},
-          {"in_use", device.in_use}};
-}
-
 std::string NameOf(const client::ForceStatus& forces) {
   const std::string state = Spaced(NameOf(forces.state));
   const bool explained =
@@ -106,13 +61,13 @@ std::string InWords(const client::ForceStatus& forces) {
 
 std::string DescribeCaller(const client::DaemonInfo& daemon) {
   std::string text;
-  if (daemon.identity.empty()) return text;  // an older daemon does not say
+  if (daemon.caller.identity.empty()) return text;  // an older daemon does not say
   AppendLine(text, "you are",
-             OneLine(daemon.identity) + ", role " + std::string(NameOf(daemon.role)));
+             OneLine(daemon.caller.identity) + ", role " + std::string(NameOf(daemon.caller.role)));
   return text;
 }
 
-std::string Describe(const client::DeviceInfo& device) {
+std::string Describe(const client::DeviceDescription& device) {
   const Vec3& low = device.workspace_min_mm;
   const Vec3& high = device.workspace_max_mm;
   const std::string stiffness =

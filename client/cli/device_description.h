@@ -9,14 +9,8 @@
 
 namespace palpate::cli {
 
-Json ToJson(const client::DeviceInfo& device);
-Json ToJson(const client::DeviceHealth& health);
-Json ToJson(const client::ForceStatus& forces);
-Json ToJson(const client::ListedDevice& device);
 // Who leads the simulated hand; null: nobody does.
 Json HandJson(const client::DaemonInfo& daemon);
-// Returns the identity and role that the daemon has verified for this client.
-Json CallerJson(const client::DaemonInfo& daemon);
 // The state of the forces, and who set it.
 Json ForcesJson(const client::DaemonInfo& daemon);
 
@@ -28,7 +22,7 @@ std::string InWords(const client::ForceStatus& forces);
 // Return lines that end with \n, each with a column for its subject. Health lines without
 // information are left out.
 std::string DescribeCaller(const client::DaemonInfo& daemon);
-std::string Describe(const client::DeviceInfo& device);
+std::string Describe(const client::DeviceDescription& device);
 std::string Describe(const client::DeviceHealth& health);
 std::string Describe(const client::ForceStatus& forces);
 std::string DescribeForces(const client::DaemonInfo& daemon);

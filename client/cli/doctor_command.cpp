@@ -41,7 +41,7 @@ Finding VersionFinding(const std::string& version) {
           "install the same version of palpate-daemon and palpate-client"};
 }
 
-Finding ServoFinding(const client::ServoInfo& servo) {
+Finding ServoFinding(const client::ServoDescription& servo) {
   if (servo.realtime_scheduling && servo.memory_locked) {
     return {"servo", Verdict::kOk, "real-time scheduling, memory locked"};
   }

@@ -37,7 +37,7 @@ Finding JudgeForces(const client::ForceStatus& forces) {
           NameOf(forces), advice.empty() ? "palpate device info" : advice};
 }
 
-Finding JudgeTicks(const client::ServoInfo& before, const client::ServoInfo& after) {
+Finding JudgeTicks(const client::ServoDescription& before, const client::ServoDescription& after) {
   const std::uint64_t ticks = after.ticks - before.ticks;
   const std::uint64_t missed = after.missed_ticks - before.missed_ticks;
   if (ticks == 0) {

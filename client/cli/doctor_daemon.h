@@ -16,6 +16,6 @@ using doctor::Verdict;
 Finding JudgeDevice(const client::DaemonInfo& daemon);
 Finding JudgeForces(const client::ForceStatus& forces);
 // Compares two answers. The second comes some tenths of a second after the first.
-Finding JudgeTicks(const client::ServoInfo& before, const client::ServoInfo& after);
+Finding JudgeTicks(const client::ServoDescription& before, const client::ServoDescription& after);
 
 }  // namespace palpate::cli

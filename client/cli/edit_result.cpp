@@ -12,27 +12,9 @@
 #include "common/wire/limits.h"
 
 namespace palpate::cli {
-namespace {
-
-Json ResultJson(const client::EditResult& result) {
-  Json json = {{"volume_revision", result.volume_revision},
-               {"applied_tick", result.applied_tick},
-               {"changed", nullptr},
-               {"changed_voxels", result.changed_voxels},
-               {"undo_steps", result.undo_steps},
-               {"redo_steps", result.redo_steps}};
-  if (result.changed) {
-    const client::IndexBox& box = *result.changed;
-    json["changed"] = {{"min", {box.min.x(), box.min.y(), box.min.z()}},
-                       {"max", {box.max.x(), box.max.y(), box.max.z()}}};
-  }
-  return json;
-}
-
-}  // namespace
 
 void PrintEdit(const client::EditResult& result, bool json) {
-  WriteOutput(json ? ToText(ResultJson(result)) : DescribeEdit(result) + "\n");
+  WriteOutput(json ? ToText(ToJson(result)) : DescribeEdit(result) + "\n");
 }
 
 std::string DescribeEdit(const client::EditResult& result) {

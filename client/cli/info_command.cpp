@@ -17,11 +17,13 @@ void PrintInfo(client::Calls& palpated, bool json) {
   const client::Settings settings = palpated.GetSettings();
   const std::optional<client::RunningReplay> replay = palpated.GetRecording().replay;
   if (json) {
-    const Json info = {{"version", daemon.servo.version}, {"server", palpated.name()},
-                       {"caller", CallerJson(daemon)},    {"device", ToJson(daemon.device)},
-                       {"health", ToJson(daemon.health)}, {"forces", ForcesJson(daemon)},
-                       {"servo", ToJson(daemon.servo)},   {"volume", ToJson(volume)},
-                       {"settings", ToJson(settings)},    {"replay", ReplayJson(replay)}};
+    Json info = {{"version", daemon.servo.version}, {"server", palpated.name()},
+                 {"caller", ToJson(daemon.caller)}, {"device", ToJson(daemon.device)},
+                 {"health", ToJson(daemon.health)}, {"forces", ForcesJson(daemon)},
+                 {"servo", ToJson(daemon.servo)},   {"volume", ToJson(volume)},
+                 {"settings", ToJson(settings)},    {"replay", ToJson(replay)}};
+    info["servo"].erase("version");     // it stands above
+    info["volume"].erase("histogram");  // 256 lines
     WriteOutput(ToText(info, 2));
     return;
   }

@@ -114,17 +114,17 @@ bool IsAny(const client::PlacementChange& c) {
          c.device_mm_per_voxel || c.translate_mm || c.rotate || c.scale_by || c.facing;
 }
 
-void Print(const client::Placement& placement, std::optional<std::uint64_t> applied_tick,
-           bool json) {
+void Print(const client::Placement& placement, std::uint64_t settings_revision,
+           std::optional<std::uint64_t> applied_tick, bool json) {
   if (!json) {
     const std::string since =
         applied_tick ? fmt::format("applied at tick {}, ", *applied_tick) : "";
-    WriteOutput(Describe(placement) + fmt::format("          {}settings revision {}\n", since,
-                                                  placement.settings_revision));
+    WriteOutput(Describe(placement) +
+                fmt::format("          {}settings revision {}\n", since, settings_revision));
     return;
   }
-  Json object = ToJson(placement);
-  object["settings_revision"] = placement.settings_revision;
+  Json object = PlacementJson(placement);
+  object["settings_revision"] = settings_revision;
   if (applied_tick) object["applied_tick"] = *applied_tick;
   WriteOutput(ToText(object));
 }
@@ -156,9 +156,12 @@ void AddPlace(arguments::Command& app, Invocation& invocation) {
       throw arguments::UsageError("--expected-revision is for a change: name one");
     }
     invocation.command = [change, &invocation](client::Calls& palpated) {
-      if (!IsAny(change)) return Print(palpated.GetPlacement(), std::nullopt, invocation.json);
+      if (!IsAny(change)) {
+        const client::PlacementNow now = palpated.GetPlacement();
+        return Print(now.registration, now.settings_revision, std::nullopt, invocation.json);
+      }
       const client::PlacementResult result = palpated.Place(change);
-      Print(result.placement, result.applied_tick, invocation.json);
+      Print(result.registration, result.settings_revision, result.applied_tick, invocation.json);
     };
   });
 }
@@ -174,7 +177,7 @@ std::string Describe(const client::Placement& placement) {
       1.0 / placement.device_mm_per_voxel);
 }
 
-Json ToJson(const client::Placement& placement) {
+Json PlacementJson(const client::Placement& placement) {
   const client::UnalignedQuaternion& q = placement.rotation;
   return {{"center_mm", ToJson(placement.center_mm)},
           {"rotation_wxyz", {q.w(), q.x(), q.y(), q.z()}},

@@ -17,7 +17,7 @@ namespace palpate::cli {
 
 // Returns lines that end with \n.
 std::string Describe(const client::Placement& placement);
-nlohmann::ordered_json ToJson(const client::Placement& placement);
+Json PlacementJson(const client::Placement& placement);
 // Parses an axis of the device and degrees: "x,90", "y,-7.5". Returns none for any other text.
 std::optional<client::UnalignedQuaternion> ParseTurn(std::string_view text);
 

@@ -37,13 +37,6 @@ client::RecordingState Start(client::Calls& palpated, const RecordOptions& optio
   return palpated.StartRecording(PathThere(palpated, options.path), options.overwrite);
 }
 
-Json RecordingJson(const client::RecordingState& state) {
-  return {{"running", state.running},       {"path", state.path},
-          {"ticks", state.ticks},           {"lost_ticks", state.lost_ticks},
-          {"size_bytes", state.size_bytes}, {"error", state.error},
-          {"left_out", state.left_out},     {"replay", ReplayJson(state.replay)}};
-}
-
 void ThrowIfEndedEarly(const client::RecordingState& state) {
   if (state.error.empty()) return;
   throw Error(state.disk_full ? ErrorKind::kDiskFull : ErrorKind::kFailedPrecondition,
@@ -95,7 +88,7 @@ void Run(client::Calls& palpated, const RecordOptions& options) {
 
 void Stop(client::Calls& palpated, bool json) {
   const client::RecordingState state = palpated.StopRecording();
-  WriteOutput(json ? ToText(RecordingJson(state)) : "recorded " + DescribeRecording(state) + "\n");
+  WriteOutput(json ? ToText(ToJson(state)) : "recorded " + DescribeRecording(state) + "\n");
   WarnOfLeftOut(state);
   ThrowIfEndedEarly(state);
 }
@@ -103,7 +96,7 @@ void Stop(client::Calls& palpated, bool json) {
 void Show(client::Calls& palpated, bool json) {
   const client::RecordingState state = palpated.GetRecording();
   const std::string what = state.path.empty() ? "" : DescribeRecording(state);
-  WriteOutput(json            ? ToText(RecordingJson(state))
+  WriteOutput(json            ? ToText(ToJson(state))
               : state.running ? "recording: " + what + "\n"
               : what.empty()  ? "not recording\n"
                               : "not recording; the last: " + what + "\n");
@@ -118,18 +111,13 @@ std::string TimeText(std::uint64_t ticks) {
 
 void List(client::Calls& palpated, bool json) {
   const client::RecordingList list = palpated.ListRecordings();
-  Json files = Json::array();
   std::string text;
   for (const client::RecordedFile& file : list.recordings) {
-    files.push_back(
-        {{"path", file.path}, {"size_bytes", file.size_bytes}, {"modified_s", file.modified_s}});
     text += fmt::format("{:%Y-%m-%d %H:%M}  {:8.1f} MB  {}\n",
                         fmt::localtime(static_cast<std::time_t>(file.modified_s)),
                         static_cast<double>(file.size_bytes) * 1e-6, OneLine(file.path));
   }
-  WriteOutput(json           ? ToText({{"folder", list.folder}, {"recordings", files}})
-              : text.empty() ? "no recordings\n"
-                             : text);
+  WriteOutput(json ? ToText(ToJson(list)) : text.empty() ? "no recordings\n" : text);
 }
 
 void Replay(client::Calls& palpated, const std::string& path,
@@ -271,22 +259,13 @@ std::string DescribeReplay(const std::optional<client::RunningReplay>& replay) {
   std::string text;
   AppendLine(text, "shows", replay ? client::InWords(replay) : "live");
   if (replay) {
-    AppendLine(
-        text, "",
-        fmt::format(
-            "{} of {}, {}", TimeText(replay->ticks), TimeText(replay->total_ticks),
-            replay->is_paused() ? "paused" : fmt::format("{:g} times real time", replay->speed)));
+    AppendLine(text, "",
+               fmt::format("{} of {}, {}", TimeText(replay->ticks), TimeText(replay->total_ticks),
+                           client::IsPaused(*replay)
+                               ? "paused"
+                               : fmt::format("{:g} times real time", replay->speed)));
   }
   return text;
-}
-
-Json ReplayJson(const std::optional<client::RunningReplay>& replay) {
-  if (!replay) return nullptr;
-  return {{"by", replay->by},
-          {"path", replay->path},
-          {"ticks", replay->ticks},
-          {"total_ticks", replay->total_ticks},
-          {"speed", replay->speed}};
 }
 
 }  // namespace palpate::cli

@@ -17,7 +17,5 @@ std::string DescribeRecording(const client::RecordingState& state);
 
 // What viewers see: the live ticks, or the replay. Returns lines that end with \n. Pure.
 std::string DescribeReplay(const std::optional<client::RunningReplay>& replay);
-// Null: the live ticks.
-Json ReplayJson(const std::optional<client::RunningReplay>& replay);
 
 }  // namespace palpate::cli

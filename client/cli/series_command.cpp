@@ -1,7 +1,9 @@
 #include <fmt/core.h>
 
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
@@ -13,35 +15,32 @@
 namespace palpate::cli {
 namespace {
 
-Json SeriesJson(const client::SeriesState& series) {
-  Json object = {{"frames", series.frames},
-                 {"position_frames", series.position_frames},
-                 {"playing", series.playing},
-                 {"rate_hz", series.rate_hz},
-                 {"loop", series.loop},
-                 {"interpolate", series.interpolate},
-                 {"memory_bytes", series.memory_bytes},
-                 {"volume_revision", series.volume_revision}};
-  if (series.applied_tick) object["applied_tick"] = *series.applied_tick;
+// applied_tick: of a change.
+using AppliedTick = std::optional<std::uint64_t>;
+
+Json SeriesJson(const client::SeriesState& series, AppliedTick applied_tick) {
+  Json object = ToJson(series);
+  if (applied_tick) object["applied_tick"] = *applied_tick;
   return object;
 }
 
-std::string DescribeSeries(const client::SeriesState& series) {
+std::string DescribeSeries(const client::SeriesState& series, AppliedTick applied_tick) {
   std::string text =
       fmt::format("{:<10}frame {:.6g} of 0 to {}, {} at {:g} frames/s{}{}; {:.1f} MiB\n", "series",
                   series.position_frames, series.frames > 0 ? series.frames - 1 : 0,
                   series.playing ? "playing" : "paused", series.rate_hz,
                   series.loop ? ", in a loop" : "", series.interpolate ? ", interpolated" : "",
                   static_cast<double>(series.memory_bytes) / (1024.0 * 1024.0));
-  if (series.applied_tick) {
-    text += fmt::format("applied at tick {}, volume revision {}\n", *series.applied_tick,
+  if (applied_tick) {
+    text += fmt::format("applied at tick {}, volume revision {}\n", *applied_tick,
                         series.volume_revision);
   }
   return text;
 }
 
-void PrintSeries(const client::SeriesState& series, bool json) {
-  WriteOutput(json ? ToText(SeriesJson(series)) : DescribeSeries(series));
+void PrintSeries(const client::SeriesState& series, AppliedTick applied_tick, bool json) {
+  WriteOutput(json ? ToText(SeriesJson(series, applied_tick))
+                   : DescribeSeries(series, applied_tick));
 }
 
 struct SeriesValues {
@@ -59,7 +58,7 @@ void Load(client::Calls& palpated, const SeriesValues& values) {
     return palpated.LoadSeries(sources, OptionsOf(values.load), progress);
   });
   PrintWarnings(result.volume);
-  WriteOutput(Describe(result.volume) + DescribeSeries(result.series));
+  WriteOutput(Describe(result.volume) + DescribeSeries(result.series, result.applied_tick));
 }
 
 void AddSeriesLoad(arguments::Command& series, Invocation& invocation,
@@ -95,7 +94,8 @@ arguments::Command* AddControl(arguments::Command& series, Invocation& invocatio
   AddJson(*command, invocation);
   command->callback([&invocation, control] {
     invocation.command = [&invocation, control](client::Calls& palpated) {
-      PrintSeries(palpated.ControlSeries(control()), invocation.json);
+      const client::SeriesControlled now = palpated.ControlSeries(control());
+      PrintSeries(now.series, now.applied_tick, invocation.json);
     };
   });
   return command;
@@ -158,7 +158,7 @@ void AddSeries(arguments::Command& app, Invocation& invocation) {
   AddJson(*info, invocation);
   info->callback([&invocation] {
     invocation.command = [&invocation](client::Calls& palpated) {
-      PrintSeries(palpated.GetSeries(), invocation.json);
+      PrintSeries(palpated.GetSeries(), std::nullopt, invocation.json);
     };
   });
 }

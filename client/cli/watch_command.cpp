@@ -10,7 +10,6 @@
 
 #include "client/cli/commands.h"
 #include "client/cli/output.h"
-#include "client/cli/sample_json.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"
 #include "client/interrupt/interrupt.h"

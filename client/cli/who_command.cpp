@@ -17,21 +17,16 @@ std::string Ago(double seconds) {
   return fmt::format("{:.0f} h", seconds / 3600.0);
 }
 
-Json ToJson(const client::Activity& activity) {
-  Json callers = Json::array();
-  for (const client::ConnectedCaller& caller : activity.callers) {
-    callers.push_back({{"identity", caller.identity},
-                       {"role", NameOf(caller.role)},
-                       {"peer", caller.peer},
-                       {"connected_s", caller.connected_s},
-                       {"watches", caller.watches},
-                       {"is_you", caller.is_you}});
+// One object for each caller.
+Json ActivityJson(const client::Activity& activity) {
+  Json json = ToJson(activity);
+  for (Json& caller : json["callers"]) {
+    Json one = caller["caller"];
+    caller.erase("caller");
+    one.update(caller);
+    caller = one;
   }
-  Json changes = Json::array();
-  for (const client::LastChange& change : activity.changes) {
-    changes.push_back({{"what", change.what}, {"by", change.by}, {"ago_s", change.ago_s}});
-  }
-  return {{"callers", callers}, {"changes", changes}};
+  return json;
 }
 
 std::string Describe(const client::Activity& activity) {
@@ -41,8 +36,8 @@ std::string Describe(const client::Activity& activity) {
   }
   std::string text;
   for (const client::ConnectedCaller& caller : activity.callers) {
-    AppendLine(text, NameOf(caller.role),
-               fmt::format("{}{}{}, here for {}{}", OneLine(caller.identity),
+    AppendLine(text, NameOf(caller.caller.role),
+               fmt::format("{}{}{}, here for {}{}", OneLine(caller.caller.identity),
                            caller.is_you ? " (you)" : "",
                            caller.peer.empty() ? "" : " at " + OneLine(caller.peer),
                            Ago(caller.connected_s), caller.watches ? ", watches" : ""));
@@ -68,7 +63,7 @@ void AddWho(arguments::Command& app, Invocation& invocation) {
   command->callback([&invocation] {
     invocation.command = [&invocation](client::Calls& palpated) {
       const client::Activity activity = palpated.GetActivity();
-      WriteOutput(invocation.json ? ToText(ToJson(activity)) : Describe(activity));
+      WriteOutput(invocation.json ? ToText(ActivityJson(activity)) : Describe(activity));
     };
   });
 }

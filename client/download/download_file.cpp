@@ -51,7 +51,7 @@ void Write(const VolumeMirror& copy, const VolumeInfo& before, Format format,
   // Another volume may have been loaded since.
   if (before.loaded_revision == copy.lattice()->loaded_revision) {
     origin = {before.original_type, static_cast<int>(before.frames),
-              before.axes_are_answered ? "" : before.patient_axes};
+              before.patient_axes_answered ? "" : before.patient_axes};
   }
   SaveAsVdb(copy.bricks(), *copy.lattice(), origin, file, overwrite, check);
 }

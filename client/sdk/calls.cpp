@@ -1,11 +1,11 @@
 #include "client/sdk/calls.h"
 
 #include <cstdlib>
+#include <utility>
 
-#include "client/sdk/info_messages.h"
 #include "client/sdk/link.h"
 #include "client/sdk/messages.h"
-#include "client/sdk/volume_messages.h"
+#include "common/error/error.h"
 #include "palpate/v1/activity.grpc.pb.h"
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/recording.grpc.pb.h"
@@ -60,17 +60,17 @@ SettingsResult Calls::Set(const SettingsUpdate& update) {
           response.receipt_to_applied_ns()};
 }
 
-Placement Calls::GetPlacement() {
-  const v1::GetRegistrationResponse response = link_->Call<RegistrationService>(
-      &RegistrationService::Stub::GetRegistration, v1::GetRegistrationRequest());
-  return FromProto(response.registration(), response.settings_revision());
+PlacementNow Calls::GetPlacement() {
+  return FromProto(link_->Call<RegistrationService>(&RegistrationService::Stub::GetRegistration,
+                                                    v1::GetRegistrationRequest()));
 }
 
 PlacementResult Calls::Place(const PlacementChange& change) {
-  const v1::UpdateRegistrationResponse response = link_->Call<RegistrationService>(
-      &RegistrationService::Stub::UpdateRegistration, ToProto(change));
-  return {FromProto(response.registration(), response.settings_revision()),
-          response.applied_tick()};
+  if (change.device_mm_per_volume_mm && change.device_mm_per_voxel) {
+    throw Error(ErrorKind::kInvalidArgument, "give the scale per mm or per voxel, not both");
+  }
+  return FromProto(link_->Call<RegistrationService>(&RegistrationService::Stub::UpdateRegistration,
+                                                    ToProto(change)));
 }
 
 SeriesState Calls::GetSeries() {
@@ -79,10 +79,9 @@ SeriesState Calls::GetSeries() {
           .series());
 }
 
-SeriesState Calls::ControlSeries(const SeriesControl& control) {
-  const v1::ControlSeriesResponse response =
-      link_->Call<v1::SeriesService>(&v1::SeriesService::Stub::ControlSeries, ToProto(control));
-  return FromProto(response.series(), response.applied_tick());
+SeriesControlled Calls::ControlSeries(const SeriesControl& control) {
+  return FromProto(
+      link_->Call<v1::SeriesService>(&v1::SeriesService::Stub::ControlSeries, ToProto(control)));
 }
 
 DaemonInfo Calls::GetDevice() {
@@ -160,13 +159,10 @@ ReplayState Calls::Replay(const std::string& path, const ReplayOptions& options,
         return stub.PrepareAsyncReplay(context, request, queue);
       },
       [&](const v1::ReplayResponse& event) {
-        state.ticks = event.ticks();
-        state.lost_ticks = event.lost_ticks();
-        state.marker = event.marker();
-        state.total_ticks = event.total_ticks();
-        for (const v1::RecordedMarker& marker : event.markers()) {
-          state.markers.push_back({marker.tick(), marker.text()});
-        }
+        // The markers come once.
+        std::vector<RecordedMarker> markers = std::move(state.markers);
+        state = FromProto(event);
+        if (state.markers.empty()) state.markers = std::move(markers);
       },
       [&] {
         const bool goes_on = !progress || progress(state);
@@ -178,13 +174,8 @@ ReplayState Calls::Replay(const std::string& path, const ReplayOptions& options,
 }
 
 RecordingList Calls::ListRecordings() {
-  const v1::ListRecordingsResponse response =
-      link_->Call<Recording>(&Recording::Stub::ListRecordings, v1::ListRecordingsRequest());
-  RecordingList list{response.folder(), {}};
-  for (const v1::RecordedFile& file : response.recordings()) {
-    list.recordings.push_back({file.path(), file.size_bytes(), file.modified_s()});
-  }
-  return list;
+  return FromProto(
+      link_->Call<Recording>(&Recording::Stub::ListRecordings, v1::ListRecordingsRequest()));
 }
 
 }  // namespace palpate::client

@@ -95,7 +95,7 @@ class Calls {
   // Returns when the servo has used the settings. Errors: kInvalidArgument (out of range, or
   // nothing to change), kConflict (expected_revision).
   virtual SettingsResult Set(const SettingsUpdate& update);
-  Placement GetPlacement();
+  PlacementNow GetPlacement();
   // Returns when the servo has used the placement. Errors: kInvalidArgument (not finite, a scale
   // out of range, not a rotation, not a direction), kFailedPrecondition (a facing of a file that
   // states its orientation), kConflict (expected_revision).
@@ -142,7 +142,7 @@ class Calls {
   // Errors: kConflict if no series is loaded. ControlSeries returns when the servo has used the
   // frame.
   SeriesState GetSeries();
-  SeriesState ControlSeries(const SeriesControl& control);
+  SeriesControlled ControlSeries(const SeriesControl& control);
 
   // --- Device and forces
   DaemonInfo GetDevice();

@@ -2,11 +2,9 @@
 #include <algorithm>
 
 #include "client/sdk/calls.h"
-#include "client/sdk/info_messages.h"
 #include "client/sdk/link.h"
 #include "client/sdk/messages.h"
 #include "client/sdk/upload.h"
-#include "client/sdk/volume_messages.h"
 #include "client/sdk/volume_reader.h"
 #include "palpate/v1/series.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"
@@ -70,7 +68,7 @@ LoadResult Calls::LoadVolume(const std::string& source, const LoadOptions& optio
                              const ProgressFunction& progress) {
   v1::LoadVolumeRequest request = ToProto(options);
   request.set_source(source);
-  return LoadResultOf(RunToResult<Volume, v1::LoadVolumeResponse>(
+  return FromProto(RunToResult<Volume, v1::LoadVolumeResponse>(
       *link_,
       [&](Volume::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncLoadVolume(context, request, queue);
@@ -114,13 +112,12 @@ SaveResult Calls::SaveVolume(const std::string& path, bool overwrite,
   v1::SaveVolumeRequest request;
   request.set_path(path);
   request.set_overwrite(overwrite);
-  const v1::SaveVolumeResult result = RunToResult<Volume, v1::SaveVolumeResponse>(
+  return FromProto(RunToResult<Volume, v1::SaveVolumeResponse>(
       *link_,
       [&](Volume::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncSaveVolume(context, request, queue);
       },
-      progress, "saving was cancelled; there is no new file");
-  return {result.volume_revision(), result.size_bytes()};
+      progress, "saving was cancelled; there is no new file"));
 }
 
 EditResult Calls::Apply(const Edit& edit, const ProgressFunction& progress) {
@@ -163,14 +160,12 @@ SeriesResult Calls::LoadSeries(const std::vector<std::string>& sources, const Lo
   v1::LoadSeriesRequest request;
   for (const std::string& source : sources) request.add_sources(source);
   *request.mutable_options() = ToProto(options);
-  const v1::LoadSeriesResult result = RunToResult<v1::SeriesService, v1::LoadSeriesResponse>(
+  return FromProto(RunToResult<v1::SeriesService, v1::LoadSeriesResponse>(
       *link_,
       [&](v1::SeriesService::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncLoadSeries(context, request, queue);
       },
-      progress, kLoadCancelled);
-  return {FromProto(result.volume()), FromProto(result.series(), result.applied_tick()),
-          result.settings_revision(), result.isovalue()};
+      progress, kLoadCancelled));
 }
 
 }  // namespace palpate::client

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "client/sdk/link.h"
-#include "client/sdk/messages.h"
 #include "client/sdk/monitor.h"
 #include "client/sdk/pose_follower.h"
 #include "client/sdk/server_choice.h"
+#include "client/sdk/setting_messages.h"
 #include "client/sdk/settings_follower.h"
 #include "client/sdk/volume_follower.h"
 #include "palpate/v1/render.grpc.pb.h"

@@ -11,6 +11,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/contract/edit.h"
 #include "common/contract/enumerations.h"
 #include "common/geometry/geometry.h"
 
@@ -19,22 +20,13 @@ namespace palpate::client {
 using palpate::EditFrame;
 using palpate::EditOperation;
 using palpate::FilterKind;
+using palpate::IndexBox;
 
-struct Sphere {
-  Vec3 center = Vec3::Zero();
-  double radius = 0.0;
-};
-// A box along the frame's axes, corners included.
-struct Box {
-  Vec3 min = Vec3::Zero();
-  Vec3 max = Vec3::Zero();
-};
-// The volume that a sphere sweeps on its way between two points: a stroke.
-struct Capsule {
-  Vec3 from = Vec3::Zero();
-  Vec3 to = Vec3::Zero();
-  double radius = 0.0;
-};
+using EditResult = EditVolumeResponse;
+
+using Sphere = SphereShape;
+using Box = BoxShape;
+using Capsule = CapsuleShape;
 // Voxels min .. min + size - 1, all within the volume. Always in frame I and without falloff.
 struct Block {
   Vec3i min = Vec3i::Zero();
@@ -68,22 +60,6 @@ struct Filter {
   EditFrame frame = EditFrame::kWorld;  // the frame of `region`
   // Fails with ErrorKind::kConflict unless the filter starts with the volume at this revision.
   std::optional<std::uint64_t> expected_revision{};
-};
-
-// Voxels min .. max, both included.
-struct IndexBox {
-  Vec3i min = Vec3i::Zero();
-  Vec3i max = Vec3i::Zero();
-};
-
-struct EditResult {
-  std::uint64_t volume_revision = 0;
-  std::uint64_t applied_tick = 0;   // first tick that used it
-  std::optional<IndexBox> changed;  // none if no voxel changed
-  std::uint64_t changed_voxels = 0;
-  // How often Undo and Redo would work now.
-  std::uint32_t undo_steps = 0;
-  std::uint32_t redo_steps = 0;
 };
 
 }  // namespace palpate::client

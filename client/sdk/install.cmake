@@ -17,7 +17,7 @@ target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE
 target_sources(palpate_client PUBLIC FILE_SET written TYPE HEADERS
   BASE_DIRS ${PALPATE_CONTRACT_FOLDER} FILES
   ${PALPATE_CONTRACT_FOLDER}/client/sdk/setting_list.h
-  ${PALPATE_CONTRACT_FOLDER}/common/contract/enumerations.h)
+  ${PALPATE_CONTRACT_HEADERS})
 target_compile_features(palpate_client PUBLIC cxx_std_20)
 
 set(names client)

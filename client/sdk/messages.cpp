@@ -2,81 +2,60 @@
 
 #include <algorithm>
 #include <bit>
+#include <utility>
 
-#include "client/sdk/info_messages.h"
 #include "common/error/error.h"
-#include "common/wire/convert.h"
 #include "common/wire/limits.h"
 
 namespace palpate::client {
 namespace {
 
-std::uint32_t Index(int value) {
-  if (value < 0) throw Error(ErrorKind::kInvalidArgument, "a block outside of the volume");
-  return static_cast<std::uint32_t>(value);
-}
-
 template <class Request>
 void Set(Request& request, const Sphere& sphere) {
-  *request.mutable_sphere()->mutable_center() = palpate::ToProto(sphere.center);
-  request.mutable_sphere()->set_radius(sphere.radius);
+  *request.mutable_sphere() = ToProto(sphere);
 }
 template <class Request>
 void Set(Request& request, const Box& box) {
-  *request.mutable_box()->mutable_min() = palpate::ToProto(box.min);
-  *request.mutable_box()->mutable_max() = palpate::ToProto(box.max);
+  *request.mutable_box() = ToProto(box);
 }
 void Set(v1::EditVolumeRequest& request, const Capsule& capsule) {
-  *request.mutable_capsule()->mutable_from() = palpate::ToProto(capsule.from);
-  *request.mutable_capsule()->mutable_to() = palpate::ToProto(capsule.to);
-  request.mutable_capsule()->set_radius(capsule.radius);
+  *request.mutable_capsule() = ToProto(capsule);
 }
 void Set(v1::EditVolumeRequest& request, const Block& block) {
   // Checked here, before sending: the daemon cuts off a client whose message it refuses unread.
   if (block.values.size() * sizeof(float) > kMostBlockBytes) {
     throw Error(ErrorKind::kTooLarge, "a block has at most 3 MiB of values: send it in parts");
   }
+  if ((block.min.array() < 0).any() || (block.size.array() < 0).any()) {
+    throw Error(ErrorKind::kInvalidArgument, "a block outside of the volume");
+  }
   v1::DenseBlock& dense = *request.mutable_block();
-  dense.set_min_x(Index(block.min.x()));
-  dense.set_min_y(Index(block.min.y()));
-  dense.set_min_z(Index(block.min.z()));
-  dense.set_size_x(Index(block.size.x()));
-  dense.set_size_y(Index(block.size.y()));
-  dense.set_size_z(Index(block.size.z()));
+  dense.set_min_x(ToCount(block.min.x()));
+  dense.set_min_y(ToCount(block.min.y()));
+  dense.set_min_z(ToCount(block.min.z()));
+  dense.set_size_x(ToCount(block.size.x()));
+  dense.set_size_y(ToCount(block.size.y()));
+  dense.set_size_z(ToCount(block.size.z()));
   static_assert(std::endian::native == std::endian::little, "as on the wire");
   dense.mutable_values()->assign(reinterpret_cast<const char*>(block.values.data()),
                                  block.values.size() * sizeof(float));
 }
 
-}  // namespace
-
-Pose FromProto(const v1::PoseSample& sample) {
-  Pose pose;
-  pose.tick = sample.tick();
-  pose.time_ns = sample.time_ns();
-  pose.hip_mm = palpate::FromProto(sample.hip_mm());
-  pose.scp_h_mm = palpate::FromProto(sample.scp_h_mm());
-  if (sample.has_scp_h_normal()) pose.scp_h_normal = palpate::FromProto(sample.scp_h_normal());
-  if (sample.has_scp_v_mm()) pose.scp_v_mm = palpate::FromProto(sample.scp_v_mm());
-  if (sample.has_scp_v_normal()) pose.scp_v_normal = palpate::FromProto(sample.scp_v_normal());
-  pose.stylus_orientation = UnalignedQuaternion(palpate::FromProto(sample.stylus_orientation()));
-  pose.buttons = sample.buttons();
-  pose.force_n = palpate::FromProto(sample.force_n());
-  pose.mode = EnumeratorOf<ProxyMode>(sample.mode());
-  pose.contact = sample.contact();
-  pose.density = sample.density();
-  pose.isovalue = sample.isovalue();
-  pose.settings_revision = sample.settings_revision();
-  pose.volume_revision = sample.volume_revision();
-  pose.update_ns = sample.update_ns();
-  pose.missed_ticks = sample.missed_ticks();
-  pose.iterations = sample.iterations();
-  pose.capped_ticks = sample.capped_ticks();
-  pose.free_side = EnumeratorOf<FreeSide>(sample.free_side());
-  pose.forces = FromProto(sample.forces());
-  pose.replayed = sample.replayed();
-  return pose;
+v1::RawVoxels RawOf(const RawVoxels& raw) {
+  if ((raw.size.array() < 0).any()) {
+    throw Error(ErrorKind::kInvalidArgument, "raw voxels of a negative size");
+  }
+  v1::RawVoxels message;
+  message.set_size_x(ToCount(raw.size.x()));
+  message.set_size_y(ToCount(raw.size.y()));
+  message.set_size_z(ToCount(raw.size.z()));
+  message.set_type(static_cast<v1::VoxelType>(raw.type));
+  message.set_big_endian(raw.big_endian);
+  message.set_offset_bytes(raw.offset_bytes);
+  return message;
 }
+
+}  // namespace
 
 v1::EditVolumeRequest ToProto(const Edit& edit) {
   v1::EditVolumeRequest request;
@@ -99,7 +78,7 @@ v1::FilterVolumeRequest ToProto(const Filter& filter) {
   request.set_width(static_cast<std::uint32_t>(std::max(0, filter.width)));
   request.set_iterations(static_cast<std::uint32_t>(std::max(0, filter.iterations)));
   request.set_distance_mm(filter.distance_mm);
-  *request.mutable_spacing_mm() = palpate::ToProto(filter.spacing_mm);
+  *request.mutable_spacing_mm() = ToProto(filter.spacing_mm);
   if (const auto* sphere = std::get_if<Sphere>(&filter.region)) Set(request, *sphere);
   if (const auto* box = std::get_if<Box>(&filter.region)) Set(request, *box);
   request.set_frame(static_cast<v1::EditFrame>(filter.frame));
@@ -107,19 +86,31 @@ v1::FilterVolumeRequest ToProto(const Filter& filter) {
   return request;
 }
 
-EditResult FromProto(const v1::EditVolumeResponse& response) {
-  EditResult result;
-  result.volume_revision = response.volume_revision();
-  result.applied_tick = response.applied_tick();
-  if (response.has_changed()) {
-    const v1::IndexBox& box = response.changed();
-    result.changed = IndexBox{Vec3i(box.min_x(), box.min_y(), box.min_z()),
-                              Vec3i(box.max_x(), box.max_y(), box.max_z())};
+v1::LoadVolumeRequest ToProto(const LoadOptions& options) {
+  v1::LoadVolumeRequest request;
+  if (options.isovalue && options.normalized_isovalue) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "give the isovalue in data units or over the range, not both");
   }
-  result.changed_voxels = response.changed_voxels();
-  result.undo_steps = response.undo_steps();
-  result.redo_steps = response.redo_steps();
-  return result;
+  if (options.isovalue) request.set_isovalue(*options.isovalue);
+  if (options.normalized_isovalue) request.set_normalized_isovalue(*options.normalized_isovalue);
+  if (options.spacing_mm) *request.mutable_spacing_mm() = ToProto(*options.spacing_mm);
+  if (options.device_mm_per_volume_mm) {
+    request.set_device_mm_per_volume_mm(*options.device_mm_per_volume_mm);
+  }
+  if (options.raw) *request.mutable_raw() = RawOf(*options.raw);
+  if (options.frame) request.set_frame(*options.frame);
+  request.set_grid(options.grid);
+  request.set_component(options.component);
+  request.set_discard_edits(options.discard_edits);
+  if (options.settings.expected_revision) {
+    throw Error(ErrorKind::kInvalidArgument, "a load cannot expect a revision of the settings");
+  }
+  v1::UpdateSettingsRequest settings = ToProto(options.settings);
+  if (settings.update_mask().paths().empty()) return request;
+  *request.mutable_settings() = std::move(*settings.mutable_settings());
+  *request.mutable_update_mask() = std::move(*settings.mutable_update_mask());
+  return request;
 }
 
 }  // namespace palpate::client

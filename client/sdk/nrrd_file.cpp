@@ -75,7 +75,7 @@ void SaveAsNrrd(const VolumeMirror& volume, const std::string& path, bool overwr
                 const std::function<void()>& check) {
   const auto& placement = volume.placement();
   const bool is_lps =
-      placement && placement->patient_axes == "LPS" && !placement->axes_are_answered;
+      placement && placement->patient_axes == "LPS" && !placement->patient_axes_answered;
   SaveAsNrrd(volume.bricks(), *volume.lattice(), is_lps, path, overwrite, check);
 }
 

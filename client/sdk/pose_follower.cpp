@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "client/sdk/messages.h"
+#include "common/wire/values.h"
 
 namespace palpate::client {
 namespace {
@@ -19,7 +19,7 @@ constexpr std::uint32_t kFollowWindow = 16;
 constexpr int kMostMerged = kFollowWindow + 2;
 constexpr milliseconds kSlow{5};        // callback time behind which messages may pile up
 constexpr milliseconds kPileWait{1};    // for the next message of the pile, which is on its way
-constexpr milliseconds kPosePoll{50};       // how often to look for the end and for another rate
+constexpr milliseconds kPosePoll{50};   // how often to look for the end and for another rate
 constexpr milliseconds kSilence{2000};  // afterwards, ask palpated whether it still runs
 constexpr milliseconds kProbeTimeout{3000};
 constexpr double kBatchS = 0.010;
@@ -155,7 +155,9 @@ void PoseFollower::TakeAll(Call& call, v1::StreamPosesResponse& message) {
 }
 
 void PoseFollower::Add(const v1::StreamPosesResponse& message, PoseBatch& batch) const {
-  for (const v1::PoseSample& sample : message.samples()) batch.poses.push_back(FromProto(sample));
+  for (const v1::PoseSample& sample : message.samples()) {
+    batch.poses.push_back(palpate::FromProto(sample));
+  }
   batch.dropped = dropped_before_ + message.dropped_samples();
   batch.sent_time_ns = message.sent_time_ns();
   batch.received = Clock::now();

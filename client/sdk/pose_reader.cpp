@@ -2,7 +2,7 @@
 
 #include "client/sdk/acknowledged_call.h"
 #include "client/sdk/link.h"
-#include "client/sdk/messages.h"
+#include "common/wire/values.h"
 #include "palpate/v1/pose.grpc.pb.h"
 
 namespace palpate::client {
@@ -53,7 +53,7 @@ std::optional<PoseBatch> PoseReader::Next(std::chrono::milliseconds timeout) {
   PoseBatch batch;
   batch.received = std::chrono::steady_clock::now();
   for (const v1::PoseSample& sample : call_->message.samples()) {
-    batch.poses.push_back(FromProto(sample));
+    batch.poses.push_back(palpate::FromProto(sample));
   }
   batch.dropped = call_->message.dropped_samples();
   batch.sent_time_ns = call_->message.sent_time_ns();

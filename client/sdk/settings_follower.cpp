@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "client/sdk/messages.h"
+#include "client/sdk/setting_messages.h"
 
 namespace palpate::client {
 namespace {

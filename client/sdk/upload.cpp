@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "client/sdk/volume_messages.h"
+#include "client/sdk/messages.h"
 #include "palpate/v1/volume.grpc.pb.h"
 
 namespace palpate::client {
@@ -169,7 +169,10 @@ LoadResult Upload(Link& link, const fs::path& file, const LoadOptions& options,
   }
   const grpc::Status status = polled.Finish(*writer);
   if (thrown) std::rethrow_exception(thrown);
-  if (status.ok()) return LoadResultOf(response);
+  if (status.ok()) {
+    return {FromProto(response.volume()), response.applied_tick(), response.settings_revision(),
+            response.isovalue()};
+  }
   throw polled.is_cancelled() ? Error(ErrorKind::kCancelled, kCancelled) : link.ErrorOfEnd(status);
 }
 

@@ -1,6 +1,6 @@
 #include "client/sdk/volume_call.h"
 
-#include "common/wire/volume_message.h"
+#include "common/wire/values.h"
 
 namespace palpate::client {
 namespace {

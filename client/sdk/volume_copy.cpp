@@ -9,11 +9,6 @@ namespace {
 // Changes that nobody takes must not pile up.
 constexpr std::size_t kMostRuns = 4096;
 
-bool IsSame(const std::optional<VolumePlacement>& a, const std::optional<VolumePlacement>& b) {
-  if (!a || !b) return a.has_value() == b.has_value();
-  return a->settings_revision == b->settings_revision && a->X_DI == b->X_DI;
-}
-
 }  // namespace
 
 bool VolumeCopy::Merge(VolumeMirror& mirror) {
@@ -21,7 +16,7 @@ bool VolumeCopy::Merge(VolumeMirror& mirror) {
   const auto complete = mirror.is_complete() ? mirror.resume() : std::nullopt;
   const std::lock_guard lock(mutex_);
   bool changed = changes.all || !changes.bricks.empty() || update_.complete != complete ||
-                 !IsSame(update_.placement, mirror.placement());
+                 update_.placement != mirror.placement();
   if (changes.all) Begin(mirror);
   for (const BrickRun& run : changes.bricks) {
     bricks_.CopyFrom(mirror.bricks(), run);

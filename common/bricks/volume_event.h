@@ -13,15 +13,10 @@
 #include "common/bricks/brick.h"
 #include "common/bricks/brick_map.h"
 #include "common/bricks/leaf_type.h"
+#include "common/contract/volume_stream.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate {
-
-struct VolumeRevision {
-  std::uint64_t daemon_id = 0;
-  std::uint64_t volume_revision = 0;
-  friend bool operator==(const VolumeRevision&, const VolumeRevision&) = default;
-};
 
 struct VolumeLattice {
   std::string source;
@@ -51,12 +46,6 @@ struct VolumeLattice {
 inline constexpr int kOverviewEdge = 4;
 constexpr int OverviewCount(int size) { return (size + kOverviewEdge - 1) / kOverviewEdge; }
 
-struct VolumeOverview {
-  Vec3i size = Vec3i::Zero();  // blocks
-  std::uint64_t first_block = 0;
-  std::string zstd_values;
-};
-
 // Bricks with one value throughout.
 struct VolumeTile {
   BrickRun bricks;
@@ -77,14 +66,6 @@ struct VolumeComplete {
   // Of the same lattice if all voxels were background. A client needs no hash of bricks that did
   // not come.
   ContentHash background_hash;
-};
-
-struct VolumePlacement {
-  AffineMap X_DI;
-  std::uint64_t settings_revision = 0;
-  // Where +x, +y and +z of W point in the patient, such as "LPS"; empty: unknown.
-  std::string patient_axes{};
-  bool axes_are_answered = false;  // by a person, not stated by the file
 };
 
 using VolumeEvent =

@@ -16,6 +16,9 @@ namespace palpate {
 using Vec3 = Eigen::Vector3d;
 using Vec3i = Eigen::Vector3i;
 using Mat3 = Eigen::Matrix3d;
+// The alignment of Eigen::Quaterniond depends on the compiler's flags, and a program and a library
+// that it uses may have different ones.
+using UnalignedQuaternion = Eigen::Quaternion<double, Eigen::DontAlign>;
 
 // q = linear * p + translation.
 struct AffineMap {

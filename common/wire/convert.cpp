@@ -1,5 +1,6 @@
 #include "common/wire/convert.h"
 
+#include <limits>
 #include <string>
 
 #include "common/error/error.h"
@@ -51,6 +52,21 @@ AffineMap FromProto(const v1::AffineMap& map) {
   }
   result.translation = FromProto(map.translation());
   return result;
+}
+
+int FromCount(std::uint32_t count) {
+  if (count > static_cast<std::uint32_t>(std::numeric_limits<int>::max())) {
+    throw Error(ErrorKind::kInvalidArgument, std::to_string(count) + " voxels are too many");
+  }
+  return static_cast<int>(count);
+}
+
+std::uint32_t ToCount(int count) {
+  if (count < 0) {
+    throw Error(ErrorKind::kInvalidArgument,
+                std::to_string(count) + " is no number of voxels and no index of one");
+  }
+  return static_cast<std::uint32_t>(count);
 }
 
 }  // namespace palpate

@@ -2,6 +2,8 @@
 // units and frames are the caller's. Any thread.
 #pragma once
 
+#include <cstdint>
+
 #include "common/geometry/geometry.h"
 #include "palpate/v1/geometry.pb.h"
 
@@ -16,5 +18,9 @@ Vec3 FromProto(const v1::Vector3& vector);
 Eigen::Quaterniond FromProto(const v1::Quaternion& rotation);
 // Errors: kInvalidArgument if `linear` does not have nine values.
 AffineMap FromProto(const v1::AffineMap& map);
+
+// Numbers of voxels, and their indices. Errors: kInvalidArgument for one that does not fit.
+int FromCount(std::uint32_t count);
+std::uint32_t ToCount(int count);
 
 }  // namespace palpate

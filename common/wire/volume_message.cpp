@@ -1,32 +1,24 @@
 #include "common/wire/volume_message.h"
 
-#include <limits>
 #include <utility>
 
 #include "common/error/error.h"
 #include "common/wire/convert.h"
+#include "common/wire/values.h"
 
 namespace palpate {
 namespace {
 
-int Size(std::uint32_t size) {
-  if (size > static_cast<std::uint32_t>(std::numeric_limits<int>::max())) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "a volume with " + std::to_string(size) + " voxels along an axis is too large");
-  }
-  return static_cast<int>(size);
-}
-
 template <typename Message>
 Vec3i SizeOf(const Message& message) {
-  return {Size(message.size_x()), Size(message.size_y()), Size(message.size_z())};
+  return {FromCount(message.size_x()), FromCount(message.size_y()), FromCount(message.size_z())};
 }
 
 template <typename Message>
 void SetSize(Message& message, const Vec3i& size) {
-  message.set_size_x(static_cast<std::uint32_t>(size.x()));
-  message.set_size_y(static_cast<std::uint32_t>(size.y()));
-  message.set_size_z(static_cast<std::uint32_t>(size.z()));
+  message.set_size_x(ToCount(size.x()));
+  message.set_size_y(ToCount(size.y()));
+  message.set_size_z(ToCount(size.z()));
 }
 
 v1::VoxelType VoxelTypeOf(LeafType type) {
@@ -68,19 +60,12 @@ void Put(VolumeLattice&& lattice, v1::StreamVolumeResponse& out) {
   message.set_voxel_type(VoxelTypeOf(lattice.type));
 }
 
-void Put(VolumePlacement&& placement, v1::StreamVolumeResponse& out) {
-  v1::VolumePlacement& message = *out.mutable_placement();
-  *message.mutable_device_from_index() = ToProto(placement.X_DI);
-  message.set_settings_revision(placement.settings_revision);
-  message.set_patient_axes(std::move(placement.patient_axes));
-  message.set_patient_axes_answered(placement.axes_are_answered);
+void Put(const VolumePlacement& placement, v1::StreamVolumeResponse& out) {
+  *out.mutable_placement() = ToProto(placement);
 }
 
-void Put(VolumeOverview&& overview, v1::StreamVolumeResponse& out) {
-  v1::VolumeOverview& message = *out.mutable_overview();
-  SetSize(message, overview.size);
-  message.set_first_block(overview.first_block);
-  message.set_zstd_values(std::move(overview.zstd_values));
+void Put(const VolumeOverview& overview, v1::StreamVolumeResponse& out) {
+  *out.mutable_overview() = ToProto(overview);
 }
 
 void Put(VolumeBricks&& bricks, v1::StreamVolumeResponse& out) {
@@ -122,15 +107,6 @@ VolumeLattice Take(v1::VolumeLattice&& message) {
       .type = LeafTypeOf(message.voxel_type())};
 }
 
-VolumePlacement Take(v1::VolumePlacement&& message) {
-  return {FromProto(message.device_from_index()), message.settings_revision(),
-          std::move(*message.mutable_patient_axes()), message.patient_axes_answered()};
-}
-
-VolumeOverview Take(v1::VolumeOverview&& message) {
-  return {SizeOf(message), message.first_block(), std::move(*message.mutable_zstd_values())};
-}
-
 VolumeBricks Take(v1::VolumeBricks&& message) {
   VolumeBricks bricks{.type = LeafTypeOf(message.voxel_type()),
                       .numbers = {message.brick_numbers().begin(), message.brick_numbers().end()},
@@ -154,9 +130,10 @@ VolumeEvent TakeEvent(v1::StreamVolumeResponse& message) {
     case v1::StreamVolumeResponse::kLattice:
       return Take(std::move(*message.mutable_lattice()));
     case v1::StreamVolumeResponse::kPlacement:
-      return Take(std::move(*message.mutable_placement()));
+      if (message.placement().has_device_from_index()) return FromProto(message.placement());
+      break;
     case v1::StreamVolumeResponse::kOverview:
-      return Take(std::move(*message.mutable_overview()));
+      return FromProto(message.overview());
     case v1::StreamVolumeResponse::kBricks:
       return Take(std::move(*message.mutable_bricks()));
     case v1::StreamVolumeResponse::kComplete:
@@ -180,17 +157,6 @@ v1::StreamVolumeResponse ToProto(VolumeMessage message) {
 
 VolumeMessage FromProto(v1::StreamVolumeResponse message) {
   return {message.message_number(), TakeEvent(message)};
-}
-
-v1::VolumeRevision ToProto(const VolumeRevision& revision) {
-  v1::VolumeRevision message;
-  message.set_daemon_id(revision.daemon_id);
-  message.set_volume_revision(revision.volume_revision);
-  return message;
-}
-
-VolumeRevision FromProto(const v1::VolumeRevision& revision) {
-  return {revision.daemon_id(), revision.volume_revision()};
 }
 
 }  // namespace palpate

@@ -6,13 +6,10 @@
 
 namespace palpate {
 
-// Moves the voxels instead of copying them.
+// Moves the bricks instead of copying them.
 v1::StreamVolumeResponse ToProto(VolumeMessage message);
 // Errors: kInvalidArgument for a message without an event (from another version), or with sizes
 // that do not fit an int.
 VolumeMessage FromProto(v1::StreamVolumeResponse message);
-
-v1::VolumeRevision ToProto(const VolumeRevision& revision);
-VolumeRevision FromProto(const v1::VolumeRevision& revision);
 
 }  // namespace palpate

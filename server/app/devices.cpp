@@ -24,7 +24,7 @@ constexpr std::string_view kKinds = "simulated, replay, omni-usb, falcon or open
 
 std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config, HandInboxes& inboxes) {
   constexpr std::uint64_t kSeed = 1;
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   std::unique_ptr<StylusScript> hand =
       std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, kSeed);
   hand = std::make_unique<GuidedScript>(std::move(hand), inboxes.plans);
@@ -58,7 +58,7 @@ OpenHapticsOptions OpenHapticsOptionsOf(const DeviceConfig& config) {
   return options;
 }
 
-ListedDevice Listed(const DeviceSpec& spec) {
+ListedDevice Listed(const DeviceDescription& spec) {
   return {.kind = spec.kind,
           .model = spec.model,
           .usable = true,
@@ -89,7 +89,7 @@ ListedDevice ListedOpenHaptics(const DeviceConfig& config) {
 
 // Appends one entry for each device that is plugged in, or one entry that says that there is none.
 template <class Problem>
-void AppendUsb(const DeviceSpec& spec, const std::vector<UsbMatch::Ids>& ids,
+void AppendUsb(const DeviceDescription& spec, const std::vector<UsbMatch::Ids>& ids,
                const Problem& problem_of, std::vector<ListedDevice>& devices) {
   std::vector<UsbFound> found;
   std::string none = "not found: plug it in and switch it on";
@@ -158,7 +158,7 @@ std::function<std::vector<ListedDevice>()> DeviceListOf(const DeviceConfig& conf
   };
 }
 
-std::uint32_t StopButtons(const DeviceConfig& config, const DeviceSpec& spec) {
+std::uint32_t StopButtons(const DeviceConfig& config, const DeviceDescription& spec) {
   if (config.stop_buttons) {
     if (*config.stop_buttons >> spec.button_count != 0) {
       throw Error(ErrorKind::kInvalidArgument, "[device] stop_buttons names a button that " +

@@ -10,7 +10,6 @@
 #include "server/app/device_config.h"
 #include "server/device/haptic_device.h"
 #include "server/device/led_hand.h"
-#include "server/device/listed_device.h"
 #include "server/device/touch_plan.h"
 
 namespace palpate {
@@ -34,6 +33,6 @@ std::function<std::vector<ListedDevice>()> DeviceListOf(const DeviceConfig& conf
 
 // Returns the buttons that stop the forces while all of them are held. Throws Error if the device
 // lacks one of the buttons.
-std::uint32_t StopButtons(const DeviceConfig& config, const DeviceSpec& spec);
+std::uint32_t StopButtons(const DeviceConfig& config, const DeviceDescription& spec);
 
 }  // namespace palpate

@@ -51,7 +51,7 @@ class HandGuide final : public SceneListener {
   std::optional<Felt> NextFelt();
   void Plan(const Felt& felt) noexcept;
 
-  const DeviceSpec device_;
+  const DeviceDescription device_;
   TouchPlanInbox& plans_;
 
   std::mutex mutex_;  // guards what follows, briefly

@@ -14,7 +14,7 @@ void LogBlackBox(const std::string& text, bool is_error) {
 }
 
 // Logs what the operator must know before the hardware moves.
-void ReportDevice(const DeviceSpec& spec) {
+void ReportDevice(const DeviceDescription& spec) {
   if (!IsHardware(spec)) return;
   LogWarning("device {}: verification level {}; forces are off until `palpate device enable {}`",
              spec.kind, NameOf(spec.verification_level), spec.kind);

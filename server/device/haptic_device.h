@@ -15,27 +15,15 @@
 #include <string>
 #include <string_view>
 
+#include "common/contract/device.h"
 #include "common/contract/enumerations.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate {
 
-struct DeviceSpec {
-  std::string kind;   // configuration name, such as "simulated"
-  std::string model;  // for people
-  Vec3 workspace_min_mm = Vec3::Zero();
-  Vec3 workspace_max_mm = Vec3::Zero();
-  double max_force_n = 0.0;
-  double continuous_force_n = 0.0;      // that the device can hold for any time
-  double max_stiffness_n_per_mm = 0.0;  // that the device renders without vibration
-  double position_resolution_mm = 0.0;
-  int button_count = 0;
-  VerificationLevel verification_level = VerificationLevel::kNone;
-};
-
 // True if the device has motors. All limits of the safety stage then apply, and forces are off
 // until the operator enables them.
-inline bool IsHardware(const DeviceSpec& spec) {
+inline bool IsHardware(const DeviceDescription& spec) {
   return spec.verification_level != VerificationLevel::kSimulated;
 }
 
@@ -46,22 +34,6 @@ struct DeviceState {
   std::uint32_t buttons = 0;                                 // bit n: button n pressed
   bool docked = false;                                       // the stylus rests in its holder
   bool calibrated = true;                                    // the position has a meaning
-};
-
-// For people and the metrics. Counts start at Start.
-struct DeviceHealth {
-  DeviceConnection connection = DeviceConnection::kAbsent;
-  bool docked = false;
-  bool calibrated = false;
-  std::string identity{};  // serial number and firmware from the device; "": unknown
-  std::string problem{};   // what is wrong and what to do, one line; "": nothing
-  std::uint64_t readings = 0;
-  std::uint64_t forces_written = 0;
-  std::uint64_t lost_readings = 0;   // from gaps in their numbers
-  std::uint64_t corrupt_frames = 0;  // dropped
-  std::uint64_t transfer_errors = 0;
-  std::uint64_t connections = 0;
-  std::uint64_t watchdog_zeros = 0;  // zero forces because the servo did not tick
 };
 
 // One line for the log.
@@ -75,7 +47,7 @@ class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
 
-  virtual const DeviceSpec& spec() const = 0;
+  virtual const DeviceDescription& spec() const = 0;
 
   // Opens the device, or starts to look for it. A missing device that can be plugged in later is no
   // error. Throws Error with what is wrong and what to do.

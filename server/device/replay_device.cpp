@@ -35,8 +35,8 @@ void Check(const std::vector<DeviceState>& path) {
 
 }  // namespace
 
-DeviceSpec ReplayDeviceSpec() {
-  DeviceSpec spec = SimulatedDeviceSpec();
+DeviceDescription ReplayDeviceSpec() {
+  DeviceDescription spec = SimulatedDeviceSpec();
   spec.kind = "replay";
   spec.model = "Replay of a recorded stylus";
   return spec;

@@ -18,7 +18,7 @@
 namespace palpate {
 
 // As the simulated device's spec, with another name.
-DeviceSpec ReplayDeviceSpec();
+DeviceDescription ReplayDeviceSpec();
 
 class ReplayDevice final : public HapticDevice {
  public:
@@ -26,7 +26,7 @@ class ReplayDevice final : public HapticDevice {
   // is not finite, or if an orientation is no unit quaternion.
   explicit ReplayDevice(std::vector<DeviceState> path);
 
-  const DeviceSpec& spec() const override { return spec_; }
+  const DeviceDescription& spec() const override { return spec_; }
   // Starts from the first state.
   void Start() override;
   void Stop() noexcept override { started_ = false; }
@@ -41,7 +41,7 @@ class ReplayDevice final : public HapticDevice {
   const Vec3& last_force_D_n() const { return last_force_D_n_; }
 
  private:
-  DeviceSpec spec_;
+  DeviceDescription spec_;
   std::vector<DeviceState> path_;
   std::int64_t round_ns_ = 0;  // duration of the path, there and back
   std::int64_t time_ns_ = 0;   // within the round

@@ -28,8 +28,8 @@ Vec3 Saturated(const Vec3& force_n, double max_force_n) {
 
 }  // namespace
 
-DeviceSpec SimulatedDeviceSpec() {
-  DeviceSpec spec;
+DeviceDescription SimulatedDeviceSpec() {
+  DeviceDescription spec;
   spec.kind = "simulated";
   spec.model = "Simulated Phantom Omni";
   spec.workspace_min_mm = Vec3(-80.0, -60.0, -35.0);
@@ -42,7 +42,8 @@ DeviceSpec SimulatedDeviceSpec() {
   return spec;
 }
 
-SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script, const DeviceSpec& spec)
+SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script,
+                                 const DeviceDescription& spec)
     : spec_(spec), script_(std::move(script)) {
   if (script_ == nullptr) {
     throw Error(ErrorKind::kInvalidArgument, "a simulated device needs a script for its hand");

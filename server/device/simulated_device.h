@@ -16,7 +16,7 @@
 namespace palpate {
 
 // The spec of the simulated device, for code that needs its workspace before the device exists.
-DeviceSpec SimulatedDeviceSpec();
+DeviceDescription SimulatedDeviceSpec();
 
 // A longer tick moves a hand without hardware only so far, also a recorded one.
 inline constexpr double kLongestMoveS = 0.02;
@@ -26,9 +26,9 @@ class SimulatedDevice final : public HapticDevice {
   // The hand starts at rest at the script's first target. Throws Error without a
   // script.
   explicit SimulatedDevice(std::unique_ptr<StylusScript> script,
-                           const DeviceSpec& spec = SimulatedDeviceSpec());
+                           const DeviceDescription& spec = SimulatedDeviceSpec());
 
-  const DeviceSpec& spec() const override { return spec_; }
+  const DeviceDescription& spec() const override { return spec_; }
   void Start() override { started_ = true; }
   void Stop() noexcept override { started_ = false; }
 
@@ -46,7 +46,7 @@ class SimulatedDevice final : public HapticDevice {
   void StopAtWorkspace();
   void TiltStylus(double dt_s);
 
-  DeviceSpec spec_;
+  DeviceDescription spec_;
   std::unique_ptr<StylusScript> script_;
   bool started_ = false;
   HandState hand_;

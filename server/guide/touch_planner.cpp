@@ -64,8 +64,8 @@ class Coverage {
 
 class StrokeMaker {
  public:
-  StrokeMaker(SurfaceProbe& probe, Rehearsal& rehearsal, const DeviceSpec& device, double depth_mm,
-              const GuideBudget& budget)
+  StrokeMaker(SurfaceProbe& probe, Rehearsal& rehearsal, const DeviceDescription& device,
+              double depth_mm, const GuideBudget& budget)
       : probe_(probe),
         rehearsal_(rehearsal),
         device_(device),
@@ -143,7 +143,7 @@ class StrokeMaker {
 
   SurfaceProbe& probe_;
   Rehearsal& rehearsal_;
-  const DeviceSpec& device_;
+  const DeviceDescription& device_;
   double depth_mm_;
   const GuideBudget& budget_;
   Vec3 middle_D_mm_;  // of the volume
@@ -154,8 +154,8 @@ class StrokeMaker {
 // Orders strokes: always on to the nearest end of another one that has a free way to it.
 class TourMaker {
  public:
-  TourMaker(SurfaceProbe& probe, Rehearsal& rehearsal, const DeviceSpec& device, double depth_mm,
-            const GuideBudget& budget)
+  TourMaker(SurfaceProbe& probe, Rehearsal& rehearsal, const DeviceDescription& device,
+            double depth_mm, const GuideBudget& budget)
       : probe_(probe),
         rehearsal_(rehearsal),
         device_(device),
@@ -236,14 +236,14 @@ class TourMaker {
 
   SurfaceProbe& probe_;
   Rehearsal& rehearsal_;
-  const DeviceSpec& device_;
+  const DeviceDescription& device_;
   double near_mm_;  // to an end, where the arc is in material
   const GuideBudget& budget_;
 };
 
 }  // namespace
 
-TouchPlan PlanTouches(const HapticSurface& surface, const DeviceSpec& device,
+TouchPlan PlanTouches(const HapticSurface& surface, const DeviceDescription& device,
                       double stiffness_n_per_mm, const GuideBudget& budget, GuideCost* cost) {
   GuideCost spent;
   const std::vector<SurfacePoint> points = FindTouchPoints(surface, device, budget, spent);

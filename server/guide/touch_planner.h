@@ -14,7 +14,7 @@
 namespace palpate {
 
 // Empty where the workspace holds no surface. `cost`: what the plan took, where somebody asks.
-TouchPlan PlanTouches(const HapticSurface& surface, const DeviceSpec& device,
+TouchPlan PlanTouches(const HapticSurface& surface, const DeviceDescription& device,
                       double stiffness_n_per_mm, const GuideBudget& budget = {},
                       GuideCost* cost = nullptr);
 

@@ -37,7 +37,7 @@ class LeafOrder {
 };
 
 // The leaves that the workspace meets.
-LeafOrder LeavesWithin(const HapticSurface& surface, const DeviceSpec& device) {
+LeafOrder LeavesWithin(const HapticSurface& surface, const DeviceDescription& device) {
   Eigen::AlignedBox3d box_I;
   for (int corner = 0; corner < 8; ++corner) {
     Vec3 p_D_mm;
@@ -59,7 +59,7 @@ LeafOrder LeavesWithin(const HapticSurface& surface, const DeviceSpec& device) {
 
 class Finder {
  public:
-  Finder(const HapticSurface& surface, const DeviceSpec& device)
+  Finder(const HapticSurface& surface, const DeviceDescription& device)
       : surface_(surface),
         device_(device),
         probe_(surface),
@@ -131,19 +131,19 @@ class Finder {
   }
 
   const HapticSurface& surface_;
-  const DeviceSpec& device_;
+  const DeviceDescription& device_;
   SurfaceProbe probe_;
   double threshold_;  // data units
 };
 
 }  // namespace
 
-bool IsWithinReach(const DeviceSpec& device, const Vec3& p_D_mm) {
+bool IsWithinReach(const DeviceDescription& device, const Vec3& p_D_mm) {
   return (p_D_mm.array() >= device.workspace_min_mm.array() + kSpareMm).all() &&
          (p_D_mm.array() <= device.workspace_max_mm.array() - kSpareMm).all();
 }
 
-std::vector<Vec3> FindFreePlaces(const HapticSurface& surface, const DeviceSpec& device) {
+std::vector<Vec3> FindFreePlaces(const HapticSurface& surface, const DeviceDescription& device) {
   constexpr double kApartMm = 8.0;
   constexpr double kOffMm = 4.0;
   SurfaceProbe probe(surface);
@@ -172,7 +172,8 @@ std::vector<Vec3> FindFreePlaces(const HapticSurface& surface, const DeviceSpec&
   return outside_mm.empty() ? within_mm : outside_mm;
 }
 
-std::vector<SurfacePoint> FindTouchPoints(const HapticSurface& surface, const DeviceSpec& device,
+std::vector<SurfacePoint> FindTouchPoints(const HapticSurface& surface,
+                                          const DeviceDescription& device,
                                           const GuideBudget& budget, GuideCost& cost) {
   LeafOrder order = LeavesWithin(surface, device);
   std::vector<SurfacePoint> points;

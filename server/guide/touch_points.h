@@ -36,14 +36,15 @@ struct SurfacePoint {
 };
 
 // Whether a hand can be there, with a millimetre to spare.
-bool IsWithinReach(const DeviceSpec& device, const Vec3& p_D_mm);
+bool IsWithinReach(const DeviceDescription& device, const Vec3& p_D_mm);
 
 // Places in free space where a hand can wait, some millimetres off the surface: outside of the
 // lattice, or else within it. Empty if the hand can reach none.
-std::vector<Vec3> FindFreePlaces(const HapticSurface& surface, const DeviceSpec& device);
+std::vector<Vec3> FindFreePlaces(const HapticSurface& surface, const DeviceDescription& device);
 
 // Empty where the workspace holds no surface.
-std::vector<SurfacePoint> FindTouchPoints(const HapticSurface& surface, const DeviceSpec& device,
+std::vector<SurfacePoint> FindTouchPoints(const HapticSurface& surface,
+                                          const DeviceDescription& device,
                                           const GuideBudget& budget, GuideCost& cost);
 
 }  // namespace palpate

@@ -33,7 +33,7 @@ using Line = std::vector<SurfacePoint>;
 
 class Tracer {
  public:
-  Tracer(SurfaceProbe& probe, const DeviceSpec& device)
+  Tracer(SurfaceProbe& probe, const DeviceDescription& device)
       : probe_(probe),
         device_(device),
         step_mm_(std::clamp(kStepVoxels * probe.surface().voxel_mm, kLeastStepMm, kMostStepMm)) {}
@@ -72,7 +72,7 @@ class Tracer {
   }
 
   SurfaceProbe& probe_;
-  const DeviceSpec& device_;
+  const DeviceDescription& device_;
   double step_mm_;
 };
 
@@ -175,7 +175,7 @@ double LengthMm(const TouchStroke& stroke) {
   return length_mm;
 }
 
-bool IsSteady(SurfaceProbe& probe, const TouchStroke& stroke, const DeviceSpec& device) {
+bool IsSteady(SurfaceProbe& probe, const TouchStroke& stroke, const DeviceDescription& device) {
   const double step_mm = device.position_resolution_mm;
   const auto is_held = [&](const TouchPoint& point) {
     for (int side = 0; side < 6; ++side) {
@@ -189,8 +189,8 @@ bool IsSteady(SurfaceProbe& probe, const TouchStroke& stroke, const DeviceSpec& 
   return static_cast<double>(held) >= kSteadyShare * static_cast<double>(stroke.points.size());
 }
 
-TouchStroke MakeStroke(SurfaceProbe& probe, const SurfacePoint& start, const DeviceSpec& device,
-                       double depth_mm) {
+TouchStroke MakeStroke(SurfaceProbe& probe, const SurfacePoint& start,
+                       const DeviceDescription& device, double depth_mm) {
   Tracer tracer(probe, device);
   TouchStroke stroke;
   for (const SurfacePoint& point : LongestLine(tracer, start)) {

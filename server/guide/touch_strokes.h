@@ -20,12 +20,12 @@ namespace palpate {
 // The greatest depth of a hand below the surface.
 double PressDepthMm(double stiffness_n_per_mm);
 
-TouchStroke MakeStroke(SurfaceProbe& probe, const SurfacePoint& start, const DeviceSpec& device,
-                       double depth_mm);
+TouchStroke MakeStroke(SurfaceProbe& probe, const SurfacePoint& start,
+                       const DeviceDescription& device, double depth_mm);
 
 double LengthMm(const TouchStroke& stroke);
 
 // Whether the stroke's hand stays in the material, as far as the device can tell positions apart.
-bool IsSteady(SurfaceProbe& probe, const TouchStroke& stroke, const DeviceSpec& device);
+bool IsSteady(SurfaceProbe& probe, const TouchStroke& stroke, const DeviceDescription& device);
 
 }  // namespace palpate

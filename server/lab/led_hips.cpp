@@ -16,8 +16,8 @@ namespace {
 constexpr double kAroundMm = 100.0;  // no stop is in the hand's way
 constexpr double kAnySpeedMmPerS = 1.0;
 
-DeviceSpec DeviceAround(const std::vector<Vec3>& targets_mm) {
-  DeviceSpec spec = SimulatedDeviceSpec();
+DeviceDescription DeviceAround(const std::vector<Vec3>& targets_mm) {
+  DeviceDescription spec = SimulatedDeviceSpec();
   spec.workspace_min_mm = spec.workspace_max_mm = targets_mm.front();
   for (const Vec3& target_mm : targets_mm) {
     spec.workspace_min_mm = spec.workspace_min_mm.cwiseMin(target_mm);
@@ -35,7 +35,7 @@ std::vector<Vec3> HipsOfLedHand(const HapticSurface& surface, const HapticSettin
   if (targets_mm.empty()) {
     throw Error(ErrorKind::kInvalidArgument, "the trajectory is empty: it leads the hand nowhere");
   }
-  const DeviceSpec spec = DeviceAround(targets_mm);
+  const DeviceDescription spec = DeviceAround(targets_mm);
   LedHand led;
   const LedHand::Lead lead = led.Take("palpate-lab");
   auto stays = std::make_unique<PathScript>(std::vector<Vec3>{targets_mm.front()}, kAnySpeedMmPerS);

@@ -146,7 +146,7 @@ RecordedScene DecodeScene(ByteReader& reader) {
 
 Payload Encode(const RecordedEdit& edit) { return {ChunkType::kEdit, EncodeEdit(edit)}; }
 
-Payload Encode(const RecordedMarker& marker) {
+Payload Encode(const TimedMarker& marker) {
   ByteWriter writer;
   writer.Put(marker.tick);
   writer.Put(marker.time_ns);
@@ -154,8 +154,8 @@ Payload Encode(const RecordedMarker& marker) {
   return {ChunkType::kMarker, std::move(writer).Take()};
 }
 
-RecordedMarker DecodeMarker(ByteReader& reader) {
-  RecordedMarker marker;
+TimedMarker DecodeMarker(ByteReader& reader) {
+  TimedMarker marker;
   marker.tick = reader.Get<std::uint64_t>();
   marker.time_ns = reader.Get<std::int64_t>();
   marker.text = reader.GetText(kMaxMarkerBytes);

@@ -78,7 +78,7 @@ class Table {
     row_ += ',';
   }
 
-  void Add(RecordedMarker marker) { markers_.push_back(std::move(marker)); }
+  void Add(TimedMarker marker) { markers_.push_back(std::move(marker)); }
 
   void End() {
     if (!row_.empty()) WriteRow({});
@@ -106,7 +106,7 @@ class Table {
   std::ostream& stream_;
   const std::optional<std::int64_t> unix_from_time_ns_;
   std::string row_;
-  std::deque<RecordedMarker> markers_;  // that have no row yet
+  std::deque<TimedMarker> markers_;  // that have no row yet
 };
 
 std::optional<std::int64_t> UnixFromTimeNs(const RecordingHeader& header) {
@@ -125,7 +125,7 @@ void ExportCsv(RecordingReader& reader, std::ostream& stream) {
   while (std::optional<RecordedChunk> chunk = reader.Next()) {
     if (const auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
       for (const TickSample& sample : *samples) table.Add(sample);
-    } else if (auto* marker = std::get_if<RecordedMarker>(&*chunk)) {
+    } else if (auto* marker = std::get_if<TimedMarker>(&*chunk)) {
       table.Add(std::move(*marker));
     }
   }

@@ -165,11 +165,11 @@ void Recorder::Take(const TickSample& sample, std::int64_t ended_ns) {
   if (sample.tick != next_tick_) keyframe_due_ = sample.tick;
   next_tick_ = sample.tick + 1;
   const std::optional<RecordedKeyframe> keyframe = TakeKeyframe(sample);
-  const std::vector<RecordedMarker> markers = TakeMarkers(sample.tick, ended_ns);
+  const std::vector<TimedMarker> markers = TakeMarkers(sample.tick, ended_ns);
   if (scene || keyframe || !markers.empty()) WriteSamples();
   if (scene) WriteScene(*scene);
   if (keyframe) writer_.Append(*keyframe);
-  for (const RecordedMarker& marker : markers) writer_.Append(marker);
+  for (const TimedMarker& marker : markers) writer_.Append(marker);
 
   if (samples_.empty()) samples_since_ns_ = now_ns_();
   samples_.push_back(sample);
@@ -227,8 +227,8 @@ std::optional<RecordedKeyframe> Recorder::TakeKeyframe(const TickSample& sample)
   return RecordedKeyframe{.tick = sample.tick, .bytes = std::string(keyframe_->view())};
 }
 
-std::vector<RecordedMarker> Recorder::TakeMarkers(std::uint64_t tick, std::int64_t before_ns) {
-  std::vector<RecordedMarker> markers;
+std::vector<TimedMarker> Recorder::TakeMarkers(std::uint64_t tick, std::int64_t before_ns) {
+  std::vector<TimedMarker> markers;
   const std::lock_guard lock(mutex_);
   while (!markers_.empty() && markers_.front().time_ns < before_ns) {
     markers_.front().tick = tick;
@@ -251,7 +251,7 @@ void Recorder::WriteRest() {
   // The last samples may have been dropped.
   if (writer_.next_tick() && *writer_.next_tick() < end) writer_.SkipTo(end);
   // Only if no tick was recorded.
-  for (const RecordedMarker& marker : TakeMarkers(end, kNeverNs)) writer_.Append(marker);
+  for (const TimedMarker& marker : TakeMarkers(end, kNeverNs)) writer_.Append(marker);
   writer_.AppendEnd();
 }
 
@@ -266,7 +266,7 @@ void Recorder::Fail(const Error& error) {
     // Destroyed after the lock is released, because freeing a volume takes time, and before failed_
     // is called.
     std::deque<WaitingScene> scenes;
-    std::deque<RecordedMarker> markers;
+    std::deque<TimedMarker> markers;
     const std::lock_guard lock(mutex_);
     report_.counts = writer_.counts();
     report_.error = error;

@@ -74,7 +74,7 @@ class Recorder final : public SampleSink {
   void NoteScene(const RecordedScene& scene, std::shared_ptr<const VolumeSnapshot> volume = {},
                  std::uint64_t changed_bytes = 0);
 
-  // Sets a marker; returns its time, by which it is placed among the ticks (RecordedMarker). Throws
+  // Sets a marker; returns its time, by which it is placed among the ticks (TimedMarker). Throws
   // Error: kInvalidArgument if the text is empty or longer than kMaxMarkerBytes; kUnavailable if
   // too many markers wait or the recording has ended.
   std::int64_t Mark(const std::string& text);
@@ -96,7 +96,7 @@ class Recorder final : public SampleSink {
   void Run();
   void Drain();
   void Take(const TickSample& sample, std::int64_t ended_ns);
-  std::vector<RecordedMarker> TakeMarkers(std::uint64_t tick, std::int64_t before_ns);
+  std::vector<TimedMarker> TakeMarkers(std::uint64_t tick, std::int64_t before_ns);
   std::optional<WaitingScene> TakeScene(const TickSample& sample);
   std::optional<RecordedKeyframe> TakeKeyframe(const TickSample& sample);
   void WriteScene(WaitingScene& waiting);
@@ -135,7 +135,7 @@ class Recorder final : public SampleSink {
   std::deque<WaitingScene> scenes_;
   std::size_t let_go_ = 0;  // the first let_go_ scenes have released their volumes
   std::uint64_t waiting_bytes_ = 0;
-  std::deque<RecordedMarker> markers_;  // in the order of their times
+  std::deque<TimedMarker> markers_;  // in the order of their times
   RecorderReport report_;
 
   std::mutex join_mutex_;

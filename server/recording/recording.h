@@ -98,7 +98,7 @@ inline constexpr std::size_t kBricksPerEdit = 4096;
 // Of the bricks of one chunk.
 inline constexpr std::uint64_t kMostChunkBytes = kBricksPerEdit * sizeof(Brick);
 
-struct RecordedMarker {
+struct TimedMarker {
   // The last recorded tick that began at or before time_ns; if none did, the first recorded tick.
   // Before version 6: some tick nearby. Readers place markers by their time.
   std::uint64_t tick = 0;
@@ -125,7 +125,7 @@ struct RecordedEnd {
   std::uint64_t lost_ticks = 0;  // within gaps
 };
 
-using RecordedChunk = std::variant<RecordedSamples, RecordedScene, RecordedEdit, RecordedMarker,
+using RecordedChunk = std::variant<RecordedSamples, RecordedScene, RecordedEdit, TimedMarker,
                                    RecordedGap, RecordedKeyframe, RecordedEnd>;
 
 }  // namespace palpate

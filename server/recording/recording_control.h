@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "common/contract/recording.h"
 #include "server/recording/recorder.h"
 #include "server/recording/recording_list.h"
 #include "server/recording/recording_outline.h"
@@ -21,15 +22,6 @@
 #include "server/session/session.h"
 
 namespace palpate {
-
-// What viewers get in place of the live ticks.
-struct RunningReplay {
-  std::string by{};
-  std::string path{};
-  std::uint64_t ticks = 0;  // as in ViewerReplayState
-  std::uint64_t total_ticks = 0;
-  double speed = 1.0;
-};
 
 struct RecordingStatus {
   bool running = false;
@@ -53,7 +45,7 @@ struct RecordingPaths {
 struct ReplayReport {
   ViewerReplayState state{};
   std::uint64_t total_ticks = 0;
-  std::vector<PlacedMarker> markers{};  // with the first report only
+  std::vector<RecordedMarker> markers{};  // with the first report only
 };
 using ReplayReports = std::function<void(ReplayReport)>;
 

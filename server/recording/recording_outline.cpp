@@ -16,7 +16,7 @@ RecordingOutline ReadOutline(RecordingReader& reader, const std::function<bool()
   std::vector<std::int64_t> times_ns;  // of the markers
   std::size_t placed = 0, bytes = 0;
   const auto place_next = [&] {
-    outline.markers[placed++].place = std::max<std::uint64_t>(outline.ticks, 1) - 1;
+    outline.markers[placed++].tick = std::max<std::uint64_t>(outline.ticks, 1) - 1;
   };
   while (std::optional<RecordedChunk> chunk = reader.Next()) {
     if (cancelled()) throw Error(ErrorKind::kCancelled, "the replay was cancelled");
@@ -26,7 +26,7 @@ RecordingOutline ReadOutline(RecordingReader& reader, const std::function<bool()
         ++outline.ticks;
       }
     }
-    auto* const marker = std::get_if<RecordedMarker>(&*chunk);
+    auto* const marker = std::get_if<TimedMarker>(&*chunk);
     if (!marker) continue;
     bytes += marker->text.size() + kBytesPerMarker;
     if (bytes > kMostOutlineBytes) continue;

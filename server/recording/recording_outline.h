@@ -6,23 +6,17 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <string>
 #include <vector>
 
+#include "common/contract/recording.h"
 #include "server/recording/recording_reader.h"
 
 namespace palpate {
 
-// A place in a recording is the number of its recorded ticks before it: gaps have no places.
-// A marker's place is that of its tick, which its time tells (RecordedMarker).
-struct PlacedMarker {
-  std::uint64_t place = 0;
-  std::string text{};
-};
-
+// The markers of palpate.v1.ReplayResponse: gaps have no ticks.
 struct RecordingOutline {
   std::uint64_t ticks = 0;
-  std::vector<PlacedMarker> markers{};  // in order
+  std::vector<RecordedMarker> markers{};  // in order
 };
 
 // A small file may hold gigabytes of markers: later ones are left out.

@@ -34,7 +34,7 @@ class RecordingWriter {
   void AppendSamples(std::span<const TickSample> samples);
   void Append(const RecordedScene& scene) { AppendEvent(scene.tick, scene); }
   void Append(const RecordedEdit& edit) { AppendEvent(edit.tick, edit); }
-  void Append(const RecordedMarker& marker) { AppendEvent(marker.tick, marker); }
+  void Append(const TimedMarker& marker) { AppendEvent(marker.tick, marker); }
   void Append(const RecordedKeyframe& keyframe) { AppendEvent(keyframe.tick, keyframe); }
 
   // Says that `tick` is the next tick to append. Missing ticks before `tick` are lost.

@@ -53,7 +53,7 @@ void Replayer::Take(const RecordedChunk& chunk) {
   if (const auto* edit = std::get_if<RecordedEdit>(&chunk)) follower_.Take(*edit);
   if (const auto* scene = std::get_if<RecordedScene>(&chunk)) Begin(*scene);
   if (const auto* keyframe = std::get_if<RecordedKeyframe>(&chunk)) Resume(*keyframe);
-  if (std::holds_alternative<RecordedMarker>(chunk)) ++counts_.markers;
+  if (std::holds_alternative<TimedMarker>(chunk)) ++counts_.markers;
   if (const auto* gap = std::get_if<RecordedGap>(&chunk)) {
     ++counts_.gaps;
     counts_.lost_ticks += gap->last_tick - gap->first_tick + 1;

@@ -42,8 +42,8 @@ struct Event {
   std::uint64_t lost_ticks = 0;
 };
 
-Registration RegistrationOf(const RecordedScene& scene, const VolumeMetadata& volume) {
-  Registration registration;
+VolumePlace PlaceOf(const RecordedScene& scene, const VolumeMetadata& volume) {
+  VolumePlace registration;
   registration.X_DW = scene.X_DI * volume.WorldFromIndex().Inverse();
   registration.device_mm_per_volume_mm =
       std::cbrt(std::abs(registration.X_DW.linear.determinant()));
@@ -191,7 +191,7 @@ class ViewerReplay {
     } else if (auto* scene = std::get_if<RecordedScene>(&*chunk)) {
       events_.push_back({.position_ms = NextMs(), .edits = std::exchange(edits_, {})});
       events_.back().scene = std::move(*scene);
-    } else if (auto* marker = std::get_if<RecordedMarker>(&*chunk)) {
+    } else if (auto* marker = std::get_if<TimedMarker>(&*chunk)) {
       events_.push_back({.position_ms = NextMs(), .marker = std::move(marker->text)});
     } else if (auto* gap = std::get_if<RecordedGap>(&*chunk)) {
       const std::uint64_t ticks = gap->last_tick - gap->first_tick + 1;
@@ -247,7 +247,7 @@ class ViewerReplay {
   void Put(const RecordedScene& scene) {
     const VolumeState live = session_.volume();
     if (live.X_DI == scene.X_DI) return;
-    const Registration registration = RegistrationOf(scene, live.volume->metadata());
+    const VolumePlace registration = PlaceOf(scene, live.volume->metadata());
     // Compares with the last placement, because the live one may differ by rounding.
     if (placed_ == registration.X_DW) return;
     placed_ = registration.X_DW;

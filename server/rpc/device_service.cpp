@@ -10,19 +10,20 @@
 #include "common/contract/enumerations.h"
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "common/wire/values.h"
 #include "server/log/log.h"
-#include "server/rpc/device_messages.h"
+#include "server/samples/pose_of.h"
 
 namespace palpate {
 namespace {
 
 constexpr std::chrono::seconds kTickPatience{1};
 
-v1::ForceStatus ToProto(const ForceTick& forces, bool replay = false) {
-  return palpate::ToProto(forces.state, forces.reason, forces.limit_n, replay);
+ForceStatus ForcesNow(const ForceTick& forces, bool replay) {
+  return ForcesOf(forces.state, forces.reason, forces.limit_n, replay);
 }
 
-bool ForcesAreKnown(const DeviceSpec& spec) {
+bool ForcesAreKnown(const DeviceDescription& spec) {
   return spec.verification_level == VerificationLevel::kForceVerified || !IsHardware(spec);
 }
 
@@ -49,7 +50,7 @@ Error NoTick(ForceCommand command, bool holds) {
 
 template <typename Response>
 void Answer(const ForceTick& forces, Response& response, bool replay = false) {
-  *response.mutable_forces() = ToProto(forces, replay);
+  *response.mutable_forces() = ToProto(ForcesNow(forces, replay));
   response.set_applied_tick(forces.since_tick);
 }
 
@@ -102,27 +103,20 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
                                 v1::GetDeviceResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/GetDevice", *request, *response,
                        [=, this](const Admission& admission) {
-                         *response->mutable_device() = palpate::ToProto(device_.spec());
-                         *response->mutable_caller() = palpate::ToProto(admission.caller());
-                         *response->mutable_health() = palpate::ToProto(device_.health());
-                         if (const auto forces = forces_.newest()) {
-                           *response->mutable_forces() = ToProto(*forces, session_.forces_off());
-                           response->set_forces_set_by(SetBy(*forces));
+                         GetDeviceResponse out = {
+                             .device = device_.spec(),
+                             .servo = Servo(),
+                             .health = device_.health(),
+                             .caller = {admission.caller().name, admission.caller().role}};
+                         const auto forces = forces_.newest();
+                         if (forces) {
+                           out.forces = ForcesNow(*forces, session_.forces_off());
+                           out.forces_set_by = SetBy(*forces);
                          }
-                         if (hand_) response->set_hand_led_by(hand_->led_by());
-                         v1::ServoDescription* servo = response->mutable_servo();
-                         servo->set_rate_hz(ServoLoop::kRateHz);
-                         servo->set_realtime_scheduling(servo_.grant().fifo);
-                         servo->set_memory_locked(servo_.grant().memory_locked);
-                         for (const std::string& warning : servo_.grant().warnings)
-                           servo->add_warnings(warning);
-                         servo->set_ticks(servo_.ticks());
-                         servo->set_missed_ticks(servo_.missed_ticks());
-                         servo->set_scenes_applied(inbox_.announced());
-                         servo->set_version(PALPATE_VERSION);
-                         servo->set_faulty_ticks(servo_.faulty_ticks());
-                         servo->set_page_faults(servo_.page_faults());
-                         servo->set_lost_samples(servo_.lost_samples());
+                         if (hand_) out.hand_led_by = hand_->led_by();
+                         *response = ToProto(out);
+                         // Before the first tick.
+                         if (!forces) response->clear_forces();
                        });
 }
 
@@ -130,12 +124,12 @@ Reply* DeviceService::ListDevices(CallContext* context, const v1::ListDevicesReq
                                   v1::ListDevicesResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/ListDevices", *request, *response,
                        [=, this](const Admission&) {
-                         const std::vector<ListedDevice> devices = list_();
-                         for (const ListedDevice& device : devices) {
-                           *response->add_devices() = palpate::ToProto(device);
-                         }
+                         std::vector<ListedDevice> devices = list_();
                          const int in_use = IndexInUse(devices, device_.spec().kind);
-                         if (in_use >= 0) response->mutable_devices(in_use)->set_in_use(true);
+                         for (ListedDevice& device : devices) {
+                           device.in_use = &device - devices.data() == in_use;
+                           *response->add_devices() = ToProto(device);
+                         }
                        });
 }
 
@@ -193,7 +187,7 @@ Reply* DeviceService::CalibrateDevice(CallContext* context,
                          }
                          CheckForcesAreOff();
                          device_.Calibrate();
-                         *response->mutable_health() = palpate::ToProto(device_.health());
+                         *response->mutable_health() = ToProto(device_.health());
                        });
 }
 
@@ -211,8 +205,22 @@ LeadHandReactor* DeviceService::LeadHand(CallContext* context) {
   return LeadHandWith({*hand_, servo_, forces_, buttons}, std::move(admission));
 }
 
+ServoDescription DeviceService::Servo() const {
+  return {.rate_hz = ServoLoop::kRateHz,
+          .realtime_scheduling = servo_.grant().fifo,
+          .memory_locked = servo_.grant().memory_locked,
+          .warnings = servo_.grant().warnings,
+          .ticks = servo_.ticks(),
+          .missed_ticks = servo_.missed_ticks(),
+          .scenes_applied = inbox_.announced(),
+          .version = PALPATE_VERSION,
+          .faulty_ticks = servo_.faulty_ticks(),
+          .page_faults = servo_.page_faults(),
+          .lost_samples = servo_.lost_samples()};
+}
+
 void DeviceService::CheckName(const std::string& name) const {
-  const DeviceSpec& spec = device_.spec();
+  const DeviceDescription& spec = device_.spec();
   // The client may send a name of any length and content, so the message does not repeat it.
   if (!name.empty() && name != spec.kind) {
     throw Error(ErrorKind::kInvalidArgument, "the daemon's device is `" + spec.kind +
@@ -293,10 +301,9 @@ void DeviceService::CheckEnabled(const ForceTick& forces) const {
   const std::string state = forces.state == ForceState::kFault ? "a fault"
                             : forces.state == ForceState::kOff ? "disabled at the same time"
                                                                : "stopped";
-  throw Error(ErrorKind::kFailedPrecondition,
-              "forces stay off (" + state + "): " +
-                  (problem.empty() ? InWords(EnumeratorOf<ForceReason>(ToProto(forces).reason()))
-                                   : problem));
+  throw Error(
+      ErrorKind::kFailedPrecondition,
+      "forces stay off (" + state + "): " + (problem.empty() ? InWords(forces.reason) : problem));
 }
 
 }  // namespace palpate

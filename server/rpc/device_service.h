@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "common/contract/device.h"
 #include "palpate/v1/device.grpc.pb.h"
-#include "server/device/listed_device.h"
 #include "server/rpc/calls.h"
 #include "server/rpc/lead_hand.h"
 #include "server/samples/force_watch.h"
@@ -61,6 +61,7 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   void Note(ForceCommand command, const Admission& by);
   // Whose command made this state; empty: no client's.
   std::string SetBy(const ForceTick& forces) const;
+  ServoDescription Servo() const;
   void CheckForcesAreOff() const;
   void CheckEnabled(const ForceTick& forces) const;
 

@@ -4,9 +4,8 @@
 #include <cmath>
 
 #include "common/error/error.h"
-#include "common/wire/convert.h"
-#include "server/rpc/device_messages.h"
-#include "server/rpc/render_service.h"
+#include "common/wire/values.h"
+#include "server/samples/pose_of.h"
 
 namespace palpate {
 namespace {
@@ -19,12 +18,6 @@ constexpr double kMostWaitingS = 5.0;
 // Without acknowledgements, the transport's buffer would let a slow client fall further and further
 // behind. Fewer messages limit this delay.
 constexpr double kMaxPlainMessagesPerSecond = 100.0;
-
-void SetVector(v1::Vector3* out, const std::array<double, 3>& v) {
-  out->set_x(v[0]);
-  out->set_y(v[1]);
-  out->set_z(v[2]);
-}
 
 }  // namespace
 
@@ -90,45 +83,10 @@ v1::StreamPosesResponse PoseStream::TakeMessage(std::int64_t now_ns) {
   message.set_dropped_samples(dropped_);
   message.set_sent_time_ns(now_ns);
   for (std::size_t n = 0; n < options_.batch; ++n) {
-    *message.add_samples() = palpate::ToProto(waiting_.front());
+    *message.add_samples() = ToProto(PoseOf(waiting_.front()));
     waiting_.pop_front();
   }
   return message;
-}
-
-v1::PoseSample ToProto(const TickSample& sample) {
-  v1::PoseSample out;
-  out.set_tick(sample.tick);
-  out.set_time_ns(sample.time_ns);
-  SetVector(out.mutable_hip_mm(), sample.hip_mm);
-  SetVector(out.mutable_scp_h_mm(), sample.scp_h_mm);
-  if (sample.contact) SetVector(out.mutable_scp_h_normal(), sample.scp_h_normal);
-  if (sample.has_scp_v) {
-    SetVector(out.mutable_scp_v_mm(), sample.scp_v_mm);
-    SetVector(out.mutable_scp_v_normal(), sample.scp_v_normal);
-  }
-  v1::Quaternion* orientation = out.mutable_stylus_orientation();
-  orientation->set_w(sample.stylus_orientation[0]);
-  orientation->set_x(sample.stylus_orientation[1]);
-  orientation->set_y(sample.stylus_orientation[2]);
-  orientation->set_z(sample.stylus_orientation[3]);
-  out.set_buttons(sample.buttons);
-  SetVector(out.mutable_force_n(), sample.force_n);
-  out.set_mode(static_cast<v1::ProxyMode>(sample.mode));
-  out.set_contact(sample.contact);
-  out.set_density(sample.density);
-  out.set_isovalue(sample.isovalue);
-  out.set_settings_revision(sample.settings_revision);
-  out.set_volume_revision(sample.volume_revision);
-  out.set_update_ns(sample.update_ns);
-  out.set_missed_ticks(sample.missed_ticks);
-  out.set_iterations(sample.iterations);
-  out.set_capped_ticks(sample.capped_ticks);
-  out.set_free_side(static_cast<v1::FreeSide>(sample.free_side));
-  *out.mutable_forces() = palpate::ToProto(sample.force_state, sample.force_reason,
-                                           sample.force_limit_n, sample.replayed);
-  out.set_replayed(sample.replayed);
-  return out;
 }
 
 }  // namespace palpate

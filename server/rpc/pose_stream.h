@@ -47,6 +47,4 @@ class PoseStream {
   std::uint64_t acknowledged_ = 0;
 };
 
-v1::PoseSample ToProto(const TickSample& sample);
-
 }  // namespace palpate

@@ -2,47 +2,34 @@
 
 #include <utility>
 
+#include "common/contract/recording.h"
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "common/wire/values.h"
 #include "server/log/log.h"
 
 namespace palpate {
 namespace {
 
 v1::RecordingState ToProto(const RecordingStatus& status) {
-  v1::RecordingState out;
-  out.set_running(status.running);
-  out.set_path(status.path);
-  out.set_ticks(status.counts.ticks);
-  out.set_lost_ticks(status.counts.lost_ticks);
-  out.set_size_bytes(status.counts.bytes);
-  if (status.error) {
-    out.set_error(status.error->what());
-    out.set_disk_full(status.error->kind() == ErrorKind::kDiskFull);
-  }
-  out.set_left_out(status.left_out);
-  if (const auto& replay = status.replay) {
-    out.mutable_replay()->set_by(replay->by);
-    out.mutable_replay()->set_path(replay->path);
-    out.mutable_replay()->set_ticks(replay->ticks);
-    out.mutable_replay()->set_total_ticks(replay->total_ticks);
-    out.mutable_replay()->set_speed(replay->speed);
-  }
-  return out;
+  return palpate::ToProto(
+      RecordingState{.running = status.running,
+                     .path = status.path,
+                     .ticks = status.counts.ticks,
+                     .lost_ticks = status.counts.lost_ticks,
+                     .size_bytes = status.counts.bytes,
+                     .error = status.error ? status.error->what() : "",
+                     .left_out = status.left_out,
+                     .replay = status.replay,
+                     .disk_full = status.error && status.error->kind() == ErrorKind::kDiskFull});
 }
 
 v1::ReplayResponse ToProto(const ReplayReport& report) {
-  v1::ReplayResponse out;
-  out.set_ticks(report.state.ticks);
-  out.set_lost_ticks(report.state.lost_ticks);
-  out.set_marker(report.state.marker);
-  out.set_total_ticks(report.total_ticks);
-  for (const PlacedMarker& marker : report.markers) {
-    v1::RecordedMarker& to = *out.add_markers();
-    to.set_tick(marker.place);
-    to.set_text(marker.text);
-  }
-  return out;
+  return palpate::ToProto(ReplayResponse{.ticks = report.state.ticks,
+                                         .lost_ticks = report.state.lost_ticks,
+                                         .marker = report.state.marker,
+                                         .total_ticks = report.total_ticks,
+                                         .markers = report.markers});
 }
 
 }  // namespace
@@ -95,16 +82,15 @@ Reply* RecordingService::Mark(CallContext* context, const v1::MarkRequest* reque
 Reply* RecordingService::ListRecordings(CallContext* context,
                                         const v1::ListRecordingsRequest* request,
                                         v1::ListRecordingsResponse* response) {
-  return calls_.Answer(context, "/palpate.v1.RecordingService/ListRecordings", *request, *response,
-                       [=, this](const Admission&) {
-                         for (const ListedRecording& recording : control_.Recordings()) {
-                           v1::RecordedFile& to = *response->add_recordings();
-                           to.set_path(recording.path.string());
-                           to.set_size_bytes(recording.size_bytes);
-                           to.set_modified_s(recording.modified_s);
-                         }
-                         response->set_folder(control_.folder().string());
-                       });
+  return calls_.Answer(
+      context, "/palpate.v1.RecordingService/ListRecordings", *request, *response,
+      [=, this](const Admission&) {
+        for (const ListedRecording& recording : control_.Recordings()) {
+          *response->add_recordings() = palpate::ToProto(
+              RecordedFile{recording.path.string(), recording.size_bytes, recording.modified_s});
+        }
+        response->set_folder(control_.folder().string());
+      });
 }
 
 EventStream<v1::ReplayResponse>* RecordingService::Replay(CallContext* context,

@@ -5,35 +5,13 @@
 
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "common/wire/values.h"
 #include "server/client_files/series_files.h"
 #include "server/log/log.h"
 #include "server/rpc/volume_messages.h"
 
 namespace palpate {
 namespace {
-
-v1::SeriesState ToProto(const SeriesState& state) {
-  v1::SeriesState out;
-  out.set_frames(state.frames);
-  out.set_position_frames(state.position_frames);
-  out.set_playing(state.playing);
-  out.set_rate_hz(state.rate_hz);
-  out.set_loop(state.loop);
-  out.set_interpolate(state.interpolate);
-  out.set_memory_bytes(state.memory_bytes);
-  out.set_volume_revision(state.volume_revision);
-  return out;
-}
-
-SeriesControl ControlOf(const v1::ControlSeriesRequest& request) {
-  SeriesControl control;
-  if (request.has_playing()) control.playing = request.playing();
-  if (request.has_position_frames()) control.position_frames = request.position_frames();
-  if (request.has_rate_hz()) control.rate_hz = request.rate_hz();
-  if (request.has_loop()) control.loop = request.loop();
-  if (request.has_interpolate()) control.interpolate = request.interpolate();
-  return control;
-}
 
 // The title in the volume's description.
 std::string Title(const std::vector<std::string>& sources) {
@@ -78,7 +56,7 @@ Reply* SeriesService::ControlSeries(CallContext* context, const v1::ControlSerie
   return calls_.Answer(
       context, "/palpate.v1.SeriesService/ControlSeries", *request, *response,
       [=, this](const Admission& by) {
-        const SeriesControlled controlled = player_.Control(ControlOf(*request));
+        const SeriesControlled controlled = player_.Control(FromProto(*request));
         by.Changed("series");
         response->set_applied_tick(session_.WaitForServo(controlled.scene_revision).tick);
         *response->mutable_series() = ToProto(controlled.series);

@@ -11,6 +11,7 @@
 #include "common/error/error.h"
 #include "common/wire/convert.h"
 #include "common/wire/limits.h"
+#include "common/wire/values.h"
 
 namespace palpate {
 namespace {
@@ -87,8 +88,6 @@ int Int(std::uint32_t number) {
   return static_cast<int>(std::min<std::uint32_t>(number, std::numeric_limits<int>::max()));
 }
 
-std::uint32_t Count(std::int64_t number) { return static_cast<std::uint32_t>(number); }
-
 }  // namespace
 
 VolumeEdit FromProto(const v1::EditVolumeRequest& request) {
@@ -118,22 +117,13 @@ VolumeFilter FromProto(const v1::FilterVolumeRequest& request) {
 }
 
 v1::EditVolumeResponse ToProto(const EditOutcome& outcome, const AppliedTick& applied) {
-  v1::EditVolumeResponse out;
-  out.set_volume_revision(outcome.volume_revision);
-  out.set_applied_tick(applied.tick);
-  if (outcome.changed) {
-    v1::IndexBox& box = *out.mutable_changed();
-    box.set_min_x(Count(outcome.changed->min.x()));
-    box.set_min_y(Count(outcome.changed->min.y()));
-    box.set_min_z(Count(outcome.changed->min.z()));
-    box.set_max_x(Count(outcome.changed->max.x()));
-    box.set_max_y(Count(outcome.changed->max.y()));
-    box.set_max_z(Count(outcome.changed->max.z()));
-  }
-  out.set_changed_voxels(outcome.changed_voxels);
-  out.set_undo_steps(static_cast<std::uint32_t>(outcome.undo_steps));
-  out.set_redo_steps(static_cast<std::uint32_t>(outcome.redo_steps));
-  return out;
+  return palpate::ToProto(
+      EditVolumeResponse{.volume_revision = outcome.volume_revision,
+                         .applied_tick = applied.tick,
+                         .changed = outcome.changed,
+                         .changed_voxels = outcome.changed_voxels,
+                         .undo_steps = static_cast<std::uint32_t>(outcome.undo_steps),
+                         .redo_steps = static_cast<std::uint32_t>(outcome.redo_steps)});
 }
 
 }  // namespace palpate

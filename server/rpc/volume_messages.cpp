@@ -7,8 +7,10 @@
 #include <string_view>
 
 #include "common/contract/enumerations.h"
+#include "common/contract/volume.h"
 #include "common/error/error.h"
 #include "common/wire/convert.h"
+#include "common/wire/values.h"
 #include "server/rpc/render_service.h"
 
 namespace palpate {
@@ -33,50 +35,40 @@ RawVoxels RawFromProto(const v1::RawVoxels& raw) {
 
 v1::VolumeDescription ToProto(const VolumeState& state) {
   const VolumeMetadata& metadata = state.volume->metadata();
-  v1::VolumeDescription out;
-  out.set_source(metadata.source);
-  out.set_volume_revision(state.volume->revision());
-  out.set_size_x(static_cast<std::uint32_t>(metadata.size.x()));
-  out.set_size_y(static_cast<std::uint32_t>(metadata.size.y()));
-  out.set_size_z(static_cast<std::uint32_t>(metadata.size.z()));
-  *out.mutable_spacing_mm() = palpate::ToProto(metadata.spacing_mm);
-  out.set_value_min(metadata.value_min);
-  out.set_value_max(metadata.value_max);
-  out.set_unit(metadata.unit);
-  out.set_original_type(metadata.original_type);
-  *out.mutable_world_from_index() = palpate::ToProto(metadata.WorldFromIndex());
-  *out.mutable_device_from_index() = palpate::ToProto(state.X_DI);
-  out.set_device_mm_per_volume_mm(state.registration.device_mm_per_volume_mm);
-  out.set_memory_bytes(state.volume->bricks().MemoryBytes());
-  out.set_loaded_revision(state.volume->loaded_revision());
-  *out.mutable_device_from_world_rotation() = palpate::ToProto(state.registration.R_DW);
-  out.set_is_level_set(metadata.is_level_set);
-  out.set_unsaved_edits(state.unsaved_edits);
-  out.set_patient_axes(state.patient_axes);
-  out.set_patient_axes_answered(state.patient_axes_answered());
-  out.set_frames(static_cast<std::uint32_t>(metadata.frames));
-  for (const std::string& warning : metadata.warnings) out.add_warnings(warning);
-  if (state.values->has_padding) {
-    out.add_warnings(
+  const VolumeValues& values = *state.values;
+  VolumeDescription out = {
+      .source = metadata.source,
+      .volume_revision = state.volume->revision(),
+      .size = metadata.size,
+      .spacing_mm = metadata.spacing_mm,
+      .value_min = metadata.value_min,
+      .value_max = metadata.value_max,
+      .unit = metadata.unit,
+      .original_type = metadata.original_type,
+      .is_level_set = metadata.is_level_set,
+      .world_from_index = metadata.WorldFromIndex(),
+      .device_from_index = state.X_DI,
+      .device_mm_per_volume_mm = state.registration.device_mm_per_volume_mm,
+      .patient_axes = state.patient_axes,
+      .patient_axes_answered = state.patient_axes_answered(),
+      .memory_bytes = state.volume->bricks().MemoryBytes(),
+      .unsaved_edits = state.unsaved_edits,
+      .warnings = metadata.warnings,
+      .suggested_isovalues = values.suggested,
+      .loaded_revision = state.volume->loaded_revision(),
+      .frames = static_cast<std::uint32_t>(metadata.frames),
+      .device_from_world_rotation = UnalignedQuaternion(state.registration.R_DW),
+      .histogram = values.histogram};
+  if (values.has_padding) {
+    out.warnings.push_back(
         "values below -1024 at the border are padding: for the histogram and the suggested "
         "isovalues they count as -1024");
   }
   if (!state.place_problem.empty()) {
-    out.add_warnings("the volume's place or its sides are not kept for its next load: " +
-                     state.place_problem);
+    out.warnings.push_back("the volume's place or its sides are not kept for its next load: " +
+                           state.place_problem);
   }
-  for (const auto& [name, isovalue, reason] : state.values->suggested) {
-    v1::SuggestedIsovalue& suggested = *out.add_suggested_isovalues();
-    suggested.set_name(name);
-    suggested.set_isovalue(isovalue);
-    suggested.set_reason(reason);
-  }
-  v1::ValueHistogram& histogram = *out.mutable_histogram();
-  histogram.set_low(state.values->low);
-  histogram.set_high(state.values->high);
-  histogram.mutable_counts()->Assign(state.values->counts.begin(), state.values->counts.end());
-  histogram.mutable_peaks()->Assign(state.values->peaks.begin(), state.values->peaks.end());
-  return out;
+  return palpate::ToProto(out);
 }
 
 namespace {

@@ -31,7 +31,7 @@ Vec3 Clamp(const Vec3& v, double length) {
 
 }  // namespace
 
-SafetyLimits LimitsFor(const DeviceSpec& spec, std::uint32_t stop_buttons) {
+SafetyLimits LimitsFor(const DeviceDescription& spec, std::uint32_t stop_buttons) {
   SafetyLimits limits{.max_force_n = spec.max_force_n, .stop_buttons = stop_buttons};
   if (!IsHardware(spec)) return limits;
   limits.ramp_in_s = kRampInS;

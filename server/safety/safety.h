@@ -68,7 +68,7 @@ struct SafetyLimits {
 };
 
 // The limits of a device. A device with motors has all of them. `stop_buttons`: as in SafetyLimits.
-SafetyLimits LimitsFor(const DeviceSpec& spec, std::uint32_t stop_buttons);
+SafetyLimits LimitsFor(const DeviceDescription& spec, std::uint32_t stop_buttons);
 
 // The number of ticks in which any force falls to zero by the slew limit.
 int RampOutTicks(const SafetyLimits& limits, double dt_s);

@@ -25,8 +25,8 @@ Eigen::Quaterniond CheckedRotation(const Eigen::Quaterniond& rotation) {
   return unit;
 }
 
-double ChosenScale(const RegistrationUpdate& update, const VolumeMetadata& volume,
-                   const Registration& current) {
+double ChosenScale(const UpdateRegistrationRequest& update, const VolumeMetadata& volume,
+                   const VolumePlace& current) {
   if (update.device_mm_per_volume_mm && update.device_mm_per_voxel) {
     Refuse("give the scale per mm of the volume or per voxel, not both");
   }
@@ -43,12 +43,12 @@ Vec3 VolumeCenterMm(const VolumeMetadata& volume) {
   return volume.WorldFromIndex().Apply(0.5 * last);
 }
 
-double DeviceMmPerVoxel(const Registration& registration, const VolumeMetadata& volume) {
+double DeviceMmPerVoxel(const VolumePlace& registration, const VolumeMetadata& volume) {
   return registration.device_mm_per_volume_mm * volume.spacing_mm.minCoeff();
 }
 
-Registration MakeRegistration(const VolumeMetadata& volume, const Vec3& p_DCenter_mm,
-                              const Eigen::Quaterniond& R_DW, double device_mm_per_volume_mm) {
+VolumePlace MakeVolumePlace(const VolumeMetadata& volume, const Vec3& p_DCenter_mm,
+                            const Eigen::Quaterniond& R_DW, double device_mm_per_volume_mm) {
   const double scale = device_mm_per_volume_mm;
   const Vec3 voxel_mm = scale * volume.spacing_mm;
   if (!(voxel_mm.minCoeff() >= kLeastVoxelMm && voxel_mm.maxCoeff() <= kGreatestVoxelMm)) {
@@ -57,7 +57,7 @@ Registration MakeRegistration(const VolumeMetadata& volume, const Vec3& p_DCente
   if (!p_DCenter_mm.allFinite() || p_DCenter_mm.cwiseAbs().maxCoeff() > kFarthestCenterMm) {
     Refuse("the volume's centre must be within 1e6 mm of the device's origin");
   }
-  Registration registration;
+  VolumePlace registration;
   registration.device_mm_per_volume_mm = scale;
   registration.p_DCenter_mm = p_DCenter_mm;
   registration.R_DW = CheckedRotation(R_DW);
@@ -66,30 +66,31 @@ Registration MakeRegistration(const VolumeMetadata& volume, const Vec3& p_DCente
   return registration;
 }
 
-Registration FitToWorkspace(const VolumeMetadata& volume, const DeviceSpec& device,
-                            std::optional<double> device_mm_per_volume_mm) {
+VolumePlace FitToWorkspace(const VolumeMetadata& volume, const DeviceDescription& device,
+                           std::optional<double> device_mm_per_volume_mm) {
   // Half the edges of the box around the lattice, along W's axes.
   const Vec3 half_mm = 0.5 * (volume.WorldFromIndex().linear.cwiseAbs() *
                               (volume.size - Vec3i::Ones()).cast<double>());
   const Vec3 workspace = device.workspace_max_mm - device.workspace_min_mm;
   const double scale = device_mm_per_volume_mm.value_or(
       kWorkspaceFill * (workspace.array() / (2.0 * half_mm).array()).minCoeff());
-  return MakeRegistration(volume, 0.5 * (device.workspace_min_mm + device.workspace_max_mm),
-                          Eigen::Quaterniond::Identity(), scale);
+  return MakeVolumePlace(volume, 0.5 * (device.workspace_min_mm + device.workspace_max_mm),
+                         Eigen::Quaterniond::Identity(), scale);
 }
 
-Registration Apply(const RegistrationUpdate& update, const VolumeMetadata& volume,
-                   const DeviceSpec& device, const Registration& current) {
-  const Registration from = update.reset ? FitToWorkspace(volume, device, std::nullopt) : current;
-  const Registration placed =
-      MakeRegistration(volume, update.p_DCenter_mm.value_or(from.p_DCenter_mm),
-                       update.R_DW.value_or(from.R_DW), ChosenScale(update, volume, from));
+VolumePlace Apply(const UpdateRegistrationRequest& update, const VolumeMetadata& volume,
+                  const DeviceDescription& device, const VolumePlace& current) {
+  const VolumePlace from = update.reset ? FitToWorkspace(volume, device, std::nullopt) : current;
+  const VolumePlace placed =
+      MakeVolumePlace(volume, update.center_mm.value_or(from.p_DCenter_mm),
+                      update.rotation ? Eigen::Quaterniond(*update.rotation) : from.R_DW,
+                      ChosenScale(update, volume, from));
   Vec3 p_DCenter_mm = placed.p_DCenter_mm;
   Eigen::Quaterniond R_DW = placed.R_DW;
-  if (update.translate_D_mm) p_DCenter_mm += *update.translate_D_mm;
-  if (update.rotate_D) R_DW = CheckedRotation(*update.rotate_D) * R_DW;
+  if (update.translate_mm) p_DCenter_mm += *update.translate_mm;
+  if (update.rotate) R_DW = CheckedRotation(Eigen::Quaterniond(*update.rotate)) * R_DW;
   const double scale_by = update.scale_by.value_or(1.0);
-  return MakeRegistration(volume, p_DCenter_mm, R_DW, scale_by * placed.device_mm_per_volume_mm);
+  return MakeVolumePlace(volume, p_DCenter_mm, R_DW, scale_by * placed.device_mm_per_volume_mm);
 }
 
 }  // namespace palpate

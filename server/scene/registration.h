@@ -7,14 +7,15 @@
 
 #include <optional>
 
+#include "common/contract/device.h"
+#include "common/contract/registration.h"
 #include "common/geometry/geometry.h"
-#include "server/device/haptic_device.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
 
-// Made by MakeRegistration, which keeps X_DW equal to its parts.
-struct Registration {
+// Made by MakeVolumePlace, which keeps X_DW equal to its parts.
+struct VolumePlace {
   double device_mm_per_volume_mm = 1.0;
   AffineMap X_DW;
   // The parts of X_DW. They are kept so that clients read back the values that they gave, and so
@@ -31,37 +32,24 @@ inline constexpr double kGreatestVoxelMm = 1e6;
 // Greatest distance of the volume's centre from the device's origin, along each axis.
 inline constexpr double kFarthestCenterMm = 1e6;
 
-// Changes to a registration, applied in this order. Absent fields change nothing.
-struct RegistrationUpdate {
-  bool reset = false;  // to what FitToWorkspace returns
-  std::optional<Vec3> p_DCenter_mm{};
-  std::optional<Eigen::Quaterniond> R_DW{};  // unit, up to rounding
-  // At most one of the two scales may be given.
-  std::optional<double> device_mm_per_volume_mm{};
-  std::optional<double> device_mm_per_voxel{};  // for the voxel's shortest edge
-  // Relative changes, in the device's axes and about the volume's centre.
-  std::optional<Vec3> translate_D_mm{};
-  std::optional<Eigen::Quaterniond> rotate_D{};  // unit, up to rounding
-  std::optional<double> scale_by{};
-};
-
 // The middle of the lattice.
 Vec3 VolumeCenterMm(const VolumeMetadata& volume);
 
 // The shortest edge of a voxel in D.
-double DeviceMmPerVoxel(const Registration& registration, const VolumeMetadata& volume);
+double DeviceMmPerVoxel(const VolumePlace& registration, const VolumeMetadata& volume);
 
 // Puts the volume's centre at p_DCenter_mm. Rotates the volume by R_DW (normalised here) and scales
 // it.
-Registration MakeRegistration(const VolumeMetadata& volume, const Vec3& p_DCenter_mm,
-                              const Eigen::Quaterniond& R_DW, double device_mm_per_volume_mm);
+VolumePlace MakeVolumePlace(const VolumeMetadata& volume, const Vec3& p_DCenter_mm,
+                            const Eigen::Quaterniond& R_DW, double device_mm_per_volume_mm);
 
 // Puts the middle of the volume in the middle of the workspace, with W's axes along D's. Without a
 // given scale, scales the volume uniformly so that its bounding box fits.
-Registration FitToWorkspace(const VolumeMetadata& volume, const DeviceSpec& device,
-                            std::optional<double> device_mm_per_volume_mm);
+VolumePlace FitToWorkspace(const VolumeMetadata& volume, const DeviceDescription& device,
+                           std::optional<double> device_mm_per_volume_mm);
 
-Registration Apply(const RegistrationUpdate& update, const VolumeMetadata& volume,
-                   const DeviceSpec& device, const Registration& current);
+// Errors: also for rotations that are no unit quaternions, up to rounding, and for both scales.
+VolumePlace Apply(const UpdateRegistrationRequest& update, const VolumeMetadata& volume,
+                  const DeviceDescription& device, const VolumePlace& current);
 
 }  // namespace palpate

@@ -28,7 +28,7 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
 
 }  // namespace
 
-PassivityDevice PassivityDeviceOf(const DeviceSpec& spec) {
+PassivityDevice PassivityDeviceOf(const DeviceDescription& spec) {
   PassivityDevice device{.tick_s = kTickPeriodS};
   if (spec.position_resolution_mm > 0.0) device.resolution_mm = spec.position_resolution_mm;
   if (spec.max_force_n > 0.0) device.max_force_n = spec.max_force_n;

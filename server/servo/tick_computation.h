@@ -26,7 +26,7 @@ struct TickInput {
 };
 
 // The device's data at the servo's rate. Values that the device does not give are the Omni's.
-PassivityDevice PassivityDeviceOf(const DeviceSpec& spec);
+PassivityDevice PassivityDeviceOf(const DeviceDescription& spec);
 
 class TickComputation {
  public:

@@ -24,7 +24,7 @@ constexpr std::chrono::milliseconds kIdleInterval{100};
 }
 
 // The checks also refuse NaN.
-void CheckControl(const SeriesControl& control, std::size_t frames) {
+void CheckControl(const ControlSeriesRequest& control, std::size_t frames) {
   const auto last = static_cast<double>(frames - 1);
   if (control.position_frames &&
       !(*control.position_frames >= 0.0 && *control.position_frames <= last)) {
@@ -125,7 +125,7 @@ SeriesState SeriesPlayer::StateLocked(const VolumeState& volume) const {
           .volume_revision = volume.volume->revision()};
 }
 
-void SeriesPlayer::Take(const SeriesControl& control) {
+void SeriesPlayer::Take(const ControlSeriesRequest& control) {
   CheckControl(control, series_->loaded.size());
   const Clock::time_point now = now_();
   Advance(now);
@@ -147,7 +147,7 @@ void SeriesPlayer::Take(const SeriesControl& control) {
   changed_ = true;
 }
 
-SeriesControlled SeriesPlayer::Control(const SeriesControl& control) {
+SeriesControlled SeriesPlayer::Control(const ControlSeriesRequest& control) {
   const VolumeState volume = session_.volume();
   std::unique_lock lock(mutex_);
   StateLocked(volume);  // throws if there is no series

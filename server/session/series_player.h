@@ -27,30 +27,11 @@
 #include <span>
 #include <thread>
 
+#include "common/contract/series.h"
 #include "server/session/series.h"
 #include "server/session/session.h"
 
 namespace palpate {
-
-struct SeriesState {
-  std::uint32_t frames = 0;
-  double position_frames = 0.0;  // the shown position; whole unless interpolated
-  bool playing = false;
-  double rate_hz = 10.0;  // frames per second, negative backwards
-  bool loop = false;
-  bool interpolate = false;
-  std::uint64_t memory_bytes = 0;
-  std::uint64_t volume_revision = 0;  // of the volume that the stylus feels now
-};
-
-// Absent fields leave their setting unchanged.
-struct SeriesControl {
-  std::optional<bool> playing{};
-  std::optional<double> position_frames{};  // 0 to frames - 1
-  std::optional<double> rate_hz{};          // -1000 to 1000, not 0
-  std::optional<bool> loop{};
-  std::optional<bool> interpolate{};
-};
 
 // What the stylus feels after a change.
 struct SeriesControlled {
@@ -88,7 +69,7 @@ class SeriesPlayer {
   // the frame may be theirs. While a replay holds the volume, the frame comes after it. Throws
   // kConflict if no series is loaded or it ends meanwhile, kInvalidArgument for a value out of
   // range.
-  SeriesControlled Control(const SeriesControl& control);
+  SeriesControlled Control(const ControlSeriesRequest& control);
 
  private:
   struct Series;
@@ -102,7 +83,7 @@ class SeriesPlayer {
   void Run();
   // Waits until there may be a frame to show. Returns null if there is none.
   std::shared_ptr<Series> WaitForWork(std::unique_lock<std::mutex>& lock);
-  void Take(const SeriesControl& control);
+  void Take(const ControlSeriesRequest& control);
   void Advance(Clock::time_point now);
   double ShownPosition() const;
   SeriesState StateLocked(const VolumeState& volume) const;

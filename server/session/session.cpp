@@ -104,7 +104,8 @@ Listening::~Listening() {
   std::erase(session_.listeners_, &listener_);
 }
 
-Session::Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader)
+Session::Session(const DeviceDescription& device, SceneInbox& inbox, Pump& pump,
+                 VolumeLoader loader)
     : device_(device), inbox_(inbox), pump_(pump), loader_(std::move(loader)), volume_(Empty()) {
   const std::lock_guard lock(mutex_);
   PublishLocked();
@@ -279,10 +280,9 @@ LoadedVolume Session::LoadBricks(const LoadRequest& request, const LoadProgress&
   return loader_.Load(request, tell, cancelled, warnings, size_known);
 }
 
-Registration Session::PlaceLoaded(const LoadRequest& request,
-                                  const VolumeMetadata& metadata) const {
+VolumePlace Session::PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const {
   const std::optional<double>& scale = request.device_mm_per_volume_mm;
-  std::optional<Registration> stored;
+  std::optional<VolumePlace> stored;
   if (registration_store_) stored = registration_store_->Find(metadata);
   if (!stored) return FitToWorkspace(metadata, device_, scale);
   return Apply({.device_mm_per_volume_mm = scale}, metadata, device_, *stored);
@@ -300,7 +300,7 @@ FreeSide Session::SideOf(const VolumeMetadata& metadata, const LoadRequest& requ
 }
 
 void Session::TellBeforeOtherVolume(const LoadRequest& request, const SettingsUpdate& settings,
-                                    const Registration& registration, const VolumeSnapshot& volume,
+                                    const VolumePlace& registration, const VolumeSnapshot& volume,
                                     double isovalue) const {
   if (!before_other_volume_) return;
   std::unique_lock lock(mutex_);
@@ -316,7 +316,7 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
                                    const BrickDirectory& bricks, std::uint64_t frames_bytes,
                                    const SettingsUpdate& settings) {
   CheckSettings(request, settings);
-  const Registration registration = PlaceLoaded(request, metadata);
+  const VolumePlace registration = PlaceLoaded(request, metadata);
   store_.RequireSaved(request.discards_edits);
   const VolumeSnapshot next(metadata, bricks, 1, 1);
   const auto values = std::make_shared<const VolumeValues>(ValuesOf(next));
@@ -343,7 +343,7 @@ VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetad
 }
 
 void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& settings,
-                         const Registration& registration,
+                         const VolumePlace& registration,
                          const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue) {
   const VolumeMetadata& metadata = volume->metadata();
   const bool was_density = has_volume_ && !volume_->metadata().is_level_set;
@@ -407,7 +407,7 @@ void Session::TakeLattice() {
   ++settings_revision_;
 }
 
-VolumeState Session::Move(const std::function<Registration(const VolumeState&)>& change,
+VolumeState Session::Move(const std::function<VolumePlace(const VolumeState&)>& change,
                           const std::optional<std::uint64_t>& expected_revision, bool keep,
                           const std::optional<PatientFacing>& facing) {
   const std::lock_guard lock(mutex_);

@@ -94,7 +94,7 @@ struct SettingsApplied {
 
 struct VolumeState {
   std::shared_ptr<const VolumeSnapshot> volume;
-  Registration registration;
+  VolumePlace registration;
   AffineMap X_DI;
   std::uint64_t settings_revision = 0;
   std::uint64_t scene_revision = 0;  // for WaitForServo
@@ -115,7 +115,7 @@ class Session {
 
  public:
   // Borrows all arguments except the loader's options.
-  Session(const DeviceSpec& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader);
+  Session(const DeviceDescription& device, SceneInbox& inbox, Pump& pump, VolumeLoader loader);
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
@@ -175,7 +175,7 @@ class Session {
   // one. `keep`: stores the registration for the next load of the volume. `facing`: an answer to
   // where the patient faces, which is stored for these voxels. Throws kFailedPrecondition if the
   // file states its orientation.
-  VolumeState Move(const std::function<Registration(const VolumeState&)>& change,
+  VolumeState Move(const std::function<VolumePlace(const VolumeState&)>& change,
                    const std::optional<std::uint64_t>& expected_revision = {}, bool keep = true,
                    const std::optional<PatientFacing>& facing = {});
 
@@ -190,21 +190,21 @@ class Session {
   // Add volumes and other owners of many bricks here when nobody shows them any more.
   RetiredVolumes& retired() { return store_.retired(); }
 
-  const DeviceSpec& device() const { return device_; }
+  const DeviceDescription& device() const { return device_; }
   const VolumeLoader& loader() const { return loader_; }
 
  private:
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
   void TellBeforeOtherVolume(const LoadRequest& request, const SettingsUpdate& settings,
-                             const Registration& registration, const VolumeSnapshot& volume,
+                             const VolumePlace& registration, const VolumeSnapshot& volume,
                              double isovalue) const;
-  Registration PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
+  VolumePlace PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
   FreeSide SideOf(const VolumeMetadata& metadata, const LoadRequest& request,
                   const SettingsUpdate& settings) const;
   void TakeBack(const RenderSettings& before, std::uint64_t revision);
   void TakeLoaded(const LoadRequest& request, const SettingsUpdate& settings,
-                  const Registration& registration,
+                  const VolumePlace& registration,
                   const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue);
   void TakeLattice();
   std::uint64_t PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
@@ -215,7 +215,7 @@ class Session {
                           const LoadCancelled& cancelled, MemoryClaim& claim,
                           std::vector<std::string>& warnings);
 
-  const DeviceSpec& device_;
+  const DeviceDescription& device_;
   SceneInbox& inbox_;
   Pump& pump_;
   VolumeLoader loader_;
@@ -234,7 +234,7 @@ class Session {
   std::pair<double, double> loaded_range_{};      // range of values at the load
   // The chosen isovalue, and its value after clamping to the range of another lattice.
   std::optional<std::pair<double, double>> held_isovalue_{};
-  Registration registration_;
+  VolumePlace registration_;
   AffineMap X_DI_;
   std::string patient_axes_;  // of the file or answered; empty: unknown
   std::string voxels_name_;   // of the voxels as loaded, for answers

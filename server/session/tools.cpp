@@ -90,9 +90,9 @@ void StylusTools::Work() noexcept {
 void StylusTools::Move(const RigidMotion& motion) {
   try {
     session_.Move([&](const VolumeState& state) {
-      const Registration& from = state.registration;
-      return MakeRegistration(state.volume->metadata(), motion.Apply(from.p_DCenter_mm),
-                              motion.R * from.R_DW, from.device_mm_per_volume_mm);
+      const VolumePlace& from = state.registration;
+      return MakeVolumePlace(state.volume->metadata(), motion.Apply(from.p_DCenter_mm),
+                             motion.R * from.R_DW, from.device_mm_per_volume_mm);
     });
     move_failed_ = false;
   } catch (const std::exception& error) {

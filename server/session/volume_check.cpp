@@ -26,7 +26,7 @@ void CheckScale(const std::string& source, const std::optional<Vec3>& spacing_mm
   volume.size = Vec3i::Constant(2);
   volume.spacing_mm =
       spacing_mm.value_or(IsBuiltin(source) ? Vec3::Ones() : Vec3::Constant(of_file));
-  MakeRegistration(volume, Vec3::Zero(), Eigen::Quaterniond::Identity(), device_mm_per_volume_mm);
+  MakeVolumePlace(volume, Vec3::Zero(), Eigen::Quaterniond::Identity(), device_mm_per_volume_mm);
 }
 
 }  // namespace palpate

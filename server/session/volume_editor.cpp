@@ -42,7 +42,7 @@ VolumeEditor::VolumeEditor(Session& session, std::uint64_t max_history_bytes)
 
 VolumeEditor::Made::Made(ReshapedVolume of_all) : whole(std::move(of_all)) {
   const Vec3i& size = whole->metadata.size;
-  result.changed = VoxelBox{Vec3i::Zero(), size - Vec3i::Ones()};
+  result.changed = IndexBox{Vec3i::Zero(), size - Vec3i::Ones()};
   result.changed_voxels = static_cast<std::uint64_t>(size.cast<std::int64_t>().prod());
 }
 
@@ -54,7 +54,7 @@ EditOutcome VolumeEditor::Edit(const VolumeEdit& edit, const Revision& expected,
   if (progress) loading = session_.BeginLoad();
   MemoryClaim claim;  // held until the edit is published
   EditCalls calls;
-  calls.box_known = [&](const VoxelBox& box) { claim = ClaimFor("the edit", MostBrickBytes(box)); };
+  calls.box_known = [&](const IndexBox& box) { claim = ClaimFor("the edit", MostBrickBytes(box)); };
   if (progress) {
     calls.progress = [&](double share) {
       CheckWanted(cancelled);

@@ -32,7 +32,7 @@ namespace palpate {
 struct EditOutcome {
   std::uint64_t volume_revision = 0;  // unchanged if no voxel changed
   std::uint64_t scene_revision = 0;   // for Session::WaitForServo
-  std::optional<VoxelBox> changed{};  // the box around the changed voxels
+  std::optional<IndexBox> changed{};  // the box around the changed voxels
   std::uint64_t changed_voxels = 0;
   std::size_t undo_steps = 0;
   std::size_t redo_steps = 0;

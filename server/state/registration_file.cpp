@@ -25,7 +25,7 @@ toml::table ToTable(const StoredRegistration& entry) {
   };
 }
 
-// Does not check whether the registration is valid: MakeRegistration does.
+// Does not check whether the registration is valid: MakeVolumePlace does.
 std::optional<StoredRegistration> ToEntry(const toml::node& node) {
   const toml::table* table = node.as_table();
   if (!table) return std::nullopt;

@@ -81,22 +81,22 @@ RegistrationStore::~RegistrationStore() {
   Save();
 }
 
-std::optional<Registration> RegistrationStore::Find(const VolumeMetadata& volume) const {
+std::optional<VolumePlace> RegistrationStore::Find(const VolumeMetadata& volume) const {
   const std::string key = Key(volume);
   const std::lock_guard lock(mutex_);
   const auto entry = std::find_if(entries_.begin(), entries_.end(),
                                   [&](const auto& other) { return other.source == key; });
   if (entry == entries_.end() || !IsOf(*entry, volume)) return std::nullopt;
   try {
-    return MakeRegistration(volume, entry->p_DCenter_mm, entry->R_DW,
-                            entry->device_mm_per_volume_mm);
+    return MakeVolumePlace(volume, entry->p_DCenter_mm, entry->R_DW,
+                           entry->device_mm_per_volume_mm);
   } catch (const Error& error) {
     LogWarning("the saved place of {} is not used: {}", key, error.what());
     return std::nullopt;
   }
 }
 
-void RegistrationStore::Keep(const VolumeMetadata& volume, const Registration& registration) {
+void RegistrationStore::Keep(const VolumeMetadata& volume, const VolumePlace& registration) {
   const StoredRegistration entry{Key(volume),       volume.size,
                                  volume.spacing_mm, registration.p_DCenter_mm,
                                  registration.R_DW, registration.device_mm_per_volume_mm};

@@ -41,8 +41,8 @@ class RegistrationStore {
   RegistrationStore& operator=(const RegistrationStore&) = delete;
 
   // Finds the place of a volume with this source, size and spacing.
-  std::optional<Registration> Find(const VolumeMetadata& volume) const;
-  void Keep(const VolumeMetadata& volume, const Registration& registration);
+  std::optional<VolumePlace> Find(const VolumeMetadata& volume) const;
+  void Keep(const VolumeMetadata& volume, const VolumePlace& registration);
 
   // Names voxels by their contents and their directions in W, not by their source: a renamed file
   // has the same name, also with another spacing. `voxels`: their content hash as loaded, so this

@@ -34,7 +34,7 @@ class ChangeCounter {
   }
   void Into(EditResult& result) const {
     result.changed_voxels = voxels_;
-    if (voxels_ > 0) result.changed = VoxelBox{low_, high_};
+    if (voxels_ > 0) result.changed = IndexBox{low_, high_};
   }
 
  private:
@@ -46,7 +46,7 @@ class ChangeCounter {
 // Writes `value(n)` to `brick` for the voxels of `part`; n is the place in the brick. Returns which
 // of them have changed.
 template <class Value>
-ChangeCounter::Masks Replace(Brick& brick, const VoxelBox& part, const Value& value) {
+ChangeCounter::Masks Replace(Brick& brick, const IndexBox& part, const Value& value) {
   ChangeCounter::Masks masks;
   for (int i = part.min.x(); i <= part.max.x(); ++i) {
     for (int j = part.min.y(); j <= part.max.y(); ++j) {
@@ -126,14 +126,14 @@ class BrickMeans {
 };
 
 // The part of a brick that lies in the edited box, in voxels of the brick.
-VoxelBox PartOf(const Vec3i& brick, const VoxelBox& box) {
+IndexBox PartOf(const Vec3i& brick, const IndexBox& box) {
   const Vec3i corner = brick * kBrickEdge;
   return {(box.min - corner).cwiseMax(0),
           (box.max - corner).cwiseMin(Vec3i::Constant(kBrickEdge - 1))};
 }
 
 template <class Visit>
-void ForEach(const VoxelBox& box, const Visit& visit) {
+void ForEach(const IndexBox& box, const Visit& visit) {
   for (int i = box.min.x(); i <= box.max.x(); ++i) {
     for (int j = box.min.y(); j <= box.max.y(); ++j) {
       for (int k = box.min.z(); k <= box.max.z(); ++k) visit(i, j, k);
@@ -154,10 +154,10 @@ class Editor {
     targets_.fill(edit.value);
   }
 
-  EditResult Run(const VoxelBox& box, const EditCalls& calls) {
+  EditResult Run(const IndexBox& box, const EditCalls& calls) {
     EditResult result;
     ChangeCounter counter;
-    const VoxelBox bricks{box.min / kBrickEdge, box.max / kBrickEdge};
+    const IndexBox bricks{box.min / kBrickEdge, box.max / kBrickEdge};
     int layer = bricks.min.x();
     ForEach(bricks, [&](int a, int b, int c) {
       if (calls.progress && a > layer) {
@@ -167,7 +167,7 @@ class Editor {
       }
       const Vec3i brick(a, b, c);
       if (!weights_of_.Of(brick, weights_)) return;
-      const VoxelBox part = PartOf(brick, box);
+      const IndexBox part = PartOf(brick, box);
       FillTargets(brick, part);
       const LeafPtr& before = volume_.bricks().At(brick);
       before->CopyTo(after_.data());
@@ -184,7 +184,7 @@ class Editor {
 
  private:
   // Fills in the value towards which each voxel changes, if it is not the edit's value.
-  void FillTargets(const Vec3i& brick, const VoxelBox& part) {
+  void FillTargets(const Vec3i& brick, const IndexBox& part) {
     if (const auto* block = std::get_if<DenseBlock>(&edit_.shape)) {
       const Vec3i from_block = brick * kBrickEdge - block->min.cast<int>();
       ForEach(part, [&](int i, int j, int k) {
@@ -200,7 +200,7 @@ class Editor {
     }
   }
 
-  ChangeCounter::Masks Operate(const VoxelBox& part) {
+  ChangeCounter::Masks Operate(const IndexBox& part) {
     // Chooses the operation outside the loop over voxels.
     const auto with = [&](const auto& result) {
       return Replace(after_, part, [&](std::size_t n) {
@@ -255,7 +255,7 @@ EditResult Run(const VolumeSnapshot& volume, const VolumeEdit& edit, const EditC
   CheckEdit(volume, edit);
   const std::int64_t most =
       calls.progress ? std::numeric_limits<std::int64_t>::max() : kMostEditedVoxels;
-  const std::optional<VoxelBox> box = EditedVoxels(volume, edit, most);
+  const std::optional<IndexBox> box = EditedVoxels(volume, edit, most);
   if (!box) return {};
   if (calls.box_known) calls.box_known(*box);
   return Editor(volume, edit, before).Run(*box, calls);
@@ -272,7 +272,7 @@ EditResult ApplyEditOnce(const VolumeSnapshot& before, const VolumeSnapshot& vol
   return Run(volume, edit, calls, &before);
 }
 
-std::uint64_t MostBrickBytes(const VoxelBox& box) {
+std::uint64_t MostBrickBytes(const IndexBox& box) {
   const Vec3i min = box.min / kBrickEdge, max = box.max / kBrickEdge;
   const Vec3i count = max - min + Vec3i::Ones();
   return static_cast<std::uint64_t>(count.cast<std::int64_t>().prod()) *
@@ -283,7 +283,7 @@ std::uint64_t MostBrickBytes(const VoxelBox& box) {
 EditResult CompareBricks(const VolumeSnapshot& volume, const std::vector<BrickChange>& changes) {
   EditResult result;
   ChangeCounter counter;
-  const VoxelBox whole{Vec3i::Zero(), Vec3i::Constant(kBrickEdge - 1)};
+  const IndexBox whole{Vec3i::Zero(), Vec3i::Constant(kBrickEdge - 1)};
   for (const BrickChange& change : changes) {
     const LeafPtr& before = volume.bricks().At(change.brick);
     if (before == change.values) continue;

@@ -15,28 +15,11 @@
 #include <variant>
 #include <vector>
 
+#include "common/contract/edit.h"
 #include "common/contract/enumerations.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {
-
-struct SphereShape {
-  Vec3 center = Vec3::Zero();
-  double radius = 0.0;
-};
-
-// A box along the frame's axes, including its corners.
-struct BoxShape {
-  Vec3 min = Vec3::Zero();
-  Vec3 max = Vec3::Zero();
-};
-
-// The space that a sphere sweeps on a straight path.
-struct CapsuleShape {
-  Vec3 from = Vec3::Zero();
-  Vec3 to = Vec3::Zero();
-  double radius = 0.0;
-};
 
 // Voxels min .. min + size - 1, with one value each, x fastest. Always in the frame I, without
 // falloff.
@@ -55,15 +38,9 @@ struct VolumeEdit {
   double falloff = 0.0;   // in the frame's unit
 };
 
-// Voxels min .. max, both included.
-struct VoxelBox {
-  Vec3i min = Vec3i::Zero();
-  Vec3i max = Vec3i::Zero();
-};
-
 struct EditResult {
   std::vector<BrickChange> changes{};  // the bricks in which a value changed
-  std::optional<VoxelBox> changed{};   // the box around the changed voxels
+  std::optional<IndexBox> changed{};   // the box around the changed voxels
   std::uint64_t changed_voxels = 0;
 };
 
@@ -73,7 +50,7 @@ inline constexpr std::int64_t kMostEditedVoxels = std::int64_t{1} << 24;
 // What an edit tells and asks. An exception from any of these ends the edit.
 struct EditCalls {
   // Called with the box around the edit's region before a brick is made.
-  std::function<void(const VoxelBox& box)> box_known{};
+  std::function<void(const IndexBox& box)> box_known{};
   // Called with the share that is done, up to once for each layer of bricks. With it, an edit may
   // visit any number of voxels.
   std::function<void(double share)> progress{};
@@ -96,7 +73,7 @@ EditResult ApplyEditOnce(const VolumeSnapshot& before, const VolumeSnapshot& vol
                          const VolumeEdit& edit, const EditCalls& calls = {});
 
 // The most memory that new bricks for all voxels of the box take.
-std::uint64_t MostBrickBytes(const VoxelBox& box);
+std::uint64_t MostBrickBytes(const IndexBox& box);
 
 // Returns the result for bricks that already exist. Leaves out bricks in which no value differs.
 EditResult CompareBricks(const VolumeSnapshot& volume, const std::vector<BrickChange>& changes);

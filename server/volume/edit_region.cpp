@@ -153,10 +153,10 @@ AffineMap FrameFromIndex(const VolumeSnapshot& volume, EditFrame frame) {
 }
 
 template <class Shape>
-std::optional<VoxelBox> VoxelsOf(const VolumeSnapshot& volume, const VolumeEdit& edit,
+std::optional<IndexBox> VoxelsOf(const VolumeSnapshot& volume, const VolumeEdit& edit,
                                  const Shape& shape, std::int64_t most_voxels) {
   const AffineMap X_IF = FrameFromIndex(volume, edit.frame).Inverse();
-  VoxelBox box;
+  IndexBox box;
   bool empty = false;
   double voxels = 1.0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -208,12 +208,12 @@ void CheckEdit(const VolumeSnapshot& volume, const VolumeEdit& edit) {
   }
 }
 
-std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit,
+std::optional<IndexBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit,
                                      std::int64_t most_voxels) {
   return std::visit(
-      [&](const auto& shape) -> std::optional<VoxelBox> {
+      [&](const auto& shape) -> std::optional<IndexBox> {
         if constexpr (std::is_same_v<std::decay_t<decltype(shape)>, DenseBlock>) {
-          return VoxelBox{shape.min.template cast<int>(),
+          return IndexBox{shape.min.template cast<int>(),
                           (shape.min + shape.size).template cast<int>() - Vec3i::Ones()};
         } else {
           return VoxelsOf(volume, edit, shape, most_voxels);

@@ -19,7 +19,7 @@ void CheckEdit(const VolumeSnapshot& volume, const VolumeEdit& edit);
 // Returns the voxels of the lattice that the edit can reach; none if the shape is so small that it
 // lies between voxels. Throws kInvalidArgument for a region outside the lattice, or a block that
 // reaches beyond it; kTooLarge for more than `most_voxels`.
-std::optional<VoxelBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit,
+std::optional<IndexBox> EditedVoxels(const VolumeSnapshot& volume, const VolumeEdit& edit,
                                      std::int64_t most_voxels = kMostEditedVoxels);
 
 // One number for every voxel of a brick.

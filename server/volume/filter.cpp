@@ -103,7 +103,7 @@ class FilterRun::Worker {
   // Finds the bricks in which a voxel changed. Returns false if nothing was filtered because all
   // voxels are equal.
   bool Filter(const BrickBox& bricks, std::vector<BrickChange>& changes) {
-    const VoxelBox read = run_.ReadBy(bricks);
+    const IndexBox read = run_.ReadBy(bricks);
     if (const std::optional<float> value = OnlyValue(bricks, read)) {
       Brick filtered;
       filtered.fill(*value);
@@ -121,7 +121,7 @@ class FilterRun::Worker {
 
  private:
   // Returns the new value of all voxels of the bricks if only one value is within reach.
-  std::optional<float> OnlyValue(const BrickBox& bricks, const VoxelBox& read) const {
+  std::optional<float> OnlyValue(const BrickBox& bricks, const IndexBox& read) const {
     const float value = (*volume_.bricks().At(bricks.min))[0];
     bool only = true;
     ForEach(read.min / kBrickEdge, read.max / kBrickEdge, [&](const Vec3i& brick) {
@@ -160,7 +160,7 @@ class FilterRun::Worker {
 
   // Returns a grid in which the voxels of `read` are active. Other voxels of their bricks are also
   // there, inactive.
-  openvdb::FloatGrid::Ptr GridOf(const VoxelBox& read) const {
+  openvdb::FloatGrid::Ptr GridOf(const IndexBox& read) const {
     const openvdb::FloatGrid::Ptr grid = openvdb::FloatGrid::create(background_);
     const Vec3i last = volume_.size() - Vec3i::Ones();
     ForEach(read.min / kBrickEdge, read.max / kBrickEdge, [&](const Vec3i& brick) {
@@ -187,7 +187,7 @@ class FilterRun::Worker {
     return grid;
   }
 
-  void Median(const BrickBox& bricks, const VoxelBox& read, std::vector<BrickChange>& changes) {
+  void Median(const BrickBox& bricks, const IndexBox& read, std::vector<BrickChange>& changes) {
     const openvdb::FloatGrid::Ptr grid = GridOf(read);
     openvdb::tools::Filter<openvdb::FloatGrid>(*grid, &interrupter_)
         .median(run_.filter_.width, run_.filter_.iterations);
@@ -197,7 +197,7 @@ class FilterRun::Worker {
     });
   }
 
-  void Means(const BrickBox& bricks, const VoxelBox& read, std::vector<BrickChange>& changes) {
+  void Means(const BrickBox& bricks, const IndexBox& read, std::vector<BrickChange>& changes) {
     MeanFilter means(read.max - read.min + Vec3i::Ones(), run_.filter_.width, background_);
     // Visits the rows along z of voxels that are both in a brick and in `read`: first voxel,
     // length.
@@ -299,7 +299,7 @@ FilterRun::FilterRun(std::shared_ptr<const VolumeSnapshot> volume, const VolumeF
 
 FilterRun::~FilterRun() = default;
 
-VoxelBox FilterRun::ReadBy(const BrickBox& bricks) const {
+IndexBox FilterRun::ReadBy(const BrickBox& bricks) const {
   const Vec3i low = (bricks.min * kBrickEdge).cwiseMax(voxels_.min);
   const Vec3i high =
       (bricks.max * kBrickEdge + Vec3i::Constant(kBrickEdge - 1)).cwiseMin(voxels_.max);
@@ -309,7 +309,7 @@ VoxelBox FilterRun::ReadBy(const BrickBox& bricks) const {
 
 double FilterRun::VoxelsReadBy(const BrickBox& bricks) const {
   if (bricks.empty()) return 0.0;
-  const VoxelBox read = ReadBy(bricks);
+  const IndexBox read = ReadBy(bricks);
   return (read.max - read.min + Vec3i::Ones()).cast<double>().prod();
 }
 

@@ -99,7 +99,7 @@ class FilterRun {
   class Worker;
 
   // All voxels that the results of these bricks depend on, within the lattice.
-  VoxelBox ReadBy(const BrickBox& bricks) const;
+  IndexBox ReadBy(const BrickBox& bricks) const;
   double VoxelsReadBy(const BrickBox& bricks) const;
   double VoxelsLeft() const;
 
@@ -107,7 +107,7 @@ class FilterRun {
   const VolumeFilter filter_;
   int reach_ = 0;
   std::optional<VolumeEdit> region_;  // the region's shape and frame; none: all voxels
-  VoxelBox voxels_;                   // the box around the region
+  IndexBox voxels_;                   // the box around the region
   BrickBox bricks_;                   // the bricks of this box; empty: no voxel is in the region
   int part_edge_ = 0;                 // bricks
   Vec3i part_count_ = Vec3i::Zero();

@@ -259,8 +259,8 @@ VolumeValues ValuesFrom(const VolumeSnapshot& volume, float least, bool* is_like
     all.Add(bin, times);
     if (value != spread.background) rest.Add(bin, times);
   });
-  VolumeValues values{all.low(), all.high(), all.counts(), PeaksOf(rest), {}, false};
-  *is_like_ct = LooksLikeCt(metadata, spread, all.low(), values.peaks);
+  VolumeValues values{{all.low(), all.high(), all.counts(), PeaksOf(rest)}, {}, false};
+  *is_like_ct = LooksLikeCt(metadata, spread, all.low(), values.histogram.peaks);
   const auto suggest = [&](const char* name, double isovalue, const char* reason) {
     isovalue = std::clamp(isovalue, metadata.value_min, metadata.value_max);
     values.suggested.push_back({name, isovalue, reason});

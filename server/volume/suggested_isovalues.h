@@ -20,28 +20,18 @@
 // Systems, Man, and Cybernetics 9 (1979), pp. 62-66.
 #pragma once
 
-#include <cstdint>
-#include <string>
 #include <vector>
 
+#include "common/contract/volume.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {
-
-struct SuggestedIsovalue {
-  std::string name;  // for `palpate set isovalue NAME`
-  double isovalue = 0.0;
-  std::string reason;  // for people
-};
 
 struct VolumeValues {
   // Voxels in equal bins over low .. high. Values outside count in the first and the last bin. The
   // bins cover the volume's range, or, if a few outliers make that useless, nearly all values. Of
   // whole numbers, if there are few, each has a bin with the number in its middle.
-  double low = 0.0, high = 1.0;
-  std::vector<std::uint64_t> counts;
-  // Where counts have peaks, ascending; without the background.
-  std::vector<double> peaks;
+  ValueHistogram histogram;
   std::vector<SuggestedIsovalue> suggested;  // never empty; the first is the start
   bool has_padding = false;                  // of a CT, at the border
 };

@@ -117,11 +117,7 @@ DAEMON = {
     ],
     "watch": [
         Step("watch --json --rate-hz 500 --count 23", lines=23, keys=[
-            "tick", "time_ns", "hip_mm.2", "mode", "scp_h_mm", "scp_h_normal", "scp_v_mm",
-            "scp_v_normal", "force_n", "contact", "density", "isovalue", "settings_revision",
-            "volume_revision", "update_ns", "missed_ticks", "iterations", "buttons",
-            "stylus_orientation.3",
-        ]),
+            "tick", "hip_mm.2", "stylus_orientation.3"]),
         Step("watch --count 40", has=["samples         40,"]),
     ],
     "device": [

@@ -36,8 +36,8 @@ void CheckRegistration(const StoredRegistration& entry) {
   volume.size = entry.size.cwiseMax(2);
   volume.spacing_mm = entry.spacing_mm;
   try {
-    const Registration registration =
-        MakeRegistration(volume, entry.p_DCenter_mm, entry.R_DW, entry.device_mm_per_volume_mm);
+    const VolumePlace registration =
+        MakeVolumePlace(volume, entry.p_DCenter_mm, entry.R_DW, entry.device_mm_per_volume_mm);
     FUZZ_CHECK(registration.X_DW.linear.allFinite() && registration.X_DW.translation.allFinite());
     FUZZ_CHECK(registration.X_DW.Inverse().linear.allFinite());
   } catch (const Error&) {

@@ -16,7 +16,7 @@
 namespace palpate::fuzz {
 namespace {
 
-void CheckReading(const DeviceState& state, const DeviceSpec& spec) {
+void CheckReading(const DeviceState& state, const DeviceDescription& spec) {
   FUZZ_CHECK(state.p_DHip_mm.allFinite());
   FUZZ_CHECK(state.p_DHip_mm.norm() < 1000.0);
   FUZZ_CHECK(std::abs(state.R_DS.norm() - 1.0) < 1e-6);
@@ -71,7 +71,7 @@ void PlayFalcon(Input input) {
 }
 
 void PlayOmni(Input input) {
-  DeviceSpec spec;
+  DeviceDescription spec;
   spec.button_count = 2;
   OmniArm arm(OmniArm::Gains{3.0, -3.0, 3.0});
   DeviceState state{.calibrated = false};

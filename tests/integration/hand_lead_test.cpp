@@ -57,7 +57,7 @@ class HandLeads : public ::testing::Test {
   bool Rests(const Vec3& p_mm, double within_mm) {
     return Eventually([&] { return (NewestPose().hip_mm - p_mm).norm() < within_mm; });
   }
-  Vec3 Center() { return palpated_->GetPlacement().center_mm; }
+  Vec3 Center() { return palpated_->GetPlacement().registration.center_mm; }
   std::string LedBy() { return palpated_->GetDevice().hand_led_by; }
 
   RestartedDaemon daemon_{{"--volume", "builtin:sphere:48"}};

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/wire/values.h"
 #include "palpate/v1/activity.grpc.pb.h"
 #include "palpate/v1/registration.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"
@@ -48,11 +49,7 @@ grpc::Status Edit(const std::shared_ptr<grpc::Channel>& channel) {
   request.set_frame(v1::EDIT_FRAME_INDEX);
   request.set_operation(v1::EDIT_OPERATION_ADD);
   request.set_value(0.01);
-  request.mutable_sphere()->set_radius(3.0);
-  v1::Vector3& center = *request.mutable_sphere()->mutable_center();
-  center.set_x(8.0);
-  center.set_y(8.0);
-  center.set_z(8.0);
+  *request.mutable_sphere() = ToProto(SphereShape{Vec3(8, 8, 8), 3.0});
   v1::EditVolumeResponse response;
   return v1::VolumeService::NewStub(channel)->EditVolume(&context, request, &response);
 }

@@ -376,7 +376,7 @@ TEST_F(BricksOnTheCard, IsCastAgainOnlyAfterAChange) {
   EXPECT_EQ(rig.caster.casts(), 1 + changes.size());
 
   client::VolumeUpdate moved = testing::Edit(rig.volume, voxels, {});
-  moved.placement->X_DI.translation.x() = 1.0;
+  moved.placement->device_from_index.translation.x() = 1.0;
   rig.volume.Take(moved);
   rig.cache.TakeUp(rig.volume, SIZE_MAX);
   EXPECT_TRUE(casts_anew());

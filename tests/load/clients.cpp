@@ -4,6 +4,7 @@
 #include <random>
 #include <utility>
 
+#include "common/wire/values.h"
 #include "palpate/v1/render.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"
 #include "server/realtime/tick_timer.h"
@@ -89,10 +90,8 @@ std::function<grpc::Status(std::uint64_t)> EditCalls(const std::string& target, 
     request.set_operation(v1::EDIT_OPERATION_ADD);
     request.set_value(amount(*random));
     request.set_falloff(3.0);
-    request.mutable_sphere()->set_radius(5.0);
-    request.mutable_sphere()->mutable_center()->set_x(place(*random));
-    request.mutable_sphere()->mutable_center()->set_y(place(*random));
-    request.mutable_sphere()->mutable_center()->set_z(place(*random));
+    *request.mutable_sphere() =
+        ToProto(SphereShape{Vec3{place(*random), place(*random), place(*random)}, 5.0});
     grpc::ClientContext context;
     SetDeadline(context);
     v1::EditVolumeResponse response;
@@ -139,7 +138,6 @@ void Subscriber::Take(const v1::StreamPosesResponse& message) {
                          sample.time_ns(), sample.update_ns(), IsContactFault(sample)});
   }
   ages_ns_.push_back(MonotonicNowNs() - message.samples().rbegin()->time_ns());
-  dropped_ = message.dropped_samples();
   newest_ = message.message_number();
 }
 

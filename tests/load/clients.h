@@ -83,7 +83,6 @@ class Subscriber final
   const std::vector<Received>& received() const { return received_; }
   // Of each message's newest sample on arrival; the daemon's clock is ours.
   const std::vector<std::int64_t>& ages_ns() const { return ages_ns_; }
-  std::uint64_t dropped() const { return dropped_; }
   // Before Stop ended it.
   const std::string& error() const { return error_; }
 
@@ -111,7 +110,6 @@ class Subscriber final
   std::uint64_t acknowledged_ = 0;
   std::vector<Received> received_;
   std::vector<std::int64_t> ages_ns_;
-  std::uint64_t dropped_ = 0;
   std::string error_;
 };
 

@@ -93,7 +93,8 @@ class Script:
             self.refused[name] = self.refused.get(name, 0) + 1
             text = str(error)
             clear = f"{BUDGET_MIB} MiB" in text and "volume.memory_budget_mib" in text
-            other = "voxels" in text or "No space left" in text  # an edit's limit; the disk's
+            # An edit's limit; the disk's, seen before or on the way.
+            other = any(words in text for words in ("voxels", "No space left", "make space"))
             if not clear and not other:
                 self.wrong.append(f"{name}: refused unclearly: {text}")
         except BUSY:

@@ -3,9 +3,11 @@
 import unittest
 
 import numpy as np
+from google.protobuf import descriptor_pool
 
 import palpate
-from palpate.v1 import device_pb2, pose_pb2, render_pb2, setting_pb2
+from palpate import _word
+from palpate.v1 import render_pb2, setting_pb2
 from support import DaemonTest, wait_until
 
 
@@ -118,17 +120,12 @@ class SettingsTest(DaemonTest):
                 self.conn.settings.update(isovalue=0.4, expected_revision=revision)
 
     def test_the_enumerations_are_the_contracts(self):
-        pairs = ((palpate.ProxyMode, pose_pb2.ProxyMode, "PROXY_MODE_"),
-                 (palpate.FreeSide, render_pb2.FreeSide, "FREE_SIDE_"),
-                 (palpate.DecompositionMethod, render_pb2.DecompositionMethod,
-                  "DECOMPOSITION_METHOD_"),
-                 (palpate.ForceState, device_pb2.ForceState, "FORCE_STATE_"),
-                 (palpate.ForceReason, device_pb2.ForceReason, "FORCE_REASON_"),
-                 (palpate.DeviceConnection, device_pb2.DeviceConnection, "DEVICE_CONNECTION_"),
-                 (palpate.VerificationLevel, device_pb2.VerificationLevel, "VERIFICATION_LEVEL_"))
-        for ours, theirs, prefix in pairs:
-            self.assertEqual({prefix + member.name: member.value for member in ours},
-                             {name: number for name, number in theirs.items() if number}, prefix)
+        pool = descriptor_pool.Default()
+        for kind in _word.Word.__subclasses__():
+            theirs = pool.FindEnumTypeByName(f"palpate.v1.{kind.__name__}").values
+            self.assertEqual([int(one) for one in kind], [value.number for value in theirs[1:]])
+            for one, value in zip(kind, theirs[1:]):
+                self.assertTrue(value.name.endswith("_" + one.name), value.name)
 
 
 if __name__ == "__main__":

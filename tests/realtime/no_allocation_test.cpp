@@ -99,7 +99,7 @@ TEST(NoAllocation, TheCountSeesAnAllocation) {
 }
 
 TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   SimulatedDevice device(
       std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1));
   device.Start();

@@ -16,9 +16,7 @@
 
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/pose.grpc.pb.h"
-#include "palpate/v1/registration.grpc.pb.h"
 #include "palpate/v1/render.grpc.pb.h"
-#include "palpate/v1/volume.grpc.pb.h"
 #include "tests/support/patience.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
@@ -64,9 +62,7 @@ class Daemon {
     channel_ = grpc::CreateChannel("unix:" + socket_.string(), grpc::InsecureChannelCredentials());
     poses = v1::PoseService::NewStub(channel_);
     render = v1::RenderService::NewStub(channel_);
-    volume = v1::VolumeService::NewStub(channel_);
     device = v1::DeviceService::NewStub(channel_);
-    registration = v1::RegistrationService::NewStub(channel_);
   }
 
   // Ends the daemon in order, unless the test has ended it. The test fails if the daemon crashes,
@@ -93,9 +89,7 @@ class Daemon {
 
   std::unique_ptr<v1::PoseService::Stub> poses;
   std::unique_ptr<v1::RenderService::Stub> render;
-  std::unique_ptr<v1::VolumeService::Stub> volume;
   std::unique_ptr<v1::DeviceService::Stub> device;
-  std::unique_ptr<v1::RegistrationService::Stub> registration;
 
  private:
   static bool Holds(const std::filesystem::path& file, const std::string& text) {
@@ -140,14 +134,12 @@ class PoseCollector {
     }
     return samples_;
   }
-  std::uint64_t dropped() const { return dropped_; }
 
  private:
   void Read() {
     v1::StreamPosesResponse message;
     while (stream_->Read(&message)) {
       samples_.insert(samples_.end(), message.samples().begin(), message.samples().end());
-      dropped_ = message.dropped_samples();
       v1::StreamPosesRequest acknowledge;
       acknowledge.mutable_acknowledgement()->set_message_number(message.message_number());
       stream_->Write(acknowledge);
@@ -158,7 +150,6 @@ class PoseCollector {
   std::unique_ptr<grpc::ClientReaderWriter<v1::StreamPosesRequest, v1::StreamPosesResponse>>
       stream_;
   std::vector<v1::PoseSample> samples_;
-  std::uint64_t dropped_ = 0;
   std::thread thread_;
 };
 

@@ -32,7 +32,7 @@ class EditableSession {
   SceneInbox& inbox() { return inbox_; }
   TickOutbox& outbox() { return *outbox_; }
   Pump& pump() { return pump_; }
-  const DeviceSpec& device() const { return device_; }
+  const DeviceDescription& device() const { return device_; }
   std::shared_ptr<const VolumeSnapshot> volume() const { return session_.volume().volume; }
   ContentHash hash() const { return volume()->bricks().content_hash(); }
 
@@ -71,7 +71,7 @@ class EditableSession {
   }
 
  private:
-  DeviceSpec device_ = SimulatedDeviceSpec();
+  DeviceDescription device_ = SimulatedDeviceSpec();
   SceneInbox inbox_;
   std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
   Pump pump_{*outbox_};

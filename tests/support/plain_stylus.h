@@ -101,7 +101,7 @@ class PlainProtocol final : public UsbProtocol {
     match_.data_class = 10;
   }
 
-  const DeviceSpec& spec() const override { return spec_; }
+  const DeviceDescription& spec() const override { return spec_; }
   const UsbMatch& match() const override { return match_; }
 
   std::string SetUp(UsbLink& link, const std::atomic<bool>&) override {
@@ -137,7 +137,7 @@ class PlainProtocol final : public UsbProtocol {
  private:
   const bool answers_;
   std::uint8_t last_number_ = 0;
-  DeviceSpec spec_;
+  DeviceDescription spec_;
   UsbMatch match_;
 };
 

@@ -64,7 +64,7 @@ class RecordingControlRig : public ::testing::Test, protected RunningSession {
   void TearDown() override { RunningSession::Stop(); }
 
   static std::unique_ptr<StylusScript> Exploring() {
-    const DeviceSpec spec = SimulatedDeviceSpec();
+    const DeviceDescription spec = SimulatedDeviceSpec();
     return std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1);
   }
   std::string File(const std::string& name) const { return (folder_.path() / name).string(); }

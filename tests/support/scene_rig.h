@@ -41,7 +41,7 @@ inline std::vector<BrickChange> Carve(const VolumeSnapshot& volume, std::mt19937
 class SceneRig {
  public:
   explicit SceneRig(std::shared_ptr<const VolumeSnapshot> volume,
-                    const DeviceSpec& spec = SimulatedDeviceSpec())
+                    const DeviceDescription& spec = SimulatedDeviceSpec())
       : device_(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1), spec),
         tick_(device_) {
     device_.Start();

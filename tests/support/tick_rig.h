@@ -48,7 +48,7 @@ class FakeDevice final : public HapticDevice {
     spec_.continuous_force_n = 0.88;
     spec_.verification_level = level;
   }
-  const DeviceSpec& spec() const override { return spec_; }
+  const DeviceDescription& spec() const override { return spec_; }
   void Start() override {}
   void Stop() noexcept override {}
   DeviceStatus Read(DeviceState& state) noexcept override {
@@ -64,7 +64,7 @@ class FakeDevice final : public HapticDevice {
   bool motors_on = false;
 
  private:
-  DeviceSpec spec_;
+  DeviceDescription spec_;
 };
 
 }  // namespace palpate::testing

@@ -57,7 +57,7 @@ inline client::VolumeUpdate WholeVolume(const VoxelArray& voxels, const AffineMa
   lattice.value_max = *std::max_element(voxels.values.begin(), voxels.values.end());
   lattice.type = type;
   update.lattice = lattice;
-  update.placement.emplace().X_DI = X_DI;
+  update.placement.emplace().device_from_index = X_DI;
   update.bricks = BricksOf(voxels, type).Share();
   update.changed = {{0, lattice.Bricks()}};
   update.complete.emplace();
@@ -70,7 +70,7 @@ inline client::VolumeUpdate Edit(const view::ViewVolume& volume, const VoxelArra
                                  LeafType type = LeafType::kFloat) {
   client::VolumeUpdate update;
   update.lattice = volume.lattice();
-  update.placement.emplace().X_DI = volume.X_DI().value();
+  update.placement.emplace().device_from_index = volume.X_DI().value();
   const Vec3i counts = update.lattice->BrickCounts();
   BrickMap map(counts, TypedBrick::Constant(LeafType::kFloat, update.lattice->Background()));
   map.CopyFrom(volume.bricks(), {0, map.size()});

@@ -79,8 +79,8 @@ TEST(DeviceWords, HealthLeavesOutWhatSaysNothing) {
   }
 }
 
-client::ServoInfo Ticked(std::uint64_t ticks, std::uint64_t missed) {
-  client::ServoInfo servo;
+client::ServoDescription Ticked(std::uint64_t ticks, std::uint64_t missed) {
+  client::ServoDescription servo;
   servo.ticks = ticks;
   servo.missed_ticks = missed;
   return servo;

@@ -10,7 +10,6 @@
 #include <string>
 
 #include "client/cli/output.h"
-#include "client/cli/sample_json.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"
 

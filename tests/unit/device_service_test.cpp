@@ -3,9 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
 #include <atomic>
-#include <cctype>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -13,7 +11,6 @@
 #include <string>
 
 #include "common/error/error.h"
-#include "server/rpc/device_messages.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"
@@ -29,11 +26,10 @@ class FakeDevice : public HapticDevice {
   explicit FakeDevice(VerificationLevel level) {
     spec_ = SimulatedDeviceSpec();
     spec_.kind = "fake-usb";
-    spec_.max_stiffness_n_per_mm = 0.7;
     spec_.verification_level = level;
   }
 
-  const DeviceSpec& spec() const override { return spec_; }
+  const DeviceDescription& spec() const override { return spec_; }
   void Start() override {}
   void Stop() noexcept override {}
   DeviceStatus Read(DeviceState& state) noexcept override {
@@ -63,7 +59,7 @@ class FakeDevice : public HapticDevice {
   std::atomic<int> pushes{0};
 
  private:
-  DeviceSpec spec_;
+  DeviceDescription spec_;
   mutable std::mutex mutex_;
   DeviceHealth health_{.connection = DeviceConnection::kStreaming, .calibrated = true};
 };
@@ -241,7 +237,8 @@ TEST(DeviceService, ADeviceThatIsGoneSaysWhatIsWrong) {
   DeviceServiceRig rig;
   rig.device.status = DeviceStatus::kFault;
   EXPECT_EQ(rig.Enable("fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
-  rig.device.SetHealth({.problem = "no fake on any port: plug it in"});
+  rig.device.SetHealth(
+      {.connection = DeviceConnection::kAbsent, .problem = "no fake on any port: plug it in"});
   const grpc::Status status = rig.Enable("fake-usb");
   EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
   EXPECT_TRUE(Has(status, "no fake on any port: plug it in")) << status.error_message();
@@ -317,35 +314,6 @@ TEST(DeviceService, AnswersWhileThePumpStandsStill) {
   }
   ASSERT_TRUE(rig.Disable().ok());
   EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_OFF);
-}
-
-TEST(DeviceService, GetDeviceTellsAll) {
-  DeviceServiceRig rig;
-  rig.device.SetHealth({.connection = DeviceConnection::kConnecting,
-                        .docked = true,
-                        .calibrated = true,
-                        .identity = "serial 7",
-                        .problem = "p",
-                        .readings = 1,
-                        .forces_written = 2,
-                        .lost_readings = 3,
-                        .corrupt_frames = 4,
-                        .transfer_errors = 5,
-                        .connections = 6,
-                        .watchdog_zeros = 7});
-  ASSERT_TRUE(rig.Becomes(v1::FORCE_STATE_OFF));
-  const v1::GetDeviceResponse response = rig.Get();
-  EXPECT_EQ(response.device().max_stiffness_n_per_mm(), 0.7);
-  EXPECT_EQ(response.device().verification_level(), v1::VERIFICATION_LEVEL_NONE);
-  const v1::DeviceHealth& health = response.health();
-  const auto* fields = v1::DeviceHealth::descriptor();
-  for (int n = 0; n < fields->field_count(); ++n) {
-    EXPECT_TRUE(health.GetReflection()->HasField(health, fields->field(n)))
-        << fields->field(n)->name();
-  }
-  EXPECT_EQ(health.readings(), 1u);
-  EXPECT_EQ(health.watchdog_zeros(), 7u);
-  EXPECT_GT(response.forces().limit_n(), 0.0);
 }
 
 TEST(DeviceService, TheListMarksTheOneInUseAndTellsWhyThereIsNone) {

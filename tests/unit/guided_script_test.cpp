@@ -26,7 +26,7 @@ using test::SameBits;
 constexpr double kStiffness = 0.5;  // N/mm
 
 std::unique_ptr<StylusScript> Explore() {
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   return std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1);
 }
 

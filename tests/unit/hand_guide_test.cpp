@@ -22,7 +22,7 @@ class HandGuideTest : public ::testing::Test, public testing::EditableSession {
 
   void MoveUp(double mm) {
     session().Move([mm](const VolumeState& now) {
-      Registration moved = now.registration;
+      VolumePlace moved = now.registration;
       moved.X_DW.translation += Vec3(0.0, mm, 0.0);
       return moved;
     });

@@ -19,6 +19,7 @@ LAYERS = {
     "common/bricks": ["common/error", "common/geometry"],
     "common/contract": [],
     "common/error": [],
+    "common/fields": ["common/geometry"],
     "common/files": ["common/error", "common/geometry"],
     "common/geometry": [],
     "common/isosurface": ["common/geometry"],
@@ -94,7 +95,7 @@ LAYERS = {
                        "client/web/nats", "client/web/source", "client/web/volume"],
     "client/vdb": ["common/bricks", "common/error", "common/files", "common/geometry"],
     "client/download": COMMON + ["client/sdk", "client/vdb"],
-    "client/cli": COMMON + ["common/arguments", "common/wire", "client/interrupt",
+    "client/cli": COMMON + ["common/arguments", "common/fields", "common/wire", "client/interrupt",
                             "client/doctor", "client/download", "client/options", "client/sdk",
                             "client/vdb"],
     "client/shading": [],
@@ -277,9 +278,14 @@ class IncludeLayers(unittest.TestCase):
                  else "client/sdk/" + path for path in listed}
         # What the build writes from the contract is in no folder of the tree.
         written = {header for header in others if re.match("(common|client)/", header)}
-        self.assertEqual(written, {"client/sdk/setting_list.h", "common/contract/enumerations.h"})
+        self.assertIn("${PALPATE_CONTRACT_HEADERS}", installed)
+        files = re.search(r"set\(values ([\w ]+)\)",
+                          (ROOT / "proto/generate/CMakeLists.txt").read_text())[1].split()
+        settings = "client/sdk/setting_list.h"
+        self.assertEqual(written, {settings} | {f"common/contract/{file}.h"
+                                                for file in [*files, "enumerations"]})
         self.assertEqual({path.replace("${PALPATE_CONTRACT_FOLDER}/", "") for path in paths},
-                         own | written | {"common/contract/enumeration.h"})  # what is written has it
+                         own | {settings, "common/contract/enumeration.h"})  # what is written has it
 
     def test_one_file_includes_cli11(self):
         users = [str(path.relative_to(ROOT)) for top in ("common", "server", "client", "tests")

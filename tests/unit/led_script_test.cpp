@@ -34,19 +34,19 @@ constexpr double kWallNPerMm = 0.5;  // N/mm
 constexpr double kTurn = 2.0 * std::numbers::pi;
 
 std::unique_ptr<StylusScript> Explorer() {
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   return std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1);
 }
 
 // So fine that speeds can be read off the places.
-DeviceSpec FineSpec() {
-  DeviceSpec spec = SimulatedDeviceSpec();
+DeviceDescription FineSpec() {
+  DeviceDescription spec = SimulatedDeviceSpec();
   spec.position_resolution_mm = 1e-9;
   return spec;
 }
 
 std::unique_ptr<LedScript> Led(LedHand& led, std::unique_ptr<StylusScript> unled = Explorer()) {
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   return std::make_unique<LedScript>(std::move(unled), led, spec.workspace_min_mm,
                                      spec.workspace_max_mm);
 }
@@ -186,7 +186,7 @@ TEST_F(LedTest, AForceDeflectsItAsASpringDoes) {
 }
 
 TEST_F(LedTest, TargetsBeyondTheWorkspaceCountAsItsNearestPlace) {
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   for (const double far_mm : {100.0, 1e6, 1e300}) {
     Settle(Vec3(far_mm, -far_mm, 7.0));
     const Vec3 nearest_mm(spec.workspace_max_mm.x(), spec.workspace_min_mm.y(), 7.0);
@@ -300,7 +300,7 @@ TEST_F(LedTest, ItsButtonsAreThePersons) {
 TEST_F(LedTest, AttackedItStaysFiniteBoundedAndTheSame) {
   const auto attack = [] {
     LedHand led;
-    const DeviceSpec spec = SimulatedDeviceSpec();
+    const DeviceDescription spec = SimulatedDeviceSpec();
     SimulatedDevice device(Led(led), spec);
     device.Start();
     std::mt19937_64 random(11);

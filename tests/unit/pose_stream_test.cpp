@@ -1,6 +1,7 @@
 // What a subscriber gets: rate, batches, newest wins, the window.
 #include "server/rpc/pose_stream.h"
 #include "common/contract/enumerations.h"
+#include "server/samples/pose_of.h"
 
 #include <gtest/gtest.h>
 
@@ -127,32 +128,57 @@ TEST(PoseStream, AForgedAcknowledgementOpensNothing) {
   EXPECT_FALSE(stream.HasMessage());
 }
 
-TEST(PoseSample, LeavesOutWhatIsAbsent) {
+TEST(PoseSample, HasTheFieldsOfTheTick) {
   TickSample sample;
-  EXPECT_FALSE(ToProto(sample).has_scp_v_mm());
-  EXPECT_FALSE(ToProto(sample).has_scp_h_normal());
-  sample.contact = true;
-  sample.has_scp_v = true;
-  sample.mode = ProxyMode::kConstrained;
-  sample.scp_v_mm = {1, 2, 3};
-  const v1::PoseSample message = ToProto(sample);
-  EXPECT_EQ(message.scp_v_mm().z(), 3.0);
-  EXPECT_TRUE(message.has_scp_h_normal());
-  EXPECT_EQ(message.mode(), v1::PROXY_MODE_CONSTRAINED);
+  sample.tick = 1;
+  sample.time_ns = 2;
+  sample.hip_mm = {3, 4, 5};
+  sample.scp_h_mm = {6, 7, 8};
+  sample.stylus_orientation = {9, 10, 11, 12};
+  sample.buttons = 13;
+  sample.force_n = {14, 15, 16};
+  sample.mode = ProxyMode::kEjecting;
+  sample.density = 17;
+  sample.isovalue = 18;
+  sample.settings_revision = 19;
+  sample.volume_revision = 20;
+  sample.update_ns = 21;
+  sample.missed_ticks = 22;
+  sample.iterations = 23;
+  sample.capped_ticks = 24;
+  sample.free_side = FreeSide::kAbove;
+  sample.force_state = ForceState::kHeld;
+  sample.force_reason = ForceReason::kStale;
+  sample.force_limit_n = 25;
+  EXPECT_EQ(PoseOf(sample), (PoseSample{.tick = 1,
+                                        .time_ns = 2,
+                                        .hip_mm = Vec3(3, 4, 5),
+                                        .scp_h_mm = Vec3(6, 7, 8),
+                                        .stylus_orientation = {9, 10, 11, 12},
+                                        .buttons = 13,
+                                        .force_n = Vec3(14, 15, 16),
+                                        .mode = ProxyMode::kEjecting,
+                                        .density = 17,
+                                        .isovalue = 18,
+                                        .settings_revision = 19,
+                                        .volume_revision = 20,
+                                        .update_ns = 21,
+                                        .missed_ticks = 22,
+                                        .iterations = 23,
+                                        .capped_ticks = 24,
+                                        .free_side = FreeSide::kAbove,
+                                        .forces = {ForceState::kHeld, ForceReason::kStale, 25}}));
 }
 
-TEST(PoseSample, EveryStateAndReasonOfForcesHasItsOwnOnTheWire) {
+TEST(PoseSample, LeavesOutWhatIsAbsent) {
   TickSample sample;
-  sample.force_limit_n = 1.25;
-  for (int n = 1; n <= static_cast<int>(ForceState::kStopped); ++n) {
-    sample.force_state = static_cast<ForceState>(n);
-    EXPECT_EQ(ToProto(sample).forces().state(), n);
-  }
-  for (int n = 1; n <= static_cast<int>(ForceReason::kStopButton); ++n) {
-    sample.force_reason = static_cast<ForceReason>(n);
-    EXPECT_EQ(ToProto(sample).forces().reason(), n);
-  }
-  EXPECT_EQ(ToProto(sample).forces().limit_n(), 1.25);
+  EXPECT_FALSE(PoseOf(sample).scp_v_mm);
+  EXPECT_FALSE(PoseOf(sample).scp_h_normal);
+  sample.contact = true;
+  sample.has_scp_v = true;
+  sample.scp_v_mm = {1, 2, 3};
+  EXPECT_EQ(PoseOf(sample).scp_v_mm, Vec3(1, 2, 3));
+  EXPECT_TRUE(PoseOf(sample).scp_h_normal);
 }
 
 // What the safety stage would let through does not come, either: its input is zero.
@@ -160,32 +186,19 @@ TEST(PoseSample, NothingActsInAReplay) {
   TickSample sample;
   sample.force_state = ForceState::kOn;
   sample.force_reason = ForceReason::kNone;
-  EXPECT_FALSE(ToProto(sample).replayed());
+  EXPECT_FALSE(PoseOf(sample).replayed);
   sample.replayed = true;
-  EXPECT_TRUE(ToProto(sample).replayed());
+  EXPECT_TRUE(PoseOf(sample).replayed);
   for (const ForceState state : {ForceState::kOn, ForceState::kRampIn}) {
     sample.force_state = state;
-    EXPECT_EQ(ToProto(sample).forces().state(), v1::FORCE_STATE_HELD);
-    EXPECT_EQ(ToProto(sample).forces().reason(), v1::FORCE_REASON_REPLAY);
+    EXPECT_EQ(PoseOf(sample).forces.state, ForceState::kHeld);
+    EXPECT_EQ(PoseOf(sample).forces.reason, ForceReason::kReplay);
   }
   // The other states outlast the replay.
   sample.force_state = ForceState::kStopped;
   sample.force_reason = ForceReason::kStopCall;
-  EXPECT_EQ(ToProto(sample).forces().state(), v1::FORCE_STATE_STOPPED);
-  EXPECT_EQ(ToProto(sample).forces().reason(), v1::FORCE_REASON_STOP_CALL);
-}
-
-TEST(PoseSample, EveryModeHasItsOwnOnTheWire) {
-  TickSample sample;
-  for (const auto& [mode, name] : {std::pair{ProxyMode::kFree, v1::PROXY_MODE_FREE},
-                                   {ProxyMode::kConstrained, v1::PROXY_MODE_CONSTRAINED},
-                                   {ProxyMode::kEjecting, v1::PROXY_MODE_EJECTING},
-                                   {ProxyMode::kFault, v1::PROXY_MODE_FAULT},
-                                   {ProxyMode::kSuspended, v1::PROXY_MODE_SUSPENDED},
-                                   {ProxyMode::kInside, v1::PROXY_MODE_INSIDE}}) {
-    sample.mode = mode;
-    EXPECT_EQ(ToProto(sample).mode(), name);
-  }
+  EXPECT_EQ(PoseOf(sample).forces.state, ForceState::kStopped);
+  EXPECT_EQ(PoseOf(sample).forces.reason, ForceReason::kStopCall);
 }
 
 }  // namespace

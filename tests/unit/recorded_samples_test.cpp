@@ -96,12 +96,12 @@ TEST(CsvExport, MarkersStandOnTheirTick) {
       writer.AppendSamples(std::vector{sample});
     };
     append(0);
-    writer.Append(RecordedMarker{.tick = 1, .time_ns = 100, .text = "trial \"7\""});
+    writer.Append(TimedMarker{.tick = 1, .time_ns = 100, .text = "trial \"7\""});
     append(1);
     // Recordings before version 6: at any tick nearby.
-    writer.Append(RecordedMarker{.tick = 2, .time_ns = 199, .text = "left"});
+    writer.Append(TimedMarker{.tick = 2, .time_ns = 199, .text = "left"});
     append(2);
-    writer.Append(RecordedMarker{.tick = 3, .time_ns = 250, .text = "end, of it"});
+    writer.Append(TimedMarker{.tick = 3, .time_ns = 250, .text = "end, of it"});
   });
   const std::vector<std::string> lines = Split(Table(bytes), '\n');
   ASSERT_EQ(lines.size(), 4u);

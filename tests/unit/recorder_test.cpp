@@ -109,7 +109,7 @@ constexpr std::uint64_t kHeld = kSamplesPerChunk + 1;
 struct Recorded {
   std::vector<TickSample> samples{};
   std::vector<RecordedScene> scenes{};
-  std::vector<RecordedMarker> markers{};
+  std::vector<TimedMarker> markers{};
   std::vector<RecordedGap> gaps{};
   bool complete = false;
 };
@@ -118,7 +118,7 @@ Recorded ReadRecorded(const std::string& bytes) {
   RecordingReader reader = ReadBytes(bytes);
   const std::vector<RecordedChunk> chunks = testing::ReadAll(reader);
   return {testing::SamplesIn(chunks), testing::Only<RecordedScene>(chunks),
-          testing::Only<RecordedMarker>(chunks), testing::Only<RecordedGap>(chunks),
+          testing::Only<TimedMarker>(chunks), testing::Only<RecordedGap>(chunks),
           reader.complete()};
 }
 
@@ -215,12 +215,12 @@ struct Places {
 // The texts of the markers are their numbers.
 Places PlacesOfMarkers(const std::string& bytes, std::uint64_t first_tick) {
   Places places;
-  for (const RecordedMarker& marker : ReadRecorded(bytes).markers) {
+  for (const TimedMarker& marker : ReadRecorded(bytes).markers) {
     places.marker.push_back(marker.tick);
   }
   RecordingReader to_outline = ReadBytes(bytes);
-  for (const PlacedMarker& marker : ReadOutline(to_outline, [] { return false; }).markers) {
-    places.outline.push_back(first_tick + marker.place);
+  for (const RecordedMarker& marker : ReadOutline(to_outline, [] { return false; }).markers) {
+    places.outline.push_back(first_tick + marker.tick);
   }
   RecordingReader to_table = ReadBytes(bytes);
   std::stringstream table;

@@ -125,7 +125,7 @@ void WriteWithTexts(const std::string& file, const std::string& to, int count) {
   after.pop_back();
   for (const RecordedSamples& samples : after) writer.AppendSamples(samples);
   for (int n = 0; n < count; ++n) {
-    writer.Append(RecordedMarker{.tick = *writer.next_tick(), .text = std::string(4096, 'x')});
+    writer.Append(TimedMarker{.tick = *writer.next_tick(), .text = std::string(4096, 'x')});
   }
   writer.AppendSamples(last);
   writer.AppendEnd();
@@ -210,7 +210,7 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
   std::vector<std::string> markers;
   std::uint64_t ticks = 0;
   std::set<std::uint64_t> hashes;
-  std::vector<PlacedMarker> timeline;
+  std::vector<RecordedMarker> timeline;
   control_.Replay(
       File("a"), {},
       [&](const ReplayReport& now) {
@@ -438,7 +438,7 @@ TEST_F(RecordingControlTest, TheVolumeLiesWhereItDid) {
   control_.Start(File("a"), false);
   AwaitTicks(50);
   session().Move([](const VolumeState& state) {
-    Registration moved = state.registration;
+    VolumePlace moved = state.registration;
     moved.X_DW.translation += Vec3(3.0, 0.0, 0.0);
     return moved;
   });

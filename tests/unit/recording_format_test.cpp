@@ -92,7 +92,7 @@ std::string SmallRecording() {
   const auto bytes = std::make_shared<std::string>();
   RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test 1.0");
   writer.Append(SceneAt(7));
-  writer.Append(RecordedMarker{.tick = 7, .time_ns = -5, .text = "trial \"1\", left"});
+  writer.Append(TimedMarker{.tick = 7, .time_ns = -5, .text = "trial \"1\", left"});
   writer.AppendSamples(RandomSamples(7, 4));
   writer.Append(RecordedEdit{.tick = 13,
                              .base_revision = 3,
@@ -139,7 +139,7 @@ TEST(RecordingFormat, EverythingComesBack) {
   const std::vector<RecordedChunk> chunks = ReadAll(reader);
   ASSERT_EQ(chunks.size(), 8u);
   ExpectSameScene(SceneAt(7), std::get<RecordedScene>(chunks[0]));
-  const auto& marker = std::get<RecordedMarker>(chunks[1]);
+  const auto& marker = std::get<TimedMarker>(chunks[1]);
   EXPECT_EQ(marker.tick, 7u);
   EXPECT_EQ(marker.time_ns, -5);
   EXPECT_EQ(marker.text, "trial \"1\", left");
@@ -217,7 +217,7 @@ TEST(RecordingFormat, EveryChangedByteIsSeen) {
 
 TEST(RecordingFormat, ChunksThatAreMissingOrTwiceAreSeen) {
   const std::string header = FrameHeader({.program = "test"});
-  const Payload marker = EncodeChunk(RecordedMarker{.text = "m"});
+  const Payload marker = EncodeChunk(TimedMarker{.text = "m"});
   const Payload end = EncodeChunk(RecordedEnd{});
   const auto is_complete = [&](std::uint64_t second, std::uint64_t last) {
     RecordingReader reader = ReadBytes(header + FrameChunk(marker, 0) + FrameChunk(marker, second) +
@@ -259,11 +259,11 @@ TEST(RecordingFormat, TextsThatNobodyWritesAreDamaged) {
   RecordedScene scene = SceneAt(1);
   scene.volume_source = std::string(20'000, 'x');
   for (const RecordedChunk& chunk :
-       {RecordedChunk(RecordedMarker{.text = std::string(4097, 'x')}), RecordedChunk(scene)}) {
+       {RecordedChunk(TimedMarker{.text = std::string(4097, 'x')}), RecordedChunk(scene)}) {
     const Payload payload = EncodeChunk(chunk);
     EXPECT_THROW(DecodeChunk(payload), DamagedBytes);
   }
-  EXPECT_NO_THROW(DecodeChunk(EncodeChunk(RecordedMarker{.text = std::string(4096, 'x')})));
+  EXPECT_NO_THROW(DecodeChunk(EncodeChunk(TimedMarker{.text = std::string(4096, 'x')})));
 }
 
 TEST(RecordingFormat, AChunkOfNoKindIsDamaged) {

@@ -284,7 +284,7 @@ TEST_F(RecordingReplay, ScenesThatCannotBeAreRefused) {
 // Passivity control as that device needs it, and not as an Omni does.
 TEST_F(RecordingReplay, GivesTheSameBitsOfAnotherDevice) {
   const auto volume = Gyroid();
-  DeviceSpec spec = SimulatedDeviceSpec();
+  DeviceDescription spec = SimulatedDeviceSpec();
   spec.position_resolution_mm = 25.4 / 400.0;
   spec.max_force_n = 2.0;
   SceneRig rig(volume, spec);

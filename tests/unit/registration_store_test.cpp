@@ -25,13 +25,13 @@ VolumeMetadata VolumeOf(const std::string& source) {
   return metadata;
 }
 
-Registration At(const VolumeMetadata& volume, double x_mm) {
-  return MakeRegistration(volume, Vec3(x_mm, 1.0 / 3.0, -1e-7),
-                          Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())),
-                          2.0 / 3.0);
+VolumePlace At(const VolumeMetadata& volume, double x_mm) {
+  return MakeVolumePlace(volume, Vec3(x_mm, 1.0 / 3.0, -1e-7),
+                         Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())),
+                         2.0 / 3.0);
 }
 
-void ExpectSamePlace(const std::optional<Registration>& found, const Registration& kept) {
+void ExpectSamePlace(const std::optional<VolumePlace>& found, const VolumePlace& kept) {
   ASSERT_TRUE(found.has_value());
   EXPECT_EQ(found->p_DCenter_mm, kept.p_DCenter_mm);
   EXPECT_EQ(found->R_DW.coeffs(), kept.R_DW.coeffs());
@@ -286,19 +286,19 @@ TEST_F(RegistrationStoreTest, ASessionUsesIt) {
     const auto load = [&](const LoadRequest& request) {
       return session.Load(request, testing::kQuiet, testing::kNever).registration;
     };
-    const auto move = [&](const RegistrationUpdate& update) {
+    const auto move = [&](const UpdateRegistrationRequest& update) {
       session.Move([&](const VolumeState& state) {
         return Apply(update, state.volume->metadata(), data.device(), state.registration);
       });
     };
     const LoadRequest bumps{.source = "builtin:bumps:16"};
-    const Registration first = load(bumps);
+    const VolumePlace first = load(bumps);
     EXPECT_EQ(first.p_DCenter_mm, restarted ? center_mm : Vec3::Zero());
-    move({.p_DCenter_mm = center_mm});
+    move({.center_mm = center_mm});
     // A move that is refused is not kept.
     EXPECT_THROW(move({.scale_by = 0.0}), Error);
     EXPECT_EQ(load({.source = "builtin:gyroid:16"}).p_DCenter_mm, Vec3::Zero());
-    const Registration again = load(bumps);
+    const VolumePlace again = load(bumps);
     EXPECT_EQ(again.p_DCenter_mm, center_mm);
     EXPECT_EQ(again.device_mm_per_volume_mm, first.device_mm_per_volume_mm);
     // The scale that is asked for wins; the rest stays.

@@ -46,16 +46,16 @@ Eigen::Quaterniond TurnAbout(double angle_rad, const Vec3& axis) {
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, axis.normalized()));
 }
 
-Registration Change(const Registration& from, const RegistrationUpdate& update,
-                    const VolumeMetadata& volume = OddVolume()) {
+VolumePlace Change(const VolumePlace& from, const UpdateRegistrationRequest& update,
+                   const VolumeMetadata& volume = OddVolume()) {
   return Apply(update, volume, SimulatedDeviceSpec(), from);
 }
 
-Registration Fit(const VolumeMetadata& volume = OddVolume()) {
+VolumePlace Fit(const VolumeMetadata& volume = OddVolume()) {
   return FitToWorkspace(volume, SimulatedDeviceSpec(), std::nullopt);
 }
 
-void ExpectSame(const Registration& a, const Registration& b) {
+void ExpectSame(const VolumePlace& a, const VolumePlace& b) {
   EXPECT_EQ(a.device_mm_per_volume_mm, b.device_mm_per_volume_mm);
   EXPECT_EQ(a.p_DCenter_mm, b.p_DCenter_mm);
   EXPECT_EQ(a.R_DW.coeffs(), b.R_DW.coeffs());
@@ -64,18 +64,18 @@ void ExpectSame(const Registration& a, const Registration& b) {
 }
 
 // How far X_DW is from scale times a rotation, relative to the scale.
-double OffSimilarity(const Registration& registration) {
+double OffSimilarity(const VolumePlace& registration) {
   const Mat3 unit = registration.X_DW.linear / registration.device_mm_per_volume_mm;
   return (unit * unit.transpose() - Mat3::Identity()).norm() + std::abs(unit.determinant() - 1.0);
 }
 
-TEST(Registration, TheCentreIsTheMiddleOfTheLattice) {
+TEST(VolumePlace, TheCentreIsTheMiddleOfTheLattice) {
   EXPECT_EQ(VolumeCenterMm(OddVolume()), Vec3(-210 + 20.5, 500 - 7.5, 3 - 6.25));
 }
 
-TEST(Registration, AFittedVolumeFillsTheWorkspaceAndNoMore) {
+TEST(VolumePlace, AFittedVolumeFillsTheWorkspaceAndNoMore) {
   for (const VolumeMetadata& volume : {OddVolume(), TiltedVolume()}) {
-    const Registration fit = Fit(volume);
+    const VolumePlace fit = Fit(volume);
     const AffineMap X_DI = fit.X_DW * volume.WorldFromIndex();
     Vec3 extent = Vec3::Zero();
     for (int c = 0; c < 8; ++c) {
@@ -88,11 +88,11 @@ TEST(Registration, AFittedVolumeFillsTheWorkspaceAndNoMore) {
   }
 }
 
-TEST(Registration, AbsolutePartsAreReadBackAsGiven) {
+TEST(VolumePlace, AbsolutePartsAreReadBackAsGiven) {
   const Eigen::Quaterniond turn(0.5, 0.5, -0.5, 0.5);
-  const Registration placed = Change(
+  const VolumePlace placed = Change(
       Fit(),
-      {.p_DCenter_mm = Vec3(0.1, -7.3, 1e3), .R_DW = turn, .device_mm_per_volume_mm = 0.123});
+      {.center_mm = Vec3(0.1, -7.3, 1e3), .rotation = turn, .device_mm_per_volume_mm = 0.123});
   EXPECT_EQ(placed.p_DCenter_mm, Vec3(0.1, -7.3, 1e3));
   EXPECT_EQ(placed.R_DW.coeffs(), turn.coeffs());
   EXPECT_EQ(placed.device_mm_per_volume_mm, 0.123);
@@ -101,33 +101,33 @@ TEST(Registration, AbsolutePartsAreReadBackAsGiven) {
   EXPECT_NEAR((placed.X_DW.linear - 0.123 * turn.toRotationMatrix()).norm(), 0.0, 1e-15);
   // The turns q and -q are one.
   const Eigen::Quaterniond same(-0.5, -0.5, 0.5, -0.5);
-  EXPECT_EQ(Change(placed, {.R_DW = same}).R_DW.coeffs(), turn.coeffs());
+  EXPECT_EQ(Change(placed, {.rotation = same}).R_DW.coeffs(), turn.coeffs());
 }
 
-TEST(Registration, WhatIsAbsentKeepsItsBits) {
-  const Registration placed =
-      Change(Fit(), {.p_DCenter_mm = Vec3(1, 2, 3), .R_DW = TurnAbout(0.3, Vec3(1, 2, 3))});
+TEST(VolumePlace, WhatIsAbsentKeepsItsBits) {
+  const VolumePlace placed =
+      Change(Fit(), {.center_mm = Vec3(1, 2, 3), .rotation = TurnAbout(0.3, Vec3(1, 2, 3))});
   ExpectSame(Change(placed, {}), placed);
-  Registration same = placed;
+  VolumePlace same = placed;
   for (int n = 0; n < 1000; ++n) same = Change(same, {});
   ExpectSame(same, placed);
-  const Registration moved = Change(placed, {.p_DCenter_mm = Vec3(4, 5, 6)});
+  const VolumePlace moved = Change(placed, {.center_mm = Vec3(4, 5, 6)});
   EXPECT_EQ(moved.R_DW.coeffs(), placed.R_DW.coeffs());
   EXPECT_EQ(moved.device_mm_per_volume_mm, placed.device_mm_per_volume_mm);
 }
 
-TEST(Registration, AScalePerVoxelIsThatOfTheShortestEdge) {
-  const Registration placed = Change(Fit(), {.device_mm_per_voxel = 0.25});
+TEST(VolumePlace, AScalePerVoxelIsThatOfTheShortestEdge) {
+  const VolumePlace placed = Change(Fit(), {.device_mm_per_voxel = 0.25});
   EXPECT_EQ(placed.device_mm_per_volume_mm, 0.5);
   EXPECT_EQ(DeviceMmPerVoxel(placed, OddVolume()), 0.25);
   const AffineMap X_DI = placed.X_DW * OddVolume().WorldFromIndex();
   EXPECT_NEAR(X_DI.linear.colwise().norm().minCoeff(), 0.25, 1e-15);
 }
 
-TEST(Registration, TurnsAndScalingLeaveTheCentreWhereItIs) {
-  const Registration placed = Change(Fit(), {.p_DCenter_mm = Vec3(5, -6, 7)});
-  const Registration turned =
-      Change(placed, {.rotate_D = TurnAbout(kQuarter, Vec3::UnitY()), .scale_by = 2.0});
+TEST(VolumePlace, TurnsAndScalingLeaveTheCentreWhereItIs) {
+  const VolumePlace placed = Change(Fit(), {.center_mm = Vec3(5, -6, 7)});
+  const VolumePlace turned =
+      Change(placed, {.rotate = TurnAbout(kQuarter, Vec3::UnitY()), .scale_by = 2.0});
   EXPECT_EQ(turned.p_DCenter_mm, placed.p_DCenter_mm);
   EXPECT_EQ(turned.device_mm_per_volume_mm, 2.0 * placed.device_mm_per_volume_mm);
   // What was at +z of the centre, in D, is at +x of it, twice as far.
@@ -136,60 +136,60 @@ TEST(Registration, TurnsAndScalingLeaveTheCentreWhereItIs) {
   EXPECT_NEAR((turned.X_DW.Apply(p_W) - Vec3(7, -6, 7)).norm(), 0.0, 1e-12);
 }
 
-TEST(Registration, TurnsAreAboutTheAxesOfTheDevice) {
-  const Registration tilted = Change(Fit(), {.R_DW = TurnAbout(kQuarter, Vec3::UnitX())});
-  const Registration both = Change(tilted, {.rotate_D = TurnAbout(kQuarter, Vec3::UnitZ())});
+TEST(VolumePlace, TurnsAreAboutTheAxesOfTheDevice) {
+  const VolumePlace tilted = Change(Fit(), {.rotation = TurnAbout(kQuarter, Vec3::UnitX())});
+  const VolumePlace both = Change(tilted, {.rotate = TurnAbout(kQuarter, Vec3::UnitZ())});
   // W's y axis was D's z; a turn about that leaves it there.
   EXPECT_NEAR((both.R_DW * Vec3::UnitY() - Vec3::UnitZ()).norm(), 0.0, 1e-15);
   EXPECT_NEAR((both.R_DW * Vec3::UnitX() - Vec3::UnitY()).norm(), 0.0, 1e-15);
 }
 
-TEST(Registration, ResetComesFirstThenAbsoluteThenRelativeParts) {
-  const Registration far = Change(Fit(), {.p_DCenter_mm = Vec3(500, 0, 0),
-                                          .R_DW = TurnAbout(1.0, Vec3(1, 1, 1)),
-                                          .device_mm_per_volume_mm = 9.0});
+TEST(VolumePlace, ResetComesFirstThenAbsoluteThenRelativeParts) {
+  const VolumePlace far = Change(Fit(), {.center_mm = Vec3(500, 0, 0),
+                                         .rotation = TurnAbout(1.0, Vec3(1, 1, 1)),
+                                         .device_mm_per_volume_mm = 9.0});
   ExpectSame(Change(far, {.reset = true}), Fit());
-  const Registration all = Change(far, {.reset = true,
-                                        .p_DCenter_mm = Vec3(1, 2, 3),
-                                        .R_DW = TurnAbout(kQuarter, Vec3::UnitX()),
-                                        .device_mm_per_volume_mm = 0.5,
-                                        .translate_D_mm = Vec3(10, 0, 0),
-                                        .rotate_D = TurnAbout(-kQuarter, Vec3::UnitX()),
-                                        .scale_by = 4.0});
+  const VolumePlace all = Change(far, {.reset = true,
+                                       .center_mm = Vec3(1, 2, 3),
+                                       .rotation = TurnAbout(kQuarter, Vec3::UnitX()),
+                                       .device_mm_per_volume_mm = 0.5,
+                                       .translate_mm = Vec3(10, 0, 0),
+                                       .rotate = TurnAbout(-kQuarter, Vec3::UnitX()),
+                                       .scale_by = 4.0});
   EXPECT_EQ(all.p_DCenter_mm, Vec3(11, 2, 3));
   EXPECT_EQ(all.device_mm_per_volume_mm, 2.0);
   EXPECT_NEAR(all.R_DW.angularDistance(Eigen::Quaterniond::Identity()), 0.0, 1e-15);
-  const Registration partly = Change(far, {.reset = true, .translate_D_mm = Vec3(0, 1, 0)});
+  const VolumePlace partly = Change(far, {.reset = true, .translate_mm = Vec3(0, 1, 0)});
   EXPECT_EQ(partly.p_DCenter_mm, Vec3(0, 1, 0));
   EXPECT_EQ(partly.device_mm_per_volume_mm, Fit().device_mm_per_volume_mm);
 }
 
-TEST(Registration, EveryMoveHasItsInverse) {
+TEST(VolumePlace, EveryMoveHasItsInverse) {
   std::mt19937_64 random(7);
   std::uniform_real_distribution<double> share(-1.0, 1.0);
   const auto vector = [&] { return Vec3(share(random), share(random), share(random)); };
   const VolumeMetadata volume = TiltedVolume();
   for (int n = 0; n < 1000; ++n) {
-    const Registration from = Change(
-        Fit(volume), {.p_DCenter_mm = 50.0 * vector(), .R_DW = TurnAbout(3.0, vector())}, volume);
+    const VolumePlace from = Change(
+        Fit(volume), {.center_mm = 50.0 * vector(), .rotation = TurnAbout(3.0, vector())}, volume);
     const Vec3 by_mm = 100.0 * vector();
     const Eigen::Quaterniond turn = TurnAbout(3.0 * share(random), vector());
     const double factor = std::exp(share(random));
-    const Registration there =
-        Change(from, {.translate_D_mm = by_mm, .rotate_D = turn, .scale_by = factor}, volume);
-    const Registration back = Change(
-        there, {.translate_D_mm = -by_mm, .rotate_D = turn.conjugate(), .scale_by = 1.0 / factor},
+    const VolumePlace there =
+        Change(from, {.translate_mm = by_mm, .rotate = turn, .scale_by = factor}, volume);
+    const VolumePlace back = Change(
+        there, {.translate_mm = -by_mm, .rotate = turn.conjugate(), .scale_by = 1.0 / factor},
         volume);
     EXPECT_NEAR((back.X_DW.linear - from.X_DW.linear).norm(), 0.0, 1e-13);
     EXPECT_NEAR((back.X_DW.translation - from.X_DW.translation).norm(), 0.0, 1e-11);
   }
 }
 
-TEST(Registration, ManyMovesLeaveItASimilarity) {
+TEST(VolumePlace, ManyMovesLeaveItASimilarity) {
   std::mt19937_64 random(8);
   std::normal_distribution<double> normal;
   const VolumeMetadata volume = TiltedVolume();
-  Registration registration = Fit(volume);
+  VolumePlace registration = Fit(volume);
   double worst = 0.0;
   for (int n = 0; n < test::Scaled(30'000); ++n) {
     // As a float client would send it.
@@ -197,8 +197,8 @@ TEST(Registration, ManyMovesLeaveItASimilarity) {
         TurnAbout(1e-3 * normal(random), Vec3(normal(random), normal(random), 1.0));
     turn = turn.cast<float>().cast<double>();
     registration = Change(registration,
-                          {.translate_D_mm = 1e-3 * Vec3(normal(random), normal(random), 0.1),
-                           .rotate_D = turn,
+                          {.translate_mm = 1e-3 * Vec3(normal(random), normal(random), 0.1),
+                           .rotate = turn,
                            .scale_by = n % 2 ? 1.001 : 1.0 / 1.001},
                           volume);
     worst = std::max(worst, OffSimilarity(registration));
@@ -210,7 +210,7 @@ TEST(Registration, ManyMovesLeaveItASimilarity) {
               0.0, 1e-11);
 }
 
-TEST(Registration, TheLimitsThemselvesAreGood) {
+TEST(VolumePlace, TheLimitsThemselvesAreGood) {
   VolumeMetadata cube;
   cube.size = Vec3i(2, 2, 2);
   for (const double scale : {kLeastVoxelMm, kGreatestVoxelMm}) {
@@ -218,23 +218,23 @@ TEST(Registration, TheLimitsThemselvesAreGood) {
               scale);
   }
   for (const double mm : {-kFarthestCenterMm, kFarthestCenterMm}) {
-    EXPECT_EQ(Change(Fit(), {.p_DCenter_mm = Vec3(mm, 0, mm)}).p_DCenter_mm, Vec3(mm, 0, mm));
+    EXPECT_EQ(Change(Fit(), {.center_mm = Vec3(mm, 0, mm)}).p_DCenter_mm, Vec3(mm, 0, mm));
   }
 }
 
-TEST(Registration, BadInputIsRefused) {
+TEST(VolumePlace, BadInputIsRefused) {
   const Eigen::Quaterniond identity = Eigen::Quaterniond::Identity();
   const double above = std::nextafter(kFarthestCenterMm, kInf);
-  const std::vector<RegistrationUpdate> bad = {
-      {.p_DCenter_mm = Vec3(0, kNan, 0)},
-      {.p_DCenter_mm = Vec3(kInf, 0, 0)},
-      {.p_DCenter_mm = Vec3(0, 0, -above)},
-      {.R_DW = Eigen::Quaterniond(0, 0, 0, 0)},
-      {.R_DW = Eigen::Quaterniond(1, 1, 0, 0)},
-      {.R_DW = Eigen::Quaterniond(0.99, 0, 0, 0)},
-      {.R_DW = Eigen::Quaterniond(kNan, 0, 0, 0)},
-      {.R_DW = Eigen::Quaterniond(kInf, 0, 0, 0)},
-      {.R_DW = Eigen::Quaterniond(1e300, 1e300, 0, 0)},
+  const std::vector<UpdateRegistrationRequest> bad = {
+      {.center_mm = Vec3(0, kNan, 0)},
+      {.center_mm = Vec3(kInf, 0, 0)},
+      {.center_mm = Vec3(0, 0, -above)},
+      {.rotation = Eigen::Quaterniond(0, 0, 0, 0)},
+      {.rotation = Eigen::Quaterniond(1, 1, 0, 0)},
+      {.rotation = Eigen::Quaterniond(0.99, 0, 0, 0)},
+      {.rotation = Eigen::Quaterniond(kNan, 0, 0, 0)},
+      {.rotation = Eigen::Quaterniond(kInf, 0, 0, 0)},
+      {.rotation = Eigen::Quaterniond(1e300, 1e300, 0, 0)},
       {.device_mm_per_volume_mm = 0.0},
       {.device_mm_per_volume_mm = -1.0},
       {.device_mm_per_volume_mm = kNan},
@@ -245,20 +245,20 @@ TEST(Registration, BadInputIsRefused) {
       {.device_mm_per_voxel = -0.25},
       {.device_mm_per_voxel = kNan},
       {.device_mm_per_volume_mm = 1.0, .device_mm_per_voxel = 0.5},
-      {.translate_D_mm = Vec3(kNan, 0, 0)},
-      {.translate_D_mm = Vec3(0, -kInf, 0)},
-      {.p_DCenter_mm = Vec3(kFarthestCenterMm, 0, 0), .translate_D_mm = Vec3(1, 0, 0)},
+      {.translate_mm = Vec3(kNan, 0, 0)},
+      {.translate_mm = Vec3(0, -kInf, 0)},
+      {.center_mm = Vec3(kFarthestCenterMm, 0, 0), .translate_mm = Vec3(1, 0, 0)},
       // What is absolute is checked before what is relative.
-      {.p_DCenter_mm = Vec3(above, 0, 0), .translate_D_mm = Vec3(-1, 0, 0)},
-      {.rotate_D = Eigen::Quaterniond(0, 0, 0, 0)},
-      {.rotate_D = Eigen::Quaterniond(0, 0, 0, 1.01)},
-      {.rotate_D = Eigen::Quaterniond(1, 0, kNan, 0)},
+      {.center_mm = Vec3(above, 0, 0), .translate_mm = Vec3(-1, 0, 0)},
+      {.rotate = Eigen::Quaterniond(0, 0, 0, 0)},
+      {.rotate = Eigen::Quaterniond(0, 0, 0, 1.01)},
+      {.rotate = Eigen::Quaterniond(1, 0, kNan, 0)},
       {.scale_by = 0.0},
       {.scale_by = -2.0},
       {.scale_by = kNan},
       {.scale_by = kInf},
       {.scale_by = 1e-12},
-      {.reset = true, .rotate_D = identity, .scale_by = 1e12}};
+      {.reset = true, .rotate = identity, .scale_by = 1e12}};
   for (std::size_t n = 0; n < bad.size(); ++n) {
     EXPECT_EQ(Refusal([&] { Change(Fit(), bad[n]); }), ErrorKind::kInvalidArgument) << n;
   }
@@ -289,11 +289,11 @@ TEST(PatientFacing, LeftIsOnTheLeftOfWhoFacesThere) {
   }
 }
 
-TEST(Registration, RotationsRoundedToFloatAreTaken) {
+TEST(VolumePlace, RotationsRoundedToFloatAreTaken) {
   const Eigen::Quaterniond turn = TurnAbout(1.1, Vec3(3, 1, 2));
   const Eigen::Quaterniond rounded = turn.cast<float>().cast<double>();
   ASSERT_NE(rounded.norm(), 1.0);
-  const Registration placed = Change(Fit(), {.R_DW = rounded});
+  const VolumePlace placed = Change(Fit(), {.rotation = rounded});
   EXPECT_NEAR(placed.R_DW.norm(), 1.0, 1e-15);
   EXPECT_LT(placed.R_DW.angularDistance(turn), 1e-6);
   EXPECT_LT(OffSimilarity(placed), 1e-14);

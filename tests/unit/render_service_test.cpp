@@ -33,21 +33,6 @@ v1::UpdateSettingsRequest RequestOf(const RenderSettings& settings, const std::s
   return request;
 }
 
-TEST(RenderService, EveryFieldIsAnswered) {
-  const v1::RenderSettings answer = ToProto(UnlikeAnyDefault());
-  const auto* fields = v1::RenderSettings::descriptor();
-  ASSERT_GE(fields->field_count(), 14);
-  for (int n = 0; n < fields->field_count(); ++n) {
-    EXPECT_TRUE(answer.GetReflection()->HasField(answer, fields->field(n)))
-        << fields->field(n)->name();
-  }
-  EXPECT_EQ(answer.stiffness_n_per_mm(), UnlikeAnyDefault().haptics.stiffness_n_per_mm);
-  EXPECT_EQ(answer.magnet_range_mm(), UnlikeAnyDefault().haptics.magnet_range_mm);
-  EXPECT_TRUE(answer.passivity_control());
-  EXPECT_EQ(answer.free_side(), v1::FREE_SIDE_ABOVE);
-  EXPECT_EQ(answer.method(), v1::DECOMPOSITION_METHOD_BCC);
-}
-
 TEST(RenderService, EachMaskTakesItsFieldAlone) {
   const RenderSettings settings = UnlikeAnyDefault();
   const auto* fields = v1::RenderSettings::descriptor();

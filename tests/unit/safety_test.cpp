@@ -23,8 +23,8 @@ using test::kNan;
 constexpr double kDtS = 1e-3;
 const Vec3 kPush_n(0.3, -1.2, 2.0);
 
-DeviceSpec Hardware() {
-  DeviceSpec spec;
+DeviceDescription Hardware() {
+  DeviceDescription spec;
   spec.kind = "fake";
   spec.max_force_n = 3.3;
   spec.continuous_force_n = 0.88;
@@ -321,7 +321,7 @@ TEST(Safety, LimitsOfADevice) {
   EXPECT_TRUE(hardware.faults_stay);
   EXPECT_GT(hardware.max_speed_mm_per_s, 0.0);
   EXPECT_EQ(hardware.stop_buttons, 2u);
-  DeviceSpec simulated = Hardware();
+  DeviceDescription simulated = Hardware();
   simulated.verification_level = VerificationLevel::kSimulated;
   EXPECT_EQ(LimitsFor(simulated, 0), SafetyLimits{});
 }

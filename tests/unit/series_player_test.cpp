@@ -337,13 +337,15 @@ TEST_F(SeriesPlayerTest, BadControlsChangeNothing) {
   player_.Control({.position_frames = 1, .rate_hz = -3.0});
   ASSERT_TRUE(Shows(1));
   const double nan = std::nan("");
-  for (const SeriesControl& bad :
-       {SeriesControl{.position_frames = -0.001}, SeriesControl{.position_frames = 4.001},
-        SeriesControl{.position_frames = nan}, SeriesControl{.position_frames = HUGE_VAL},
-        SeriesControl{.rate_hz = 0.0}, SeriesControl{.rate_hz = nan},
-        SeriesControl{.rate_hz = -0.0}, SeriesControl{.rate_hz = 1000.1},
-        SeriesControl{.rate_hz = -HUGE_VAL},
-        SeriesControl{.playing = true, .position_frames = 2, .rate_hz = 1001.0, .loop = true}}) {
+  for (const ControlSeriesRequest& bad :
+       {ControlSeriesRequest{.position_frames = -0.001},
+        ControlSeriesRequest{.position_frames = 4.001},
+        ControlSeriesRequest{.position_frames = nan},
+        ControlSeriesRequest{.position_frames = HUGE_VAL}, ControlSeriesRequest{.rate_hz = 0.0},
+        ControlSeriesRequest{.rate_hz = nan}, ControlSeriesRequest{.rate_hz = -0.0},
+        ControlSeriesRequest{.rate_hz = 1000.1}, ControlSeriesRequest{.rate_hz = -HUGE_VAL},
+        ControlSeriesRequest{
+            .playing = true, .position_frames = 2, .rate_hz = 1001.0, .loop = true}}) {
     EXPECT_EQ(Refusal([&] { player_.Control(bad); }), ErrorKind::kInvalidArgument);
   }
   const SeriesState state = player_.state();

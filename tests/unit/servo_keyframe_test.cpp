@@ -41,7 +41,7 @@ Scene SceneWithEverything(std::shared_ptr<const VolumeSnapshot> volume, double t
 TEST(ServoKeyframe, GoesOnBitForBit) {
   const auto volume = testing::Gyroid();
   const Scene scenes[] = {SceneWithEverything(volume, 0.47), SceneWithEverything(volume, 0.55)};
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   SimulatedDevice device(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1));
   device.Start();
   ServoTick tick(device);

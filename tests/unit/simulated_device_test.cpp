@@ -58,7 +58,7 @@ Surface Box(const Vec3& centre_mm, const Vec3& half_mm, double stiffness_n_per_m
 }
 
 std::unique_ptr<SimulatedDevice> Exploring(std::uint64_t seed) {
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   auto device = std::make_unique<SimulatedDevice>(
       std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, seed));
   device->Start();
@@ -177,7 +177,7 @@ TEST(SimulatedDevice, AnswersBetweenStartAndStopOnly) {
 
 TEST(SimulatedDevice, ReadsInStepsOfItsResolution) {
   const auto device = Following({Vec3(-30.0, 10.0, 0.0), Vec3(40.0, -20.0, 13.0)}, 37.0);
-  const DeviceSpec& spec = device->spec();
+  const DeviceDescription& spec = device->spec();
   for (const Tick& tick : Loop(*device, Nothing, 3000)) {
     for (int i = 0; i < 3; ++i) {
       const double counts = (tick.state.p_DHip_mm[i] - spec.workspace_min_mm[i]) / 0.055;
@@ -235,7 +235,7 @@ TEST(SimulatedDevice, RestsOnStiffSurfaces) {
 
 TEST(SimulatedDevice, StaysInItsWorkspaceAndFiniteWhateverIsWritten) {
   const auto device = Exploring(3);
-  const DeviceSpec& spec = device->spec();
+  const DeviceDescription& spec = device->spec();
   const std::vector<double> values = {0.0, 1.0, -3.3, 1e6, -1e300, kInfinity, -kInfinity, kNan};
   const std::vector<double> times_s = {kTickS, 0.0, -1.0, 1e-9, 0.0075, 10.0, kInfinity, kNan};
   for (std::size_t i = 0; i < 20'000; ++i) {

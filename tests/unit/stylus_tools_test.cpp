@@ -61,7 +61,7 @@ class StylusRig : public testing::EditableSession {
     return samples;
   }
   std::uint64_t revision() const { return volume()->revision(); }
-  Registration registration() { return session().volume().registration; }
+  VolumePlace registration() { return session().volume().registration; }
 
   int lag_ticks = 0;
 
@@ -230,12 +230,12 @@ RigidMotion MotionBetween(const TickSample& from, const TickSample& to) {
   return motion;
 }
 
-double Distance(const Registration& a, const Registration& b) {
+double Distance(const VolumePlace& a, const VolumePlace& b) {
   return (a.X_DW.linear - b.X_DW.linear).norm() + (a.X_DW.translation - b.X_DW.translation).norm();
 }
 
-Registration Moved(const RigidMotion& motion, const Registration& from) {
-  Registration to = from;
+VolumePlace Moved(const RigidMotion& motion, const VolumePlace& from) {
+  VolumePlace to = from;
   to.X_DW.linear = motion.R * from.X_DW.linear;
   to.X_DW.translation = motion.Apply(from.X_DW.translation);
   return to;
@@ -260,7 +260,7 @@ TEST(Clutch, MovesTheVolumeRigidlyWithTheStylus) {
     rig.lag_ticks = lag_ticks;
     std::vector<TickSample> samples = rig.Run(0.9);
     ASSERT_TRUE(samples.back().contact);
-    const Registration before = rig.registration();
+    const VolumePlace before = rig.registration();
     samples = rig.Run(1.2);
     const auto is_held = [](const TickSample& s) { return (s.buttons & kClutchButton) != 0; };
     const auto press = std::ranges::find_if(samples, is_held);
@@ -274,7 +274,7 @@ TEST(Clutch, MovesTheVolumeRigidlyWithTheStylus) {
     const RigidMotion motion = MotionBetween(*press, release[-1]);
     EXPECT_GT(motion.t_mm.norm(), 1.0);
     EXPECT_GT(Eigen::AngleAxisd(motion.R).angle(), 0.01);
-    const Registration after = rig.registration();
+    const VolumePlace after = rig.registration();
     EXPECT_LT(Distance(after, Moved(motion, before)), 1e-9) << lag_ticks;
     EXPECT_EQ(after.device_mm_per_volume_mm, before.device_mm_per_volume_mm);
     // It stays.
@@ -290,14 +290,14 @@ TEST(Clutch, AVolumeThatIsMovedMeanwhileKeepsThatMove) {
   StylusRig rig("builtin:bumps:32", kClutching, Sweeping(kClutchButton));
   std::vector<TickSample> samples = rig.Run(1.5);
   const Vec3 aside_mm(3, 0, 0);
-  const Registration half = rig.registration();
+  const VolumePlace half = rig.registration();
   const TickSample* at = nullptr;  // of the last step
   for (const TickSample& s : samples) {
     if (s.mode == ProxyMode::kSuspended) at = &s;
   }
   ASSERT_TRUE(at != nullptr);
   rig.session().Move([&](const VolumeState& state) {
-    return Apply({.translate_D_mm = aside_mm}, state.volume->metadata(), rig.device(),
+    return Apply({.translate_mm = aside_mm}, state.volume->metadata(), rig.device(),
                  state.registration);
   });
   const Vec3 moved = rig.registration().p_DCenter_mm - half.p_DCenter_mm;
@@ -317,7 +317,7 @@ TEST(Tools, DoNothingInThinAirOrSwitchedOffOrForAnotherButton) {
                       {"builtin:bumps:32", {}, Sweeping(kClutchButton)},
                       {"builtin:bumps:32", kClutching, Sweeping(kCarveButton)}};
   for (StylusRig& rig : rigs) {
-    const Registration before = rig.registration();
+    const VolumePlace before = rig.registration();
     EXPECT_EQ(Ticks(rig.Run(1.5), ProxyMode::kSuspended), 0);
     EXPECT_EQ(rig.revision(), 1u);
     EXPECT_EQ(Distance(rig.registration(), before), 0.0);
@@ -341,7 +341,7 @@ TEST(Tools, TheServoGoesOnWhileTheToolsWork) {
   running.pump().Subscribe(tools);
   running.session().SetInitial({.haptics = settings});
   running.Load("builtin:sphere:32");
-  const Registration before = running.session().volume().registration;
+  const VolumePlace before = running.session().volume().registration;
   tools->Start();
   running.Start();
   EXPECT_TRUE(test::Eventually([&] {

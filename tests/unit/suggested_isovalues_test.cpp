@@ -46,9 +46,9 @@ TEST(SuggestedIsovalues, OtsuLiesBetweenTwoNoisyClasses) {
   EXPECT_EQ(NamesOf(values), "otsu ");
   EXPECT_GT(values.suggested[0].isovalue, 85.0);
   EXPECT_LT(values.suggested[0].isovalue, 155.0);
-  ASSERT_EQ(values.peaks.size(), 2u);
-  EXPECT_NEAR(values.peaks[0], 60.0, 4.0);
-  EXPECT_NEAR(values.peaks[1], 180.0, 4.0);
+  ASSERT_EQ(values.histogram.peaks.size(), 2u);
+  EXPECT_NEAR(values.histogram.peaks[0], 60.0, 4.0);
+  EXPECT_NEAR(values.histogram.peaks[1], 180.0, 4.0);
 }
 
 // With the background, the threshold would lie between it and both tissues.
@@ -60,17 +60,19 @@ TEST(SuggestedIsovalues, TheBackgroundIsNoClass) {
   }));
   EXPECT_GT(values.suggested[0].isovalue, 130.0);
   EXPECT_LT(values.suggested[0].isovalue, 190.0);
-  EXPECT_EQ(values.peaks.size(), 2u);
+  EXPECT_EQ(values.histogram.peaks.size(), 2u);
 }
 
 TEST(SuggestedIsovalues, OfTwoValuesTheMiddle) {
   const VolumeValues values =
       ValuesOf(Made([](int i, int j, int k) { return IsInBall(i, j, k) ? 7.0 : 3.0; }));
   EXPECT_EQ(values.suggested[0].isovalue, 5.0);
-  EXPECT_EQ(values.counts.size(), 5u);
-  EXPECT_EQ(std::accumulate(values.counts.begin(), values.counts.end(), std::uint64_t{0}),
+  EXPECT_EQ(values.histogram.counts.size(), 5u);
+  EXPECT_EQ(std::accumulate(values.histogram.counts.begin(), values.histogram.counts.end(),
+                            std::uint64_t{0}),
             static_cast<std::uint64_t>(kEdge) * kEdge * kEdge);
-  EXPECT_EQ(values.counts[1] + values.counts[2] + values.counts[3], 0u);
+  EXPECT_EQ(values.histogram.counts[1] + values.histogram.counts[2] + values.histogram.counts[3],
+            0u);
 }
 
 // Noise in the 256 bins of the range would all fall into one of them.
@@ -81,7 +83,7 @@ TEST(SuggestedIsovalues, OneOutlierDoesNotHideTheRest) {
   }));
   EXPECT_GT(values.suggested[0].isovalue, 0.26);
   EXPECT_LE(values.suggested[0].isovalue, 0.75);
-  EXPECT_LT(values.high, 1.0);
+  EXPECT_LT(values.histogram.high, 1.0);
 }
 
 TEST(SuggestedIsovalues, CtStartsAtBone) {
@@ -140,9 +142,7 @@ TEST(SuggestedIsovalues, PaddingOfCtCountsAsItsLeastValue) {
       EXPECT_TRUE(padded.has_padding);
       EXPECT_EQ(NamesOf(padded), NamesOf(plain));
       EXPECT_EQ(padded.suggested[0].isovalue, plain.suggested[0].isovalue);
-      EXPECT_EQ(padded.low, plain.low);
-      EXPECT_EQ(padded.counts, plain.counts);
-      EXPECT_EQ(padded.peaks, plain.peaks);
+      EXPECT_EQ(padded.histogram, plain.histogram);
     }
   }
   // Inside of the volume, or in what is no CT, such values are values.
@@ -175,8 +175,8 @@ TEST(SuggestedIsovalues, ConstantBricksCountAsTheirVoxels) {
   const auto volume = testing::VolumeOfLeaves(
       Vec3i(20, 8, 8), [&](const Vec3i& brick) { return brick.x() == 2 ? high : low; }, 0.0, 10.0);
   const VolumeValues values = ValuesOf(*volume);
-  EXPECT_EQ(values.counts.front(), 16u * 64u);
-  EXPECT_EQ(values.counts.back(), 4u * 64u);
+  EXPECT_EQ(values.histogram.counts.front(), 16u * 64u);
+  EXPECT_EQ(values.histogram.counts.back(), 4u * 64u);
 }
 
 }  // namespace

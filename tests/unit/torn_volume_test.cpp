@@ -72,7 +72,7 @@ TEST(TornVolume, NoTickSeesOne) {
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
   Pump pump(*outbox);
-  const DeviceSpec spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec();
   SimulatedDevice device(
       std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1));
   Session session(spec, inbox, pump, VolumeLoader{});

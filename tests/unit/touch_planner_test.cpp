@@ -28,7 +28,7 @@ constexpr double kStiffness = 0.5;  // N/mm
 HapticSurface Fitted(const VolumeSnapshot& volume, double isovalue,
                      FreeSide free_side = FreeSide::kBelow,
                      std::optional<double> scale = std::nullopt) {
-  const Registration registration = FitToWorkspace(volume.metadata(), SimulatedDeviceSpec(), scale);
+  const VolumePlace registration = FitToWorkspace(volume.metadata(), SimulatedDeviceSpec(), scale);
   return MakeHapticSurface(volume, registration.X_DW * volume.metadata().WorldFromIndex(), isovalue,
                            DecompositionMethod::kTpbcc, 1, free_side);
 }
@@ -86,7 +86,7 @@ TEST(FreePlaces, AreOffTheSurfaceWithinTheLattice) {
 // Each on the surface, its normal towards free space, within reach.
 std::vector<SurfacePoint> ExpectGood(const HapticSurface& surface) {
   GuideCost cost;
-  const DeviceSpec device = SimulatedDeviceSpec();
+  const DeviceDescription device = SimulatedDeviceSpec();
   const std::vector<SurfacePoint> points = FindTouchPoints(surface, device, {}, cost);
   SurfaceProbe probe(surface);
   for (const SurfacePoint& point : points) {

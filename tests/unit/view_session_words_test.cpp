@@ -29,7 +29,7 @@ TEST(ViewSessionWords, ANameIsAFileInTheDaemonsFolder) {
 
 TEST(ViewSessionWords, ATakenNameIsRefusedAndTheNextOneIsFree) {
   const client::RecordingList list = {
-      "/data", {{"/data/a.palrec"}, {"/data/a-2.palrec"}, {"/data/b-9.palrec"}, {"/x/c.palrec"}}};
+      {{"/data/a.palrec"}, {"/data/a-2.palrec"}, {"/data/b-9.palrec"}, {"/x/c.palrec"}}, "/data"};
   EXPECT_EQ(FreeName("a", list), "a-3");
   EXPECT_EQ(FreeName("a.palrec", list), "a-3");
   EXPECT_EQ(FreeName("a-2", list), "a-3");
@@ -42,7 +42,7 @@ TEST(ViewSessionWords, ATakenNameIsRefusedAndTheNextOneIsFree) {
   EXPECT_EQ(NameProblem("c", list), "");
   EXPECT_NE(NameProblem("c", {}), "");
   // Whatever is taken, there is a free one.
-  client::RecordingList many{"/d", {{"/d/-1.palrec"}, {"/d/t.palrec"}, {"/d/t-999999.palrec"}}};
+  client::RecordingList many{{{"/d/-1.palrec"}, {"/d/t.palrec"}, {"/d/t-999999.palrec"}}, "/d"};
   for (const char* name : {"-1", "t", "t-999999"}) {
     const std::string free = FreeName(name, many);
     EXPECT_EQ(NameProblem(free, many), "") << free;

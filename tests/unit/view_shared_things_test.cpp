@@ -11,8 +11,10 @@ using namespace std::chrono_literals;
 constexpr SharedThings::Clock::time_point kNow = SharedThings::Clock::time_point{} + 1h;
 
 client::Activity ActivityOf(const std::string& by, double ago_s) {
-  return {.callers = {{.identity = "token script", .peer = "ipv4:192.0.2.9:4000"},
-                      {.identity = "token ada", .peer = "ipv4:192.0.2.7:51544", .is_you = true}},
+  return {.callers = {{.caller = {.identity = "token script"}, .peer = "ipv4:192.0.2.9:4000"},
+                      {.caller = {.identity = "token ada"},
+                       .peer = "ipv4:192.0.2.7:51544",
+                       .is_you = true}},
           .changes = {{.what = "isovalue", .by = by, .ago_s = ago_s}}};
 }
 

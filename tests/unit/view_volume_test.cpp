@@ -389,7 +389,7 @@ TEST(ViewVolume, AnUpdateWithoutALatticeIsAVoidVolume) {
   Model model(Vec3i(9, 9, 9));
   volume.Take(model.Sent(Beginning(model.size())));
   VolumeUpdate placed = model.Sent(Next(model.size()));
-  placed.placement.emplace().X_DI.translation = Vec3(1, 2, 3);
+  placed.placement.emplace().device_from_index.translation = Vec3(1, 2, 3);
   const std::uint64_t version = volume.version();
   volume.Take(placed);
   ASSERT_TRUE(volume.X_DI());

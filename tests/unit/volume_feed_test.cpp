@@ -68,7 +68,7 @@ class VolumeFeedTest : public ::testing::Test {
   }
   void Move(double x_mm) {
     data_.session().Move([&](const VolumeState& state) {
-      Registration moved = state.registration;
+      VolumePlace moved = state.registration;
       moved.X_DW.translation.x() = x_mm;
       return moved;
     });
@@ -152,7 +152,7 @@ class VolumeFeedTest : public ::testing::Test {
     ASSERT_TRUE(mirror_.is_complete());
     EXPECT_EQ(mirror_.resume()->volume_revision, data_.volume()->revision());
     EXPECT_EQ(DifferentVoxels(mirror_, *data_.volume()), 0u);
-    EXPECT_EQ(mirror_.placement()->X_DI.translation, Now().X_DI.translation);
+    EXPECT_EQ(mirror_.placement()->device_from_index.translation, Now().X_DI.translation);
   }
 
   mutable EditableSession data_;
@@ -571,7 +571,7 @@ TEST_F(VolumeFeedTest, AnAnswerToWhereThePatientFacesIsAPlacementAlone) {
   VolumeFeed feed = MakeFeed();
   PassAll(feed);
   EXPECT_EQ(mirror_.placement()->patient_axes, "");
-  EXPECT_FALSE(mirror_.placement()->axes_are_answered);
+  EXPECT_FALSE(mirror_.placement()->patient_axes_answered);
   counts_ = {};
   data_.session().Move([](const VolumeState& state) { return state.registration; }, {}, true,
                        PatientFacing{"+y", "+z"});
@@ -579,7 +579,7 @@ TEST_F(VolumeFeedTest, AnAnswerToWhereThePatientFacesIsAPlacementAlone) {
   EXPECT_EQ(counts_.placements, 1);
   EXPECT_EQ(counts_.lattices + counts_.completes, 0);
   EXPECT_EQ(mirror_.placement()->patient_axes, "RAS");
-  EXPECT_TRUE(mirror_.placement()->axes_are_answered);
+  EXPECT_TRUE(mirror_.placement()->patient_axes_answered);
 }
 
 TEST_F(VolumeFeedTest, BricksComeWhileTheVolumeIsMovedAllTheTime) {

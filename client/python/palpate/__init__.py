@@ -9,9 +9,9 @@
 Units are in the names, shapes in the docstrings. Volumes are arrays indexed [x, y, z].
 """
 
-from palpate._activity import Activity, ConnectedCaller, LastChange
+from palpate._activity import Activity, ConnectedCaller
 from palpate._connection import Connection, connect
-from palpate._device import Device, DeviceInfo, Forces, ListedDevice
+from palpate._device import Device, DeviceInfo
 from palpate._edits import EditResult, Edits
 from palpate._enums import (DecompositionMethod, DeviceConnection, DeviceStatus, ForceCommand,
                             ForceReason, ForceState, FreeSide, ProxyMode, Role,
@@ -24,22 +24,23 @@ from palpate._load_options import Raw
 from palpate._placement import Placement
 from palpate._poses import Poses, PoseStream
 from palpate._profiles import Profile, profiles
-from palpate._recording import (ListedRecording, Recording, RecordingState, ReplayState,
-                                RunningReplay)
+from palpate._recording import ListedRecording, Recording, ReplayState
 from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker,
                                       RecordedScene)
 from palpate._recorded_ticks import RecordedTicks
 from palpate._recording_file import RecordingFile, open_recording
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
-from palpate._volume import SuggestedIsovalue, VolumeAccess, VolumeInfo
+from palpate._value_list import (ForceStatus, LastChange, ListedDevice, RecordingState,
+                                 RunningReplay, SuggestedIsovalue)
+from palpate._volume import VolumeAccess, VolumeInfo
 from palpate._voxels import Volume
 
 __all__ = [
     "Activity", "Applied", "Cancelled", "Conflict", "ConnectedCaller", "Connection",
     "DecompositionMethod", "Device", "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull",
     "EditResult", "Edits", "Error", "FailedPrecondition", "ForceCommand", "ForceReason",
-    "ForceState", "Forces", "FreeSide", "Hand", "Internal", "InvalidArgument", "LastChange",
+    "ForceState", "ForceStatus", "FreeSide", "Hand", "Internal", "InvalidArgument", "LastChange",
     "ListedDevice", "ListedRecording", "LiveVolume", "NotFound", "PermissionDenied", "Placement",
     "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit", "RecordedGap",
     "RecordedMarker", "RecordedScene", "RecordedTicks", "Recording", "RecordingFile",

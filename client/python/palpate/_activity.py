@@ -3,6 +3,8 @@
 import dataclasses
 
 from palpate._enums import Role
+from palpate._held import held_in
+from palpate._value_list import LastChange
 from palpate.v1 import activity_pb2
 
 
@@ -27,21 +29,6 @@ class ConnectedCaller:
 
 
 @dataclasses.dataclass(frozen=True)
-class LastChange:
-    """The newest change of one thing.
-
-    what: the name of a setting, such as "isovalue"; or "volume", "voxels", "placement", "series",
-        "forces", "hand", "recording"
-    by: who, and from where, such as "token or-2 at ipv4:192.0.2.7:51544"
-    ago_s: how long ago, s
-    """
-
-    what: str
-    by: str
-    ago_s: float
-
-
-@dataclasses.dataclass(frozen=True)
 class Activity:
     """Who uses the daemon, and who changed what; Connection.activity().
 
@@ -58,4 +45,4 @@ def activity_of(answer: activity_pb2.GetActivityResponse) -> Activity:
         tuple(ConnectedCaller(caller.caller.identity, Role(caller.caller.role), caller.peer,
                               caller.connected_s, caller.watches, caller.is_you)
               for caller in answer.callers),
-        tuple(LastChange(change.what, change.by, change.ago_s) for change in answer.changes))
+        tuple(LastChange(**held_in(change)) for change in answer.changes))

@@ -4,6 +4,7 @@ import atexit
 import collections
 import collections.abc
 import dataclasses
+import operator
 import queue
 import threading
 import time
@@ -16,6 +17,7 @@ import numpy.typing as npt
 
 from palpate._errors import InvalidArgument, Unavailable
 from palpate._link import AcknowledgedCall, Link, forget_in_child
+from palpate._pose_columns import ABOUT, SOURCES, PoseColumns
 from palpate._tables import Table
 from palpate._values import number, whole
 from palpate.v1 import pose_pb2, pose_pb2_grpc
@@ -28,73 +30,21 @@ _MAX_WAITING = 1 << 31
 _SILENCE_S = 0.5
 _PATIENCE_S = 5.0
 _FINISH_TIMEOUT_S = 1.0
-_ABSENT = (np.nan, np.nan, np.nan)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Poses(Table):
-    """n samples of the servo's ticks, oldest first; len() is n.
+class Poses(PoseColumns, Table):
+    __doc__ = f"""n samples of the servo's ticks, oldest first; len() is n.
 
     Positions, normals and forces are in the device frame: x right, y up, z towards the
-    user. A value that a tick does not have is NaN.
+    user. Units are in the names; density and isovalue are in data units. A value that a tick
+    does not have is NaN.
 
-    tick: (n,) ticks executed before this one since the daemon started; not a time: ticks can be
-        missed
-    time_ns: (n,) CLOCK_MONOTONIC of the daemon's machine at the start of the tick, ns
-    hip_mm: (n, 3) haptic interface point: the stylus tip, mm
-    scp_h_mm: (n, 3) proxy on the free side of, or on, the haptic isosurface H, mm
-    scp_h_normal: (n, 3) unit normal of H there, towards free space; NaN without contact
-    scp_v_mm: (n, 3) visual proxy on the trilinear isosurface V, mm; NaN if there is none
-    scp_v_normal: (n, 3) unit normal of V there; NaN with scp_v_mm
-    stylus_orientation: (n, 4) unit quaternion w, x, y, z: stylus axes to the device frame
-    buttons: (n,) bit b: button b is pressed
-    force_n: (n, 3) force on the hand, after every limit, N
-    mode: (n,) of ProxyMode
-    contact: (n,) SCP_H rests on H
-    density: (n,) piecewise-linear density at SCP_H, data units
-    isovalue: (n,) isovalue used in the tick, data units
-    settings_revision: (n,) revision of the settings used in the tick
-    volume_revision: (n,) revision of the volume used in the tick
-    update_ns: (n,) duration of the haptic update, ns
-    missed_ticks: (n,) ticks skipped since the daemon's start because their time had passed
-    iterations: (n,) proxy moves made in the tick
-    capped_ticks: (n,) ticks so far that reached the cap on proxy moves
-    free_side: (n,) of FreeSide: the proxy's side; after a pop not the side of the settings
-    force_state: (n,) of ForceState
-    force_reason: (n,) of ForceReason
-    force_limit_n: (n,) greatest force in the tick, N; warm motors lower it
-    replayed: (n,) a recording is replayed, and the sample is a recorded one; only tick, time_ns,
-        the revisions, missed_ticks, capped_ticks and the state of the forces are of now
-    sent_time_ns: time_ns of the daemon when it sent the newest sample, ns
+{ABOUT}    sent_time_ns: time_ns of the daemon when it sent the newest sample, ns
     dropped_samples: samples that this stream has lost so far because it was not read fast
         enough
     """
 
-    tick: npt.NDArray[np.uint64]
-    time_ns: npt.NDArray[np.int64]
-    hip_mm: npt.NDArray[np.float64]
-    scp_h_mm: npt.NDArray[np.float64]
-    scp_h_normal: npt.NDArray[np.float64]
-    scp_v_mm: npt.NDArray[np.float64]
-    scp_v_normal: npt.NDArray[np.float64]
-    stylus_orientation: npt.NDArray[np.float64]
-    buttons: npt.NDArray[np.uint32]
-    force_n: npt.NDArray[np.float64]
-    mode: npt.NDArray[np.uint8]
-    contact: npt.NDArray[np.bool_]
-    density: npt.NDArray[np.float64]
-    isovalue: npt.NDArray[np.float64]
-    settings_revision: npt.NDArray[np.uint64]
-    volume_revision: npt.NDArray[np.uint64]
-    update_ns: npt.NDArray[np.int64]
-    missed_ticks: npt.NDArray[np.uint64]
-    iterations: npt.NDArray[np.uint32]
-    capped_ticks: npt.NDArray[np.uint64]
-    free_side: npt.NDArray[np.uint8]
-    force_state: npt.NDArray[np.uint8]
-    force_reason: npt.NDArray[np.uint8]
-    force_limit_n: npt.NDArray[np.float64]
-    replayed: npt.NDArray[np.bool_]
     sent_time_ns: int
     dropped_samples: int
 
@@ -123,41 +73,21 @@ class Poses(Table):
         return Poses(**joined)
 
 
-def _triples(samples: collections.abc.Sequence[pose_pb2.PoseSample],
-             name: str) -> npt.NDArray[np.float64]:
-    rows = []
-    for sample in samples:
-        vector = getattr(sample, name)
-        rows.append((vector.x, vector.y, vector.z) if sample.HasField(name) else _ABSENT)
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+def _column(samples: collections.abc.Sequence[pose_pb2.PoseSample], path: str,
+            kind: type | str) -> npt.NDArray[typing.Any]:
+    get = operator.attrgetter(path)
+    if not isinstance(kind, str):
+        return np.array([get(sample) for sample in samples], dtype=kind)
+    parts, absent = operator.attrgetter(*kind), (np.nan,) * len(kind)
+    rows = [parts(get(sample)) if sample.HasField(path) else absent for sample in samples]
+    return np.array(rows, dtype=np.float64).reshape(-1, len(kind))
 
 
 def poses_of(message: pose_pb2.StreamPosesResponse, dropped_samples: int) -> Poses:
     """Makes Poses of a message. dropped_samples counts losses at the daemon and in this client."""
-    samples = message.samples
-
-    def column(name: str, kind: type[typing.Any]) -> npt.NDArray[typing.Any]:
-        return np.array([getattr(sample, name) for sample in samples], dtype=kind)
-
-    turns = [sample.stylus_orientation for sample in samples]
-    return Poses(
-        tick=column("tick", np.uint64), time_ns=column("time_ns", np.int64),
-        hip_mm=_triples(samples, "hip_mm"), scp_h_mm=_triples(samples, "scp_h_mm"),
-        scp_h_normal=_triples(samples, "scp_h_normal"), scp_v_mm=_triples(samples, "scp_v_mm"),
-        scp_v_normal=_triples(samples, "scp_v_normal"),
-        stylus_orientation=np.array([(q.w, q.x, q.y, q.z) for q in turns]).reshape(-1, 4),
-        buttons=column("buttons", np.uint32), force_n=_triples(samples, "force_n"),
-        mode=column("mode", np.uint8), contact=column("contact", np.bool_),
-        density=column("density", np.float64), isovalue=column("isovalue", np.float64),
-        settings_revision=column("settings_revision", np.uint64),
-        volume_revision=column("volume_revision", np.uint64),
-        update_ns=column("update_ns", np.int64), missed_ticks=column("missed_ticks", np.uint64),
-        iterations=column("iterations", np.uint32),
-        capped_ticks=column("capped_ticks", np.uint64), free_side=column("free_side", np.uint8),
-        force_state=np.array([sample.forces.state for sample in samples], dtype=np.uint8),
-        force_reason=np.array([sample.forces.reason for sample in samples], dtype=np.uint8),
-        force_limit_n=np.array([sample.forces.limit_n for sample in samples], dtype=np.float64),
-        replayed=column("replayed", np.bool_), sent_time_ns=message.sent_time_ns, dropped_samples=dropped_samples)
+    columns: dict[str, typing.Any] = {name: _column(message.samples, path, kind)
+                                      for name, (path, kind) in SOURCES.items()}
+    return Poses(**columns, sent_time_ns=message.sent_time_ns, dropped_samples=dropped_samples)
 
 
 class _Receiver:

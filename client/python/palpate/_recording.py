@@ -5,56 +5,17 @@ import contextlib
 import dataclasses
 import datetime
 import os
+import typing
 
 from palpate._errors import InvalidArgument
+from palpate._held import held_in
 from palpate._link import Link
 from palpate._progress import tell
+from palpate._value_list import RecordingState
 from palpate._values import number, switch, text_of, whole
 from palpate.v1 import recording_pb2, recording_pb2_grpc
 
 _MOST_MARKER_BYTES = 4096
-
-
-@dataclasses.dataclass(frozen=True)
-class RunningReplay:
-    """What all viewers get in place of the live ticks. Forces are off meanwhile.
-
-    by: who replays, and from where, such as "token ada at ipv4:192.0.2.7:51544"
-    path: of the recording, on the daemon's machine
-    ticks: ticks of the recording played so far, and those before the first one that was shown
-    total_ticks: ticks of the whole recording
-    speed: multiple of real time; below 1e-6: the one who replays has paused it
-    """
-
-    by: str
-    path: str
-    ticks: int
-    total_ticks: int
-    speed: float
-
-
-@dataclasses.dataclass(frozen=True)
-class RecordingState:
-    """The state of the present recording, or of the last one.
-
-    running: a recording is being made now
-    path: of the file on the daemon's machine; empty: nothing was recorded yet
-    ticks: ticks recorded so far
-    lost_ticks: ticks lost because the disk was too slow
-    size_bytes: size of the file so far, bytes
-    error: why the recording ended early; empty: it did not
-    left_out: why some ticks cannot be computed again; empty: all can
-    replay: the replay that runs now, whoever runs it; None: viewers get the live ticks
-    """
-
-    running: bool
-    path: str
-    ticks: int
-    lost_ticks: int
-    size_bytes: int
-    error: str
-    left_out: str = ""
-    replay: RunningReplay | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,14 +51,6 @@ class ListedRecording:
     modified: datetime.datetime
 
 
-def _state_of(recording: recording_pb2.RecordingState) -> RecordingState:
-    now = recording.replay
-    replay = RunningReplay(now.by, now.path, now.ticks, now.total_ticks, now.speed)
-    return RecordingState(recording.running, recording.path, recording.ticks, recording.lost_ticks,
-                          recording.size_bytes, recording.error, recording.left_out,
-                          replay if recording.HasField("replay") else None)
-
-
 class Recording:
     """Records every tick, every scene and every changed voxel; Connection.recording.
 
@@ -107,6 +60,9 @@ class Recording:
     def __init__(self, link: Link) -> None:
         self._link = link
         self._stub = link.stub(recording_pb2_grpc.RecordingServiceStub)
+
+    def _state(self, method: typing.Any, request: typing.Any) -> RecordingState:
+        return RecordingState(**held_in(self._link.call(method, request).recording))
 
     def start(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> RecordingState:
         """Records to a file on the daemon's machine, until stopped.
@@ -119,7 +75,7 @@ class Recording:
         """
         request = recording_pb2.StartRecordingRequest(path=self._link.path(path),
                                                       overwrite=switch("overwrite", overwrite))
-        return _state_of(self._link.call(self._stub.StartRecording, request).recording)
+        return self._state(self._stub.StartRecording, request)
 
     def stop(self) -> RecordingState:
         """Ends the recording and completes the file.
@@ -128,7 +84,7 @@ class Recording:
         Example: print(conn.recording.stop().ticks)
         """
         request = recording_pb2.StopRecordingRequest()
-        return _state_of(self._link.call(self._stub.StopRecording, request).recording)
+        return self._state(self._stub.StopRecording, request)
 
     def state(self) -> RecordingState:
         """Returns the state of the present recording, or of the last one, and of a replay.
@@ -136,7 +92,7 @@ class Recording:
         Errors: Unavailable. Example: conn.recording.state().lost_ticks
         """
         request = recording_pb2.GetRecordingRequest()
-        return _state_of(self._link.call(self._stub.GetRecording, request).recording)
+        return self._state(self._stub.GetRecording, request)
 
     def mark(self, text: str) -> int:
         """Puts a marker into the recording. Returns the marker's time_ns, on Poses' clock.

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._enums import (DeviceStatus, ForceCommand, ForceReason, ForceState, FreeSide,
-                            ProxyMode, Word)
+                            ProxyMode)
 from palpate._errors import FailedPrecondition, InvalidArgument
 from palpate._html import table
+from palpate._word import Word
 
 _WORDS: dict[str, type[Word]] = {
     "mode": ProxyMode, "free_side": FreeSide, "force_state": ForceState,

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from palpate._errors import InvalidArgument, NotFound, PermissionDenied
 from palpate._follow import LiveVolume
 from palpate._geometry import Triple, array_of_vector, matrix_of_map, numbers_of, three
+from palpate._held import held_in
 from palpate._html import numbers, table
 from palpate._link import Link
 from palpate._load_options import Changes, Raw, load_options
@@ -17,25 +18,11 @@ from palpate._nrrd import nrrd_of
 from palpate._placement import Placement, Quadruple, Turn, place, update_of
 from palpate._progress import Progress, result_of
 from palpate._upload import send_volume
+from palpate._value_list import SuggestedIsovalue
 from palpate._values import path_text, switch, text_of
 from palpate._volume_copy import fetch_volume
 from palpate._voxels import Volume
 from palpate.v1 import volume_pb2, volume_pb2_grpc
-
-
-@dataclasses.dataclass(frozen=True)
-class SuggestedIsovalue:
-    """An isovalue that shows something in the volume.
-
-    name: "otsu"; "bone" and "skin" where the values are Hounsfield units; "surface" of a level
-        set or a built-in shape
-    isovalue: data units
-    reason: a few words
-    """
-
-    name: str
-    isovalue: float
-    reason: str
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -144,8 +131,8 @@ class VolumeAccess:
         They are of the volume as loaded: edits do not change them. Errors: Unavailable.
         """
         answer = self._link.call(self._stub.GetVolume, volume_pb2.GetVolumeRequest())
-        return tuple(SuggestedIsovalue(s.name, s.isovalue, s.reason)
-                     for s in answer.volume.suggested_isovalues)
+        return tuple(SuggestedIsovalue(**held_in(suggested))
+                     for suggested in answer.volume.suggested_isovalues)
 
     def load(self, source: str | os.PathLike[str], *, isovalue: float | None = None,
              normalized_isovalue: float | None = None, spacing_mm: Triple | None = None,

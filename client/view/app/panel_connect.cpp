@@ -23,7 +23,8 @@ void ShowConnection(const Viewer& viewer) {
     WrappedText(kDim, "not connected");
   } else if (connection.state == client::ConnectionState::kConnected) {
     const auto device = feed.device();
-    const std::string who = device && !device->identity.empty() ? " as " + device->identity : "";
+    const std::string who =
+        device && !device->caller.identity.empty() ? " as " + device->caller.identity : "";
     WrappedText(kGood, "connected to " + name + who + ", role " + std::string(NameOf(feed.role())));
   } else if (connection.state == client::ConnectionState::kConnecting) {
     WrappedText(kWarning, "connecting to " + name);

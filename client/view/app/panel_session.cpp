@@ -291,7 +291,7 @@ std::string BannerOf(const LiveFeed& feed) {
   const auto recording = feed.recording();
   if (!recording || !recording->replay) return "REPLAY";
   const client::RunningReplay& replay = *recording->replay;
-  return line(replay.is_paused(), replay.ticks, replay.total_ticks);
+  return line(client::IsPaused(replay), replay.ticks, replay.total_ticks);
 }
 
 }  // namespace

@@ -72,7 +72,7 @@ bool WereVerified(client::VerificationLevel level) {
 }
 
 // If the forces of a device were never verified, it is enabled only by its name.
-void ConfirmEnable(Viewer& viewer, const client::DeviceInfo& device) {
+void ConfirmEnable(Viewer& viewer, const client::DeviceDescription& device) {
   if (!ImGui::BeginPopupModal("Enable forces?", nullptr, ImGuiWindowFlags_AlwaysAutoResize)) return;
   ImGui::Text("The forces of %s were never verified.", device.model.c_str());
   ImGui::Text("Hold the stylus firmly, and have Esc ready, the emergency stop.");

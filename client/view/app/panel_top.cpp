@@ -121,7 +121,7 @@ std::vector<Person> PeopleOf(const client::Activity& activity) {
   std::vector<Person> people;
   for (const client::ConnectedCaller& caller : activity.callers) {
     const auto known = std::find_if(people.begin(), people.end(), [&](const Person& person) {
-      return person.caller.identity == caller.identity;
+      return person.caller.caller.identity == caller.caller.identity;
     });
     if (known == people.end()) {
       people.push_back({caller});
@@ -130,7 +130,8 @@ std::vector<Person> PeopleOf(const client::Activity& activity) {
     ++known->programs;
     known->caller.is_you |= caller.is_you;
     known->caller.watches |= caller.watches;
-    known->caller.role = std::max(known->caller.role, caller.role);
+    client::Role& role = known->caller.caller.role;
+    role = std::max(role, caller.caller.role);
   }
   return people;
 }
@@ -140,7 +141,8 @@ void ShowPerson(const Person& person) {
   ImGui::TableNextRow();
   ImGui::TableNextColumn();
   ImGui::TextColored(caller.is_you ? kGood : kPlain, "%s%s",
-                     OneLine(caller.identity, kLongestName).c_str(), caller.is_you ? " (you)" : "");
+                     OneLine(caller.caller.identity, kLongestName).c_str(),
+                     caller.is_you ? " (you)" : "");
   if (ImGui::IsItemHovered()) {
     const std::string from = caller.peer.empty()
                                  ? "programs on palpated's machine, by its local socket"
@@ -148,7 +150,7 @@ void ShowPerson(const Person& person) {
     ImGui::SetTooltip("%s\nhere for %s", from.c_str(), AgeInWords(caller.connected_s).c_str());
   }
   ImGui::TableNextColumn();
-  ImGui::TextUnformatted(NameOf(caller.role).data());
+  ImGui::TextUnformatted(NameOf(caller.caller.role).data());
   ImGui::TableNextColumn();
   const std::string programs =
       person.programs > 1 ? fmt::format("{} programs ", person.programs) : std::string();

@@ -93,7 +93,7 @@ class LiveFeed {
   SharedThings& shared() { return shared_; }
 
   // Our role at palpated; kUnknown until palpated has sent it.
-  client::Role role() const { return device() ? device()->role : client::Role::kUnknown; }
+  client::Role role() const { return device() ? device()->caller.role : client::Role::kUnknown; }
   // False if our role is known to be less than `least`, and while disconnected.
   bool May(client::Role least) const {
     return !is_disconnected() && (role() == client::Role::kUnknown || role() >= least);

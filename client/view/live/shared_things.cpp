@@ -19,8 +19,8 @@ constexpr Seconds kOwnAfter{3.0};
 std::string OwnName(const client::Activity& activity) {
   for (const client::ConnectedCaller& caller : activity.callers) {
     if (!caller.is_you) continue;
-    return WithoutPort(caller.peer.empty() ? caller.identity
-                                           : caller.identity + " at " + caller.peer);
+    return WithoutPort(caller.peer.empty() ? caller.caller.identity
+                                           : caller.caller.identity + " at " + caller.peer);
   }
   return "";
 }

@@ -112,9 +112,9 @@ ValueRange RangeOfPart(const TypedBrick& brick, const Vec3i& first, const Vec3i&
 void ViewVolume::Take(const client::VolumeUpdate& update) {
   if (update.all) Begin(update.lattice);
   revision_ = update.complete;
-  X_DI_ = update.placement ? std::optional(update.placement->X_DI) : std::nullopt;
+  X_DI_ = update.placement ? std::optional(update.placement->device_from_index) : std::nullopt;
   patient_axes_ = update.placement ? update.placement->patient_axes : "";
-  axes_are_answered_ = update.placement && update.placement->axes_are_answered;
+  axes_are_answered_ = update.placement && update.placement->patient_axes_answered;
   if (!lattice_) return;
   Await(update.changed);
   const auto old = std::exchange(bricks_, update.bricks);

@@ -130,7 +130,7 @@ void PalpatedSource::CheckRights() {
   worker_->Put("rights", [this](bool is_replaced) {
     if (is_replaced) return;
     const auto daemon = AnswerOf([this] { return client_->GetDevice(); });
-    const std::string warning = daemon ? RightsWarning(daemon->role, options_.steers) : "";
+    const std::string warning = daemon ? RightsWarning(daemon->caller.role, options_.steers) : "";
     if (!warning.empty()) post_([this, warning] { options_.log(warning); });
   });
 }

@@ -180,10 +180,10 @@ std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& latt
 
 std::string PlacementText(const VolumePlacement& placement) {
   return Dump({{"type", "placement"},
-               {"device_from_index", Rows(placement.X_DI)},
+               {"device_from_index", Rows(placement.device_from_index)},
                {"settings_revision", placement.settings_revision},
                {"patient_axes", OneLine(placement.patient_axes)},
-               {"patient_axes_answered", placement.axes_are_answered}});
+               {"patient_axes_answered", placement.patient_axes_answered}});
 }
 
 std::string CopyText(std::uint64_t bricks_left, const std::string& problem) {

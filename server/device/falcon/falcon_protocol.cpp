@@ -14,8 +14,8 @@ constexpr std::uint8_t kVendorClass = 0xff;  // class of the FTDI chip's only in
 constexpr int kTries = 10, kTriesAfterUpload = 40;
 constexpr std::chrono::milliseconds kSendPatience(100);
 
-DeviceSpec FalconSpec() {
-  DeviceSpec spec;
+DeviceDescription FalconSpec() {
+  DeviceDescription spec;
   spec.kind = "falcon";
   spec.model = "Novint Falcon";
   // The datasheet's 4 inch cube. The corners of the cube are out of reach (kinematics.h).

@@ -28,7 +28,7 @@ class FalconProtocol final : public UsbProtocol {
  public:
   explicit FalconProtocol(const FalconOptions& options);
 
-  const DeviceSpec& spec() const override { return spec_; }
+  const DeviceDescription& spec() const override { return spec_; }
   const UsbMatch& match() const override { return match_; }
   std::string SetUp(UsbLink& link, const std::atomic<bool>& stop) override;
   UsbReceived Receive(std::span<const std::uint8_t> bytes, DeviceState& state) noexcept override;
@@ -41,7 +41,7 @@ class FalconProtocol final : public UsbProtocol {
  private:
   void Understand(const FalconReport& report, DeviceState& state) noexcept;
 
-  const DeviceSpec spec_;
+  const DeviceDescription spec_;
   const UsbMatch match_;
   const std::string firmware_file_;
 

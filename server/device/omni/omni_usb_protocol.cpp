@@ -23,8 +23,8 @@ std::string Identify(UsbLink& link, const std::atomic<bool>& stop) {
 
 }  // namespace
 
-DeviceSpec OmniUsbSpec() {
-  DeviceSpec spec;
+DeviceDescription OmniUsbSpec() {
+  DeviceDescription spec;
   spec.kind = "omni-usb";
   spec.model = "Phantom Omni / Geomagic Touch (USB)";
   spec.workspace_min_mm = Vec3(-80.0, -60.0, -35.0);

@@ -24,7 +24,7 @@ inline constexpr VerificationLevel kOmniUsbVerification = VerificationLevel::kNo
 
 // The spec of the device, also without a device. The workspace is the data sheet's, about D's
 // origin. All of it is within reach.
-DeviceSpec OmniUsbSpec();
+DeviceDescription OmniUsbSpec();
 
 // OmniUsbIds: the ids of all known devices. OmniUsbProblem: why a device is not even asked who it
 // is ("": it is).
@@ -36,7 +36,7 @@ class OmniUsbProtocol final : public UsbProtocol {
   // port: as in UsbMatch.
   explicit OmniUsbProtocol(const std::string& port = {});
 
-  const DeviceSpec& spec() const override { return spec_; }
+  const DeviceDescription& spec() const override { return spec_; }
   const UsbMatch& match() const override { return match_; }
 
   // Always throws; kUnsuitable has the device's identity and what to do.
@@ -50,7 +50,7 @@ class OmniUsbProtocol final : public UsbProtocol {
   const char* calibration_hint() const noexcept override { return "it cannot be driven"; }
 
  private:
-  DeviceSpec spec_;
+  DeviceDescription spec_;
   UsbMatch match_;
 };
 

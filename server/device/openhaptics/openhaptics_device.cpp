@@ -12,8 +12,8 @@ namespace {
 
 // Datasheet of the Touch (formerly Phantom Omni). The stiffness is the library's own value, as a
 // public test program printed it. The origin is in the middle of the workspace, as in the library.
-DeviceSpec TouchSpec() {
-  DeviceSpec spec;
+DeviceDescription TouchSpec() {
+  DeviceDescription spec;
   spec.kind = "openhaptics";
   spec.model = "Phantom Omni / Touch by OpenHaptics";
   spec.workspace_min_mm = Vec3(-80.0, -60.0, -35.0);
@@ -71,7 +71,8 @@ void OpenHapticsDevice::Write(const Vec3& force_D_n, double /*dt_s*/) noexcept {
 }
 
 DeviceHealth OpenHapticsDevice::health() const {
-  return control_ != nullptr ? control_->hd.health() : DeviceHealth();
+  return control_ != nullptr ? control_->hd.health()
+                             : DeviceHealth{.connection = DeviceConnection::kAbsent};
 }
 
 std::optional<DeviceEvent> OpenHapticsDevice::NextEvent() {

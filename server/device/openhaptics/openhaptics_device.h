@@ -38,7 +38,7 @@ class OpenHapticsDevice final : public HapticDevice {
 
   // The datasheet's values of the Touch. If the library states a lower maximum force, that one
   // applies.
-  const DeviceSpec& spec() const override { return spec_; }
+  const DeviceDescription& spec() const override { return spec_; }
   void Start() override;
   void Stop() noexcept override;
   DeviceStatus Read(DeviceState& state) noexcept override;
@@ -56,7 +56,7 @@ class OpenHapticsDevice final : public HapticDevice {
 
   OpenHapticsOptions options_;
   bool motors_on_ = false;  // the servo thread's
-  DeviceSpec spec_;
+  DeviceDescription spec_;
   // Shared with the control thread, which outlives this object if the library hangs.
   std::shared_ptr<Control> control_;
 };

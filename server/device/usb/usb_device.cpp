@@ -296,7 +296,7 @@ UsbDevice::UsbDevice(std::unique_ptr<UsbProtocol> protocol, int realtime_priorit
 
 UsbDevice::~UsbDevice() { Stop(); }
 
-const DeviceSpec& UsbDevice::spec() const { return impl_->protocol->spec(); }
+const DeviceDescription& UsbDevice::spec() const { return impl_->protocol->spec(); }
 
 void UsbDevice::Start() {
   if (impl_->thread.joinable()) return;

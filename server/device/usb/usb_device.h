@@ -38,7 +38,7 @@ class UsbDevice final : public HapticDevice {
   UsbDevice(std::unique_ptr<UsbProtocol> protocol, int realtime_priority);
   ~UsbDevice() override;
 
-  const DeviceSpec& spec() const override;
+  const DeviceDescription& spec() const override;
   void Start() override;
   void Stop() noexcept override;
   DeviceStatus Read(DeviceState& state) noexcept override;

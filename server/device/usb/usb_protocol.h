@@ -28,7 +28,7 @@ class UsbProtocol {
 
   virtual ~UsbProtocol() = default;
 
-  virtual const DeviceSpec& spec() const = 0;
+  virtual const DeviceDescription& spec() const = 0;
   virtual const UsbMatch& match() const = 0;
 
   // Brings an opened device to the state in which it streams, and forgets the previous connection.

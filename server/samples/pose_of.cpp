@@ -1,0 +1,50 @@
+#include "server/samples/pose_of.h"
+
+namespace palpate {
+namespace {
+
+Vec3 VectorOf(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+}  // namespace
+
+PoseSample PoseOf(const TickSample& sample) {
+  PoseSample pose;
+  pose.tick = sample.tick;
+  pose.time_ns = sample.time_ns;
+  pose.hip_mm = VectorOf(sample.hip_mm);
+  pose.scp_h_mm = VectorOf(sample.scp_h_mm);
+  if (sample.contact) pose.scp_h_normal = VectorOf(sample.scp_h_normal);
+  if (sample.has_scp_v) {
+    pose.scp_v_mm = VectorOf(sample.scp_v_mm);
+    pose.scp_v_normal = VectorOf(sample.scp_v_normal);
+  }
+  const auto& [w, x, y, z] = sample.stylus_orientation;
+  pose.stylus_orientation = {w, x, y, z};
+  pose.buttons = sample.buttons;
+  pose.force_n = VectorOf(sample.force_n);
+  pose.mode = sample.mode;
+  pose.contact = sample.contact;
+  pose.density = sample.density;
+  pose.isovalue = sample.isovalue;
+  pose.settings_revision = sample.settings_revision;
+  pose.volume_revision = sample.volume_revision;
+  pose.update_ns = sample.update_ns;
+  pose.missed_ticks = sample.missed_ticks;
+  pose.iterations = sample.iterations;
+  pose.capped_ticks = sample.capped_ticks;
+  pose.free_side = sample.free_side;
+  pose.forces =
+      ForcesOf(sample.force_state, sample.force_reason, sample.force_limit_n, sample.replayed);
+  pose.replayed = sample.replayed;
+  return pose;
+}
+
+ForceStatus ForcesOf(ForceState state, ForceReason reason, double limit_n, bool replay) {
+  // For the safety stage, a replay is no state: it gets zero forces to write.
+  if (replay && (state == ForceState::kOn || state == ForceState::kRampIn)) {
+    return {ForceState::kHeld, ForceReason::kReplay, limit_n};
+  }
+  return {state, reason, limit_n};
+}
+
+}  // namespace palpate

@@ -1,0 +1,19 @@
+// What clients see of a tick.
+//
+// Frames and units: as in palpate.v1.PoseSample. Threads: pure functions; any. Real-time: neither
+// allocates.
+#pragma once
+
+#include "common/contract/device.h"
+#include "common/contract/enumerations.h"
+#include "common/contract/pose.h"
+#include "server/samples/tick_sample.h"
+
+namespace palpate {
+
+PoseSample PoseOf(const TickSample& sample);
+
+// `replay`: a recording is replayed to viewers, so nothing acts.
+ForceStatus ForcesOf(ForceState state, ForceReason reason, double limit_n, bool replay);
+
+}  // namespace palpate
