@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/files/new_file.h"
 #include "server/log/log.h"
 
 namespace palpate {
@@ -74,8 +75,11 @@ SessionKeeper::SessionKeeper(const std::filesystem::path& folder,
       felt_(std::move(felt)) {}
 
 void SessionKeeper::OpenEdits() {
-  std::error_code ignored;
-  std::filesystem::create_directories(path_.parent_path(), ignored);
+  try {
+    MakeFolders(path_.parent_path());
+  } catch (const Error&) {
+    return;  // Save says it
+  }
   edits_file_ =
       Descriptor(open(edits_path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
 }
