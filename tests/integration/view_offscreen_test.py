@@ -155,15 +155,15 @@ class OddVolumes(unittest.TestCase):
                 self.assertEqual((code, problem), (0, ""))
                 self.assertEqual(Image.open(picture).size, (1280, 800))
 
-    def test_a_long_unit_leaves_room_for_the_share_of_the_range(self):
+    def test_the_share_of_the_range_is_whole_beside_any_unit(self):
         def share(unit):
             content = whole.replace(b"encoding: raw\n",
                                     b'encoding: raw\nsample units: "%s"\n' % unit)
             picture = Image.open(self.look(content, "--panels")[2])
-            (_, y), *_ = places_of("of range", picture.crop(LEFT))
-            y += LEFT[1]
-            line = np.asarray(picture)[y - 10:y + 10, 126:300]
-            # It is bluish, the unit is not.
+            (x, y), *_ = places_of("of range", picture.crop(LEFT))
+            x, y = x + LEFT[0], y + LEFT[1]
+            # A long unit is above it, not beside it. It is bluish, a unit is not.
+            line = np.asarray(picture)[y - 10:y + 10, max(0, x - 80):x + 70]
             return int((line[..., 2] > line[..., 0].astype(int) + 14).sum())
         whole = nrrd(ball((24, 24, 24), 8))
         short = share(b"HU")
