@@ -13,8 +13,8 @@
 
 namespace palpate {
 
-// A marker's tick counts the recorded ticks before it, as palpate.v1.RecordedMarker says. Ticks that
-// were not recorded do not count.
+// A marker's tick counts the recorded ticks before it, as palpate.v1.RecordedMarker says. Ticks
+// that were not recorded do not count.
 struct RecordingOutline {
   std::uint64_t ticks = 0;
   std::vector<RecordedMarker> markers{};  // in order
