@@ -66,13 +66,15 @@ test("the copy equals the daemon's volume at each manifest that is shown", async
   const tab = await room.openBrowser({ width: 500, height: 400 });
   await awaitWhole(tab);
   await keepCopies(tab);
-  const edits = await runToEnd(process.env.PALPATE_PYTHON, [EDITS, room.socket, "80", "20"]);
-  const info = JSON.parse(await room.palpate("info", "--json"));
-  await awaitPage(tab, `p.copy.revision === ${info.volume.volume_revision}`);
-  const kept = await keptCopies(tab);
-  assert.ok(kept.length > 5, `${kept.length} manifests were shown`);
+  let kept = [];
+  while (kept.length <= 5) { // a slow machine shows few of many
+    await runToEnd(process.env.PALPATE_PYTHON, [EDITS, room.socket, "80", "20"]);
+    const info = JSON.parse(await room.palpate("info", "--json"));
+    await awaitPage(tab, `p.copy.revision === ${info.volume.volume_revision}`);
+    kept = await keptCopies(tab);
+  }
   for (const copy of kept) assert.equal(await contentHash(copy), copy.hash, `revision ${copy.revision}`);
-  t.diagnostic(`${edits.trim()}, ${kept.length} manifests shown, all equal`);
+  t.diagnostic(`${kept.length} manifests shown, all equal`);
 });
 
 const events = (tab) => tab.evaluate(() => window.palpate.state.events.join("\n"));
