@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 import unittest
 
 import palpate
@@ -124,6 +125,12 @@ class Forked(DaemonTest):
 
 
 class Killed(unittest.TestCase):
+    @staticmethod
+    def kept(daemon):
+        """The stiffness in the files of the session."""
+        return [tomllib.loads(file.read_text())["haptics"]["stiffness_n_per_mm"]
+                for file in (daemon.folder / "state" / "sessions").glob("*.toml")]
+
     def test_lost_edits_are_counted_and_the_rest_comes_back(self):
         with Daemon() as daemon:
             for count in (1, 2):
@@ -131,7 +138,8 @@ class Killed(unittest.TestCase):
                     for number in range(count):
                         conn.edit.sphere((20, 20, 20), 3, "set", 0.3 + 0.1 * number)
                     conn.settings.stiffness_n_per_mm = 0.6 + 0.1 * count
-                    time.sleep(0.1)
+                    # It is written soon after the answer.
+                    self.assertTrue(wait_until(lambda: 0.6 + 0.1 * count in self.kept(daemon)))
                 daemon.end(signal.SIGKILL)
                 daemon.start()
                 self.assertTrue(any("lost" in line for line in daemon.said), daemon.said)
