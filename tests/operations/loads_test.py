@@ -36,7 +36,8 @@ SOON_TICKS, LATE_TICKS = 2000, 5000
 MOST_LATE = 5
 
 
-@unittest.skipUnless(DATA.is_dir(), "the volumes of the data folder are missing")
+@unittest.skipUnless(all((DATA / name).exists() for name, _ in VOLUMES),
+                     "the volumes of the data folder are missing")
 class Loads(unittest.TestCase):
     def setUp(self):
         self.enterContext(stolen_share())
