@@ -288,6 +288,7 @@ TEST_F(LoadTest, ManyBrowsersDoNotReachTheServo) {
   const test::TemporaryFolder folder;
   const std::string key(32, 'k'), port = std::to_string(test::FreePort());
   std::ofstream(folder.path() / "key") << key << "\n";
+  std::filesystem::permissions(folder.path() / "key", std::filesystem::perms::owner_read);
   std::ofstream(folder.path() / "index.html") << "a page";
   test::Process gateway(
       {bin / "palpate-web", "--socket", daemon_->socket(), "--listen", "127.0.0.1:" + port,
