@@ -28,7 +28,9 @@ void ExpectGoesOn(WebRig& rig, TestGuest& guest) {
 }
 
 TEST(WebAttacks, AThousandConnections) {
-  WebRig rig;
+  web::HttpOptions options;
+  options.timeouts.keep_alive = std::chrono::minutes(5);  // the guest is slow, not gone
+  WebRig rig(options);
   TestGuest guest(rig);
   Browser idle(rig);
   idle.LogIn();

@@ -368,7 +368,8 @@ TEST(WebGuests, GetThirtyTwoPosesUntilTheyAcknowledge) {
 
 TEST(WebGuests, WhoReadsSlowlySkipsToTheNewest) {
   web::HttpOptions options;
-  options.timeouts.write = std::chrono::minutes(5);  // however long the machine takes to put all
+  // However long the machine takes to put all.
+  options.timeouts.write = options.timeouts.keep_alive = std::chrono::minutes(5);
   WebRig rig(options);
   TestGuest guest(rig);
   constexpr int kTexts = 400;
