@@ -28,9 +28,7 @@ void ExpectGoesOn(WebRig& rig, TestGuest& guest) {
 }
 
 TEST(WebAttacks, AThousandConnections) {
-  web::HttpOptions options;
-  options.timeouts.keep_alive = std::chrono::minutes(5);  // the guest is slow, not gone
-  WebRig rig(options);
+  WebRig rig;
   TestGuest guest(rig);
   Browser idle(rig);
   idle.LogIn();
@@ -178,6 +176,7 @@ TEST(WebAttacks, WhoHoldsAllThatOneMayHoldShutsOutNobody) {
   options.max_guests = 12;
   options.max_held_bytes = 10 * kBigBlobBytes;
   options.timeouts.lowest_bytes_per_ms = 1;
+  options.timeouts.keep_alive = std::chrono::minutes(5);  // who is slow is not gone
   WebRig rig(options);
   std::vector<std::unique_ptr<TestGuest>> seats;
   while (rig.counts().guests < 12) {
