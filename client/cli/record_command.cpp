@@ -153,7 +153,7 @@ void AddRunAndStart(arguments::Command& record, Invocation& invocation) {
   const auto options = std::make_shared<RecordOptions>();
   arguments::Command* run =
       AddFileCommand(record, "run", "Records until Ctrl-C, then shows a summary", *options);
-  SetFooter(*run, "Example: palpate record run trial-7.palrec --seconds 60");
+  SetFooter(*run, "Example: palpate record run trial-7.mcap --seconds 60");
   run->add_option("--seconds", options->seconds, "End after this time, s [default: none]")
       ->check(arguments::Positive());
   run->callback([&invocation, options] {
@@ -161,7 +161,7 @@ void AddRunAndStart(arguments::Command& record, Invocation& invocation) {
   });
   arguments::Command* start =
       AddFileCommand(record, "start", "Starts recording and returns", *options);
-  SetFooter(*start, "Example: palpate record start trial-7.palrec");
+  SetFooter(*start, "Example: palpate record start trial-7.mcap");
   start->callback([&invocation, options] {
     invocation.command = [options](client::Calls& palpated) {
       const client::RecordingState state = Start(palpated, *options);
@@ -227,7 +227,7 @@ void AddReplay(arguments::Command& app, Invocation& invocation) {
       "Plays a recording to all clients that watch, with forces off. The recorded volume must\n"
       "be loaded. At the end, settings and voxels are again as before. Ctrl-C ends it, with\n"
       "exit code 9.");
-  SetFooter(*command, "Example: palpate replay trial-7.palrec --speed 0.25");
+  SetFooter(*command, "Example: palpate replay trial-7.mcap --speed 0.25");
   const auto values = std::make_shared<Values>();
   command->add_option("file", values->path, kFileHelp)->required()->option_text("FILE");
   command->add_option("--speed", values->speed, "Multiple of real time, up to 100")

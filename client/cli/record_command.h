@@ -12,7 +12,7 @@
 namespace palpate::cli {
 
 // Returns text such as "60000 ticks (60.0 s), 0 lost, 6.2 MB, 103 bytes per tick, to
-// /data/a.palrec". Pure.
+// /data/a.mcap". Pure.
 std::string DescribeRecording(const client::RecordingState& state);
 
 // What viewers see: the live ticks, or the replay. Returns lines that end with \n. Pure.

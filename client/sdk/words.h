@@ -17,7 +17,7 @@ using palpate::NameOf;
 // "3 edits are not saved".
 std::string UnsavedInWords(std::uint64_t edits);
 
-// The sentence that everybody is told in a replay: "replay of trial-7.palrec by token ada: forces
+// The sentence that everybody is told in a replay: "replay of trial-7.mcap by token ada: forces
 // are off". None: without the file and who replays it.
 std::string InWords(const std::optional<RunningReplay>& replay);
 

@@ -69,17 +69,7 @@ void Put(const VolumeOverview& overview, v1::StreamVolumeResponse& out) {
 }
 
 void Put(VolumeBricks&& bricks, v1::StreamVolumeResponse& out) {
-  v1::VolumeBricks& message = *out.mutable_bricks();
-  message.mutable_brick_numbers()->Add(bricks.numbers.begin(), bricks.numbers.end());
-  message.set_zstd_values(std::move(bricks.zstd_values));
-  message.set_bricks_left(bricks.bricks_left);
-  message.set_voxel_type(VoxelTypeOf(bricks.type));
-  for (const VolumeTile& tile : bricks.tiles) {
-    v1::VolumeTile& added = *message.add_tiles();
-    added.set_first_brick(tile.bricks.first);
-    added.set_bricks(tile.bricks.count);
-    added.set_value(tile.value);
-  }
+  *out.mutable_bricks() = ToProto(std::move(bricks));
 }
 
 void Put(VolumeComplete&& complete, v1::StreamVolumeResponse& out) {
@@ -107,18 +97,6 @@ VolumeLattice Take(v1::VolumeLattice&& message) {
       .type = LeafTypeOf(message.voxel_type())};
 }
 
-VolumeBricks Take(v1::VolumeBricks&& message) {
-  VolumeBricks bricks{.type = LeafTypeOf(message.voxel_type()),
-                      .numbers = {message.brick_numbers().begin(), message.brick_numbers().end()},
-                      .zstd_values = std::move(*message.mutable_zstd_values()),
-                      .tiles = {},
-                      .bricks_left = message.bricks_left()};
-  for (const v1::VolumeTile& tile : message.tiles()) {
-    bricks.tiles.push_back({{tile.first_brick(), tile.bricks()}, tile.value()});
-  }
-  return bricks;
-}
-
 VolumeComplete Take(v1::VolumeComplete&& message) {
   return {FromProto(message.revision()),
           {message.content_hash_high(), message.content_hash_low()},
@@ -135,7 +113,7 @@ VolumeEvent TakeEvent(v1::StreamVolumeResponse& message) {
     case v1::StreamVolumeResponse::kOverview:
       return FromProto(message.overview());
     case v1::StreamVolumeResponse::kBricks:
-      return Take(std::move(*message.mutable_bricks()));
+      return FromProto(std::move(*message.mutable_bricks()));
     case v1::StreamVolumeResponse::kComplete:
       return Take(std::move(*message.mutable_complete()));
     case v1::StreamVolumeResponse::EVENT_NOT_SET:
@@ -147,6 +125,33 @@ VolumeEvent TakeEvent(v1::StreamVolumeResponse& message) {
 }
 
 }  // namespace
+
+v1::VolumeBricks ToProto(VolumeBricks bricks) {
+  v1::VolumeBricks message;
+  message.mutable_brick_numbers()->Add(bricks.numbers.begin(), bricks.numbers.end());
+  message.set_zstd_values(std::move(bricks.zstd_values));
+  message.set_bricks_left(bricks.bricks_left);
+  message.set_voxel_type(VoxelTypeOf(bricks.type));
+  for (const VolumeTile& tile : bricks.tiles) {
+    v1::VolumeTile& added = *message.add_tiles();
+    added.set_first_brick(tile.bricks.first);
+    added.set_bricks(tile.bricks.count);
+    added.set_value(tile.value);
+  }
+  return message;
+}
+
+VolumeBricks FromProto(v1::VolumeBricks message) {
+  VolumeBricks bricks{.type = LeafTypeOf(message.voxel_type()),
+                      .numbers = {message.brick_numbers().begin(), message.brick_numbers().end()},
+                      .zstd_values = std::move(*message.mutable_zstd_values()),
+                      .tiles = {},
+                      .bricks_left = message.bricks_left()};
+  for (const v1::VolumeTile& tile : message.tiles()) {
+    bricks.tiles.push_back({{tile.first_brick(), tile.bricks()}, tile.value()});
+  }
+  return bricks;
+}
 
 v1::StreamVolumeResponse ToProto(VolumeMessage message) {
   v1::StreamVolumeResponse out;

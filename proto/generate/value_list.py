@@ -17,6 +17,7 @@ GEOMETRY = ("Vector3", "Quaternion", "AffineMap")
 
 @dataclasses.dataclass(frozen=True)
 class Field:
+    number: int
     name: str
     kind: str  # one of SCALARS' words, "enum", "message" or "voxel": NAME_x, NAME_y and NAME_z
     type: str  # of an enum or a message: its name in the contract
@@ -65,7 +66,7 @@ def _fields(message: typing.Any, index: int,
         parts = [(part.name, part.type) for part in message.field[n:n + 3]]
         if parts == [(f"{stem}_{one}", Kind.TYPE_UINT32) for one in "xyz"]:
             voxel = stem
-            yield Field(stem, "voxel", "", False, False, about)
+            yield Field(field.number, stem, "voxel", "", False, False, about)
         elif stem == voxel and axis in ("_y", "_z"):
             continue
         else:
@@ -75,7 +76,7 @@ def _fields(message: typing.Any, index: int,
                 raise Fault(f"{message.name}.{field.name} has a type that no value has")
             # Of a oneof at most one is there.
             optional = field.proto3_optional or field.HasField("oneof_index")
-            yield Field(field.name, kind, field.type_name.rsplit(".", 1)[-1],
+            yield Field(field.number, field.name, kind, field.type_name.rsplit(".", 1)[-1],
                         field.label == Kind.LABEL_REPEATED, optional, about)
 
 

@@ -1,4 +1,4 @@
-"""The columns of palpate.Poses."""
+"""The columns of palpate.Poses and of palpate.RecordedTicks."""
 
 import re
 import textwrap
@@ -6,7 +6,8 @@ import typing
 
 from value_list import Field, File
 
-HEAD = '''"""The columns of poses. Written by proto/generate from palpate/v1/pose.proto: change that."""
+HEAD = '''"""The columns of poses and of recorded ticks. Written by proto/generate from palpate/v1/pose.proto
+and palpate/v1/recorded.proto: change those."""
 
 import dataclasses
 
@@ -22,15 +23,27 @@ def columns(files: list[File]) -> dict[str, str]:
     """palpate/_pose_columns.py."""
     values = {value.name: value.fields for file in files for value in file.values}
     listed = list(_listed(values["PoseSample"], values))
-    about = "".join(map(_about, listed))
-    types = "".join(f"    {name}: npt.NDArray[np.{_type(field)}]\n" for name, _, field in listed)
+    recorded = list(_listed(values["RecordedTick"][1:], values))  # behind the pose
     sources = "".join(f'    "{name}": ("{path}", {_kind(field)}),\n'
                       for name, path, field in listed)
-    text = (f'{HEAD}\nABOUT = """{about}"""\n\n\n@dataclasses.dataclass(frozen=True, eq=False, '
-            'repr=False)\nclass PoseColumns:\n    """An array for each field of a sample."""\n\n'
-            f"{types}\n\n# Where a column comes from, and its type, or the parts of what it has.\n"
-            f"SOURCES: dict[str, tuple[str, type | str]] = {{\n{sources}}}\n")
+    within = [(name, f"pose.{path}", field) for name, path, field in listed]
+    recorded_sources = "".join(
+        f'    "{name}": ("{path}", {_kind(field)}, {field.optional and field.type not in PARTS}),\n'
+        for name, path, field in within + recorded)
+    text = (f"{HEAD}{_class('PoseColumns', 'sample', 'ABOUT', listed)}"
+            f"{_class('RecordedColumns(PoseColumns)', 'recorded tick', 'RECORDED_ABOUT', recorded)}"
+            "\n\n# Where a column comes from, and its type, or the parts of what it has.\n"
+            f"SOURCES: dict[str, tuple[str, type | str]] = {{\n{sources}}}\n"
+            "# The same in a RecordedTick; and whether it is NaN where it is absent.\n"
+            f"RECORDED: dict[str, tuple[str, type | str, bool]] = {{\n{recorded_sources}}}\n")
     return {"palpate/_pose_columns.py": text}
+
+
+def _class(name: str, of: str, about: str, listed: list[tuple[str, str, Field]]) -> str:
+    types = "".join(f"    {name}: npt.NDArray[np.{_type(field)}]\n" for name, _, field in listed)
+    return (f'\n{about} = """{"".join(map(_about, listed))}"""\n\n\n'
+            "@dataclasses.dataclass(frozen=True, eq=False, repr=False)\n"
+            f'class {name}:\n    """An array for each field of a {of}."""\n\n{types}')
 
 
 def _listed(fields: typing.Iterable[Field], values: dict[str, typing.Any]

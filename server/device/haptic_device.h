@@ -11,6 +11,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -27,6 +28,9 @@ inline bool IsHardware(const DeviceDescription& spec) {
   return spec.verification_level != VerificationLevel::kSimulated;
 }
 
+// A place that is none: three NaN.
+inline const Vec3 kNowhere = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());
+
 // One reading.
 struct DeviceState {
   Vec3 p_DHip_mm = Vec3::Zero();                             // stylus tip
@@ -34,6 +38,7 @@ struct DeviceState {
   std::uint32_t buttons = 0;                                 // bit n: button n pressed
   bool docked = false;                                       // the stylus rests in its holder
   bool calibrated = true;                                    // the position has a meaning
+  Vec3 p_DLed_mm = kNowhere;  // where somebody leads the simulated hand
 };
 
 // One line for the log.

@@ -51,7 +51,9 @@ StylusScript::Target LedScript::Next(const HandState& hand, const Vec3& felt_for
                       .cwiseMax(workspace_min_mm_)
                       .cwiseMin(workspace_max_mm_);
   Follow(dt_s);
-  return {.p_DTarget_mm = hand_.SpringEnd(Vec3::Zero()), .buttons = newest.buttons};
+  return {.p_DTarget_mm = hand_.SpringEnd(Vec3::Zero()),
+          .buttons = newest.buttons,
+          .p_DLed_mm = p_DTarget_mm_};
 }
 
 // Where the spring and the force that the hand feels are in balance, so that the hand stays.

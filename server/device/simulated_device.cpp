@@ -61,6 +61,7 @@ DeviceStatus SimulatedDevice::Read(DeviceState& state) noexcept {
       spec_.workspace_min_mm + Vec3(counts.array().floor()) * spec_.position_resolution_mm;
   state.R_DS = R_DS_;
   state.buttons = buttons_;
+  state.p_DLed_mm = p_DLed_mm_;
   return DeviceStatus::kOk;
 }
 
@@ -70,6 +71,7 @@ void SimulatedDevice::Write(const Vec3& force_D_n, double dt_s) noexcept {
   const Vec3 felt_D_n = Saturated(force_D_n, spec_.max_force_n);
   const StylusScript::Target target = script_->Next(hand_, felt_D_n, move_s);
   buttons_ = target.buttons;
+  p_DLed_mm_ = target.p_DLed_mm;
   MoveHand(target.p_DTarget_mm, felt_D_n, move_s);
   TiltStylus(move_s);
 }

@@ -54,6 +54,7 @@ class SimulatedDevice final : public HapticDevice {
   double sway_phase_rad_ = 0.0;
   Eigen::Quaterniond R_DS_;
   std::uint32_t buttons_ = 0;
+  Vec3 p_DLed_mm_ = kNowhere;
 };
 
 }  // namespace palpate

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "common/geometry/geometry.h"
+#include "server/device/haptic_device.h"
 
 namespace palpate {
 
@@ -27,6 +28,7 @@ class StylusScript {
   struct Target {
     Vec3 p_DTarget_mm = Vec3::Zero();  // where the spring pulls the hand
     std::uint32_t buttons = 0;         // bit n: button n pressed
+    Vec3 p_DLed_mm = kNowhere;         // where somebody leads the hand
   };
 
   virtual ~StylusScript() = default;

@@ -1,6 +1,7 @@
 #include "server/lab/recording_command.h"
 
 #include <fmt/core.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <fstream>
@@ -10,17 +11,13 @@
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
+#include "server/lab/hdf5_export.h"
 #include "server/recording/csv_export.h"
 #include "server/recording/recording_reader.h"
 #include "server/recording/replayer.h"
 
 namespace palpate::lab {
 namespace {
-
-// Recordings of version 2 hold no such flag; there, the name tells an upload.
-bool IsReloadable(const RecordedScene& scene) {
-  return scene.reloadable && !scene.volume_source.starts_with("upload:");
-}
 
 [[noreturn]] void ThrowNotHeld(const RecordedScene& scene) {
   throw Error(ErrorKind::kNotFound,
@@ -35,10 +32,28 @@ RecordedVolumeLoader LoaderOf(const RecordingReplayOptions& options) {
           import_program = options.import_program](const RecordedScene& scene) mutable {
     if (scene.all_voxels_stored) return WithoutVoxels(scene);
     const std::string given = std::exchange(first, {});
-    if (given.empty() && !IsReloadable(scene)) ThrowNotHeld(scene);
+    if (given.empty() && !scene.reloadable) ThrowNotHeld(scene);
     return LoadVolume(given.empty() ? scene.volume_source : given, import_program, {},
                       scene.spacing_mm);
   };
+}
+
+// HDF5 writes to no file without a name, as WriteWhole has it.
+void WriteHdf5(RecordingReader& reader, const ExportOptions& options) {
+  const IfThere if_there = ReplacesIf(options.overwrite);
+  CheckNewFile(options.output, if_there);
+  std::filesystem::path partial = options.output;
+  partial += "." + std::to_string(getpid()) + ".partial";
+  struct Removed {
+    const std::filesystem::path& file;
+    ~Removed() {
+      std::error_code renamed;
+      std::filesystem::remove(file, renamed);
+    }
+  } const removed{partial};
+  ExportHdf5(reader, partial);
+  CheckNewFile(options.output, if_there);
+  std::filesystem::rename(partial, options.output);
 }
 
 void WarnIfCut(const RecordingReader& reader) {
@@ -80,7 +95,7 @@ void CheckMissing(const Replayer& replayer, bool is_allowed) {
 void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out) {
   RecordingReader reader(options.recording);
   Replayer replayer(LoaderOf(options));
-  while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
+  while (const std::optional<RecordedItem> item = reader.Next()) replayer.Take(*item);
   const ReplayCounts& counts = replayer.counts();
   out << Report(counts);
   WarnIfCut(reader);
@@ -102,7 +117,9 @@ void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out) {
 
 void ExportRecording(const ExportOptions& options, std::ostream& out) {
   RecordingReader reader(options.recording);
-  if (options.output.empty()) {
+  if (options.hdf5) {
+    WriteHdf5(reader, options);
+  } else if (options.output.empty()) {
     ExportCsv(reader, out);
   } else {
     const auto write = [&](const std::filesystem::path& partial) {

@@ -1,4 +1,4 @@
-// palpate-lab replay --recording and palpate-lab export.
+// palpate-lab replay --recording, export and convert.
 //
 // Threads: the calling one. Errors: Error.
 #pragma once
@@ -31,9 +31,15 @@ struct ExportOptions {
   std::filesystem::path recording{};
   std::filesystem::path output{};  // empty: writes to `out`
   bool overwrite = false;          // of `output`
+  bool hdf5 = false;               // needs `output`
 };
 
 // Writes the recording's table of ticks.
 void ExportRecording(const ExportOptions& options, std::ostream& out);
+
+// Makes an MCAP file of a recording of an earlier version (old_recording.h), up to its end or its
+// first damage. Throws Error: kConflict if `output` exists and is not to be overwritten;
+// kInvalidArgument if there is nothing to convert.
+void ConvertRecording(const ExportOptions& options);
 
 }  // namespace palpate::lab

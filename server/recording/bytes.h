@@ -17,22 +17,28 @@
 
 namespace palpate {
 
-// The longest text of a recording but a marker's, far above what is written.
+// Texts are shorter, unless the reader says otherwise.
 inline constexpr std::size_t kMostTextBytes = std::size_t{16} << 10;
 
 static_assert(std::endian::native == std::endian::little, "recordings are little endian");
 
-// Thrown if bytes are not valid data. what() completes the sentence "chunk N is ...".
+// Thrown if bytes are not valid data. what() completes the sentence "the recording is ...".
 class DamagedBytes : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
+template <class T>
+requires std::is_arithmetic_v<T>
+void AppendNumber(T value, std::string& bytes) {
+  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
 class ByteWriter {
  public:
   template <class T>
   requires std::is_arithmetic_v<T>
-  void Put(T value) { bytes_.append(reinterpret_cast<const char*>(&value), sizeof value); }
+  void Put(T value) { AppendNumber(value, bytes_); }
   void PutBytes(std::string_view bytes) { bytes_ += bytes; }
   void PutText(std::string_view text) {
     Put(static_cast<std::uint32_t>(text.size()));
@@ -62,6 +68,7 @@ class ByteReader {
     rest_.remove_prefix(count);
     return bytes;
   }
+  std::string_view GetRest() { return GetBytes(rest_.size()); }
   // Texts of one letter pack well: a small file may hold gigabytes of them.
   std::string GetText(std::size_t most_bytes = kMostTextBytes) {
     const auto size = Get<std::uint32_t>();

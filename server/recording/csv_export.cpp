@@ -3,7 +3,6 @@
 #include <array>
 #include <charconv>
 #include <cstdint>
-#include <deque>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -47,56 +46,42 @@ std::string Quoted(const std::string& text) {
   return quoted + '"';
 }
 
-// Holds back the last row: only the time of the next tick tells which markers belong to it.
 class Table {
  public:
-  // `unix_from_time_ns`: from a tick's time to its UTC.
-  Table(std::ostream& stream, std::optional<std::int64_t> unix_from_time_ns)
-      : stream_(stream), unix_from_time_ns_(unix_from_time_ns) {
+  Table(std::ostream& stream, const RecordingHeader& header) : stream_(stream), header_(header) {
     stream_ << Header() << '\n';
   }
 
   void Add(const TickSample& sample) {
-    if (!row_.empty()) WriteRow(sample.time_ns);
     row_.clear();
     VisitFields(sample, [&](std::string_view name, const auto& field) {
       // What the tick does not have is empty, which other programs read as missing.
       const bool is_absent = (!sample.contact && name.starts_with("scp_h_normal")) ||
-                             (!sample.has_scp_v && name.starts_with("scp_v"));
+                             (!sample.has_scp_v && name.starts_with("scp_v")) ||
+                             (!sample.is_led() && name.starts_with("led")) ||
+                             (!sample.shows_series() && name.starts_with("series"));
       if (is_absent) {
         row_ += ',';
       } else {
         AppendField(field, row_);
       }
     });
-    // Of a damaged time, the sum may be too large.
-    std::int64_t unix_ns = 0;
-    if (unix_from_time_ns_ &&
-        !__builtin_add_overflow(sample.time_ns, *unix_from_time_ns_, &unix_ns)) {
-      row_ += std::to_string(unix_ns);
-    }
-    row_ += ',';
+    if (const auto unix_ns = header_.UnixOf(sample.time_ns)) row_ += std::to_string(*unix_ns);
+    stream_ << row_ << ',' << Quoted(std::exchange(markers_, {})) << '\n';
+    CheckStream();
   }
 
-  void Add(TimedMarker marker) { markers_.push_back(std::move(marker)); }
+  // Of the next tick.
+  void Add(const RecordedEvent& event) {
+    markers_ += (markers_.empty() ? "" : "; ") + event.marker;
+  }
 
   void End() {
-    if (!row_.empty()) WriteRow({});
     stream_.flush();
     CheckStream();
   }
 
  private:
-  void WriteRow(std::optional<std::int64_t> next_ns) {
-    std::string texts;
-    while (!markers_.empty() && (!next_ns || markers_.front().time_ns < *next_ns)) {
-      texts += (texts.empty() ? "" : "; ") + markers_.front().text;
-      markers_.pop_front();
-    }
-    stream_ << row_ << Quoted(texts) << '\n';
-    CheckStream();
-  }
-
   void CheckStream() const {
     if (!stream_) {
       throw Error(ErrorKind::kUnavailable, "cannot write the table; is there space?");
@@ -104,29 +89,20 @@ class Table {
   }
 
   std::ostream& stream_;
-  const std::optional<std::int64_t> unix_from_time_ns_;
+  const RecordingHeader header_;
   std::string row_;
-  std::deque<TimedMarker> markers_;  // that have no row yet
+  std::string markers_;  // of the next row
 };
-
-std::optional<std::int64_t> UnixFromTimeNs(const RecordingHeader& header) {
-  std::int64_t difference = 0;
-  if (!header.created_monotonic_ns ||
-      __builtin_sub_overflow(header.created_unix_ns, *header.created_monotonic_ns, &difference)) {
-    return std::nullopt;
-  }
-  return difference;
-}
 
 }  // namespace
 
 void ExportCsv(RecordingReader& reader, std::ostream& stream) {
-  Table table(stream, UnixFromTimeNs(reader.header()));
-  while (std::optional<RecordedChunk> chunk = reader.Next()) {
-    if (const auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
+  Table table(stream, reader.header());
+  while (std::optional<RecordedItem> item = reader.Next()) {
+    if (const auto* samples = std::get_if<RecordedSamples>(&*item)) {
       for (const TickSample& sample : *samples) table.Add(sample);
-    } else if (auto* marker = std::get_if<TimedMarker>(&*chunk)) {
-      table.Add(std::move(*marker));
+    } else if (const auto* event = std::get_if<RecordedEvent>(&*item)) {
+      table.Add(*event);
     }
   }
   table.End();

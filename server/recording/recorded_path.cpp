@@ -74,12 +74,12 @@ std::vector<DeviceState> ReadStylusPath(const std::filesystem::path& file, std::
 std::vector<DeviceState> ReadStylusPath(RecordingReader& reader, const std::string& name,
                                         std::size_t longest) {
   PathBuilder builder(name, longest);
-  while (const std::optional<RecordedChunk> chunk = reader.Next()) {
-    if (const auto* scene = std::get_if<RecordedScene>(&*chunk)) {
+  while (const std::optional<RecordedItem> item = reader.Next()) {
+    if (const auto* scene = std::get_if<RecordedScene>(&*item)) {
       if (!(std::abs(scene->tick_period_s - kTickS) < kTickToleranceS)) {
         Refuse(name + " was not recorded at 1000 ticks a second; the replay device cannot play it");
       }
-    } else if (const auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
+    } else if (const auto* samples = std::get_if<RecordedSamples>(&*item)) {
       for (const TickSample& sample : *samples) builder.Add(sample);
     }
   }

@@ -45,7 +45,8 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .value_min = scene.volume->metadata().value_min,
           .value_max = scene.volume->metadata().value_max,
           .is_level_set = scene.volume->metadata().is_level_set,
-          .X_WI = scene.volume->metadata().WorldFromIndex()};
+          .X_WI = scene.volume->metadata().WorldFromIndex(),
+          .series_position_frames = scene.series_position_frames};
 }
 
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,
@@ -72,6 +73,7 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
   scene.settings_revision = recorded.settings_revision;
   scene.scene_revision = recorded.scene_revision;
   scene.forces_off = recorded.forces_off;
+  scene.series_position_frames = recorded.series_position_frames;
   return scene;
 }
 

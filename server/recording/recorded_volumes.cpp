@@ -84,24 +84,34 @@ std::shared_ptr<const VolumeSnapshot> WithEdits(const VolumeSnapshot& volume,
                                                 revision, volume.loaded_revision());
 }
 
+void RecordedVolumes::Take(RecordedEdit edit) {
+  bricks_ += edit.BrickCount();
+  if (bricks_ > VoxelLog::kMaxBricksPerScene) {
+    throw Error(ErrorKind::kInvalidArgument, "the recording is damaged: an edit is too large");
+  }
+  edits_.push_back(std::move(edit));
+}
+
 std::shared_ptr<const VolumeSnapshot> RecordedVolumes::Follow(const RecordedScene& scene) {
-  const std::vector<RecordedEdit> edits = std::exchange(edits_, {});
   error_.reset();
+  bricks_ = 0;
   try {
-    return TryFollow(scene, edits);
+    return TryFollow(scene, std::exchange(edits_, {}));
   } catch (const Error& error) {
     error_ = error;
     return nullptr;
   }
 }
 
-std::shared_ptr<const VolumeSnapshot> RecordedVolumes::TryFollow(
-    const RecordedScene& scene, const std::vector<RecordedEdit>& edits) {
+std::shared_ptr<const VolumeSnapshot> RecordedVolumes::TryFollow(const RecordedScene& scene,
+                                                                 std::vector<RecordedEdit> edits) {
   const bool is_whole = scene.all_voxels_stored;
   if (loaded_revision_ != scene.loaded_revision || (!volume_ && is_whole)) {
     // Set before the load, so that a failed load is not repeated for every later scene.
     loaded_revision_ = base_revision_ = scene.loaded_revision;
     volume_.reset();
+    frames_.clear();
+    frame_bricks_ = 0;
     volume_ = load_(scene);
   }
   if (!volume_) {
@@ -112,11 +122,15 @@ std::shared_ptr<const VolumeSnapshot> RecordedVolumes::TryFollow(
   const bool fits = !scene.voxels_missing && !edits.empty() &&
                     edits.front().base_revision == (is_whole ? 0 : base_revision_) &&
                     edits.front().volume_revision == scene.volume_revision;
+  if (fits) {
+    for (RecordedEdit& edit : edits) Recall(scene, edit);
+  }
   const std::shared_ptr<const VolumeSnapshot> changed = fits ? WithEdits(*volume_, edits) : nullptr;
   if (changed && HashVolume(*changed) == scene.volume_hash) {
     volume_ = changed;
     base_revision_ = scene.volume_revision;
     ++applied_edits_;
+    if (scene.ShowsFrame()) Keep(scene, edits);
   } else if (HashVolume(*volume_) == scene.volume_hash) {
     if (!edits.empty()) base_revision_ = edits.front().volume_revision;
   } else if (scene.voxels_missing) {
@@ -126,6 +140,34 @@ std::shared_ptr<const VolumeSnapshot> RecordedVolumes::TryFollow(
                 "another volume was recorded: load " + scene.volume_source + " as it was then");
   }
   return volume_ = AtRevision(std::move(volume_), scene);
+}
+
+void RecordedVolumes::Recall(const RecordedScene& scene, RecordedEdit& edit) const {
+  if (edit.known.empty()) return;
+  const auto frame = frames_.find(scene.volume_hash);
+  if (frame == frames_.end()) {
+    throw Error(ErrorKind::kConflict, "a frame of the series is missing in the recording");
+  }
+  const BrickDirectory& bricks = frame->second->bricks();
+  const auto count = static_cast<std::uint64_t>(bricks.brick_count().cast<std::int64_t>().prod());
+  std::uint64_t end = 0;
+  for (const BrickRun& run : edit.known) {
+    if (run.first < end || run.first > count || run.count > count - run.first) {
+      throw Error(ErrorKind::kInvalidArgument, "the recording is damaged: bricks out of order");
+    }
+    end = run.end();
+    for (std::uint64_t number = run.first; number < end; ++number) {
+      edit.bricks.push_back({number, bricks.At(bricks.BrickOf(number))});
+    }
+  }
+}
+
+void RecordedVolumes::Keep(const RecordedScene& scene, const std::vector<RecordedEdit>& edits) {
+  std::uint64_t bricks = 0;
+  for (const RecordedEdit& edit : edits) bricks += edit.bricks.size();
+  if (frames_.contains(scene.volume_hash) || frame_bricks_ + bricks > kMostFrameBricks) return;
+  frames_[scene.volume_hash] = volume_;
+  frame_bricks_ += bricks;
 }
 
 }  // namespace palpate

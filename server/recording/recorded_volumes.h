@@ -3,13 +3,15 @@
 // A scene's volume cannot be rebuilt if voxels are missing, or if the source holds another volume
 // now. Follow then returns null, error() holds the reason, and the object keeps the last volume.
 // Follow succeeds again at the first scene whose volume equals the kept volume, or whose edits
-// lead on from the kept volume. The object compares volumes by their hashes.
+// lead on from the kept volume. The object compares volumes by their hashes. It
+// keeps the frames of a series, which may come again (kMostFrameBricks).
 //
 // Threads: one at a time. Not for real-time code.
 #pragma once
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -30,8 +32,9 @@ class RecordedVolumes {
  public:
   explicit RecordedVolumes(RecordedVolumeLoader load) : load_(std::move(load)) {}
 
-  // Takes an edit, or a part of one, that leads to the next scene's volume.
-  void Take(RecordedEdit edit) { edits_.push_back(std::move(edit)); }
+  // Takes an edit, or a part of one, that leads to the next scene's volume. Throws Error
+  // (kInvalidArgument) if they have more bricks than a recording stores.
+  void Take(RecordedEdit edit);
 
   // Returns the scene's volume; null, and sets error(), if it cannot be rebuilt.
   std::shared_ptr<const VolumeSnapshot> Follow(const RecordedScene& scene);
@@ -42,13 +45,19 @@ class RecordedVolumes {
 
  private:
   std::shared_ptr<const VolumeSnapshot> TryFollow(const RecordedScene& scene,
-                                                  const std::vector<RecordedEdit>& edits);
+                                                  std::vector<RecordedEdit> edits);
+  // Puts the bricks of a frame that came before into the edit.
+  void Recall(const RecordedScene& scene, RecordedEdit& edit) const;
+  void Keep(const RecordedScene& scene, const std::vector<RecordedEdit>& edits);
 
   RecordedVolumeLoader load_;
   std::vector<RecordedEdit> edits_;
+  std::uint64_t bricks_ = 0;  // of these
   std::shared_ptr<const VolumeSnapshot> volume_;
   std::optional<std::uint64_t> loaded_revision_;  // of the last load, also if it failed
   std::uint64_t base_revision_ = 0;               // base of the next edits of volume_
+  std::map<VolumeHash, std::shared_ptr<const VolumeSnapshot>> frames_;
+  std::uint64_t frame_bricks_ = 0;
   std::uint64_t applied_edits_ = 0;
   std::optional<Error> error_;
 };

@@ -13,9 +13,8 @@ namespace {
 // The writer thread drains the ring this often. The ring holds many times more.
 constexpr std::chrono::milliseconds kPollPeriod{20};
 // Samples wait at most this long before they are written.
-constexpr std::int64_t kMaxAgeNs = 2'000'000'000;
-// The next keyframe comes within the last samples of a chunk, so that it does not split a chunk in
-// two.
+constexpr std::int64_t kMaxAgeNs = 1'000'000'000;
+// About a second.
 constexpr std::uint64_t kKeyframePeriodTicks = kSamplesPerChunk - kKeyframeTicks;
 constexpr std::int64_t kNeverNs = std::numeric_limits<std::int64_t>::max();
 
@@ -45,7 +44,6 @@ Recorder::Recorder(std::unique_ptr<RecordingOutput> output, const std::string& p
       left_out_(std::move(left_out)),
       now_ns_(std::move(now_ns)),
       writer_(std::move(output), program) {
-  samples_.reserve(kSamplesPerChunk);
   report_.counts = writer_.counts();
   thread_ = std::thread([this] { Run(); });
 }
@@ -101,7 +99,7 @@ std::int64_t Recorder::Mark(const std::string& text) {
     throw Error(ErrorKind::kUnavailable, "too many markers wait for the disk: try again later");
   }
   const std::int64_t now_ns = now_ns_();
-  markers_.push_back({.time_ns = now_ns, .text = text});
+  markers_.push_back({.time_ns = now_ns, .marker = text});
   return now_ns;
 }
 
@@ -153,7 +151,7 @@ void Recorder::Drain() {
     if (newest_) Take(*newest_, sample.time_ns);
     newest_ = sample;
   }
-  if (!samples_.empty() && now_ns_() - samples_since_ns_ > kMaxAgeNs) WriteSamples();
+  if (writer_.waiting_ticks() > 0 && now_ns_() - chunk_since_ns_ > kMaxAgeNs) WriteChunk();
 }
 
 // Markers are set before the next tick's sample is delivered, or have a later time than that tick.
@@ -164,16 +162,12 @@ void Recorder::Take(const TickSample& sample, std::int64_t ended_ns) {
   scene_revision_ = sample.scene_revision;
   if (sample.tick != next_tick_) keyframe_due_ = sample.tick;
   next_tick_ = sample.tick + 1;
-  const std::optional<RecordedKeyframe> keyframe = TakeKeyframe(sample);
-  const std::vector<TimedMarker> markers = TakeMarkers(sample.tick, ended_ns);
-  if (scene || keyframe || !markers.empty()) WriteSamples();
   if (scene) WriteScene(*scene);
-  if (keyframe) writer_.Append(*keyframe);
-  for (const TimedMarker& marker : markers) writer_.Append(marker);
-
-  if (samples_.empty()) samples_since_ns_ = now_ns_();
-  samples_.push_back(sample);
-  if (samples_.size() == kSamplesPerChunk) WriteSamples();
+  if (const auto keyframe = TakeKeyframe(sample)) writer_.Append(*keyframe);
+  for (const RecordedEvent& marker : TakeMarkers(sample.tick, ended_ns)) writer_.Append(marker);
+  if (writer_.waiting_ticks() == 0) chunk_since_ns_ = now_ns_();
+  writer_.Append(sample);
+  if (writer_.waiting_ticks() == kSamplesPerChunk) WriteChunk();
 }
 
 // No tick used the scenes before the sample's scene.
@@ -196,9 +190,8 @@ std::optional<Recorder::WaitingScene> Recorder::TakeScene(const TickSample& samp
 }
 
 void Recorder::WriteScene(WaitingScene& waiting) {
-  for (const RecordedEdit& edit : voxels_.EditsBefore(waiting.scene, waiting.volume.get())) {
-    writer_.Append(edit);
-  }
+  const auto edit = voxels_.EditBefore(waiting.scene, waiting.volume.get());
+  if (edit) writer_.Append(*edit);
   writer_.Append(waiting.scene);
   if (waiting.scene.voxels_missing || IsTooLarge(waiting.scene, waiting.volume.get())) {
     SayWhatIsLeftOut(waiting.scene);
@@ -224,11 +217,11 @@ std::optional<RecordedKeyframe> Recorder::TakeKeyframe(const TickSample& sample)
   }
   if (keyframe_->tick != sample.tick || sample.tick < keyframe_due_) return std::nullopt;
   keyframe_due_ = sample.tick + kKeyframePeriodTicks;
-  return RecordedKeyframe{.tick = sample.tick, .bytes = std::string(keyframe_->view())};
+  return RecordedKeyframe{.tick = sample.tick, .state = std::string(keyframe_->view())};
 }
 
-std::vector<TimedMarker> Recorder::TakeMarkers(std::uint64_t tick, std::int64_t before_ns) {
-  std::vector<TimedMarker> markers;
+std::vector<RecordedEvent> Recorder::TakeMarkers(std::uint64_t tick, std::int64_t before_ns) {
+  std::vector<RecordedEvent> markers;
   const std::lock_guard lock(mutex_);
   while (!markers_.empty() && markers_.front().time_ns < before_ns) {
     markers_.front().tick = tick;
@@ -238,20 +231,22 @@ std::vector<TimedMarker> Recorder::TakeMarkers(std::uint64_t tick, std::int64_t 
   return markers;
 }
 
-void Recorder::WriteSamples() {
-  writer_.AppendSamples(samples_);
-  samples_.clear();
+void Recorder::WriteChunk() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  writer_.Append(
+      RecordedClock{now_ns_(), std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()});
+  writer_.EndChunk();
   Publish();
 }
 
 void Recorder::WriteRest() {
   const std::uint64_t end = delivered_end_.load(std::memory_order_acquire);
   if (newest_) Take(*newest_, kNeverNs);
-  WriteSamples();
   // The last samples may have been dropped.
   if (writer_.next_tick() && *writer_.next_tick() < end) writer_.SkipTo(end);
   // Only if no tick was recorded.
-  for (const TimedMarker& marker : TakeMarkers(end, kNeverNs)) writer_.Append(marker);
+  for (const RecordedEvent& marker : TakeMarkers(end, kNeverNs)) writer_.Append(marker);
+  WriteChunk();
   writer_.AppendEnd();
 }
 
@@ -262,11 +257,15 @@ void Recorder::Publish() {
 
 void Recorder::Fail(const Error& error) {
   stopped_.store(true, std::memory_order_relaxed);
+  try {
+    writer_.EndChunk();  // what waits, if it was not the disk
+  } catch (const std::exception&) {
+  }
   {
     // Destroyed after the lock is released, because freeing a volume takes time, and before failed_
     // is called.
     std::deque<WaitingScene> scenes;
-    std::deque<TimedMarker> markers;
+    std::deque<RecordedEvent> markers;
     const std::lock_guard lock(mutex_);
     report_.counts = writer_.counts();
     report_.error = error;

@@ -74,7 +74,7 @@ class Recorder final : public SampleSink {
   void NoteScene(const RecordedScene& scene, std::shared_ptr<const VolumeSnapshot> volume = {},
                  std::uint64_t changed_bytes = 0);
 
-  // Sets a marker; returns its time, by which it is placed among the ticks (TimedMarker). Throws
+  // Sets a marker; returns its time, by which it is placed among the ticks (RecordedEvent). Throws
   // Error: kInvalidArgument if the text is empty or longer than kMaxMarkerBytes; kUnavailable if
   // too many markers wait or the recording has ended.
   std::int64_t Mark(const std::string& text);
@@ -82,7 +82,7 @@ class Recorder final : public SampleSink {
   // The state so far. Neither count includes ticks that still wait.
   RecorderReport report() const;
 
-  // Writes all delivered samples and the end chunk; waits for the disk. A second call returns the
+  // Writes all delivered samples and the end; waits for the disk. A second call returns the
   // same report.
   RecorderReport Stop();
 
@@ -96,13 +96,13 @@ class Recorder final : public SampleSink {
   void Run();
   void Drain();
   void Take(const TickSample& sample, std::int64_t ended_ns);
-  std::vector<TimedMarker> TakeMarkers(std::uint64_t tick, std::int64_t before_ns);
+  std::vector<RecordedEvent> TakeMarkers(std::uint64_t tick, std::int64_t before_ns);
   std::optional<WaitingScene> TakeScene(const TickSample& sample);
   std::optional<RecordedKeyframe> TakeKeyframe(const TickSample& sample);
   void WriteScene(WaitingScene& waiting);
   void LetOldVolumesGo();
   void SayWhatIsLeftOut(const RecordedScene& scene);
-  void WriteSamples();
+  void WriteChunk();
   void WriteRest();
   void Publish();
   void Fail(const Error& error);
@@ -120,8 +120,7 @@ class Recorder final : public SampleSink {
   // Used only by the writer thread.
   RecordingWriter writer_;
   std::optional<TickSample> newest_;  // waits for the next tick, which ends it
-  std::vector<TickSample> samples_;
-  std::int64_t samples_since_ns_ = 0;
+  std::int64_t chunk_since_ns_ = 0;
   std::optional<std::uint64_t> scene_revision_;
   VoxelLog voxels_;
   std::uint64_t left_out_of_ = 0;  // loaded_revision of the volume last reported as left out
@@ -135,7 +134,7 @@ class Recorder final : public SampleSink {
   std::deque<WaitingScene> scenes_;
   std::size_t let_go_ = 0;  // the first let_go_ scenes have released their volumes
   std::uint64_t waiting_bytes_ = 0;
-  std::deque<TimedMarker> markers_;  // in the order of their times
+  std::deque<RecordedEvent> markers_;  // in the order of their times
   RecorderReport report_;
 
   std::mutex join_mutex_;

@@ -162,8 +162,7 @@ RecordingOutline RecordingControl::OutlineOf(const std::string& path,
   const bool is_same = now.path == known_.path && now.size_bytes == known_.size_bytes &&
                        now.modified == known_.modified;
   if (!error && is_same) return known_.outline;
-  // Memory for one chunk at a time.
-  const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostChunkBytes);
+  const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostItemBytes);
   RecordingReader reader(paths_.open(path), path);
   now.outline = ReadOutline(reader, cancelled);
   known_ = std::move(now);

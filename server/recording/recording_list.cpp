@@ -3,14 +3,13 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <string_view>
 #include <system_error>
 #include <tuple>
 
 #include "common/error/error.h"
-#include "server/recording/chunk_frame.h"
+#include "server/recording/recording_reader.h"
 
 namespace palpate {
 namespace {
@@ -68,12 +67,6 @@ void AddFiles(const fs::path& folder, std::size_t most, std::vector<ListedRecord
     // each.
     if (files.size() >= 2 * most) Shorten(most, files);
   }
-}
-
-bool BeginsAsRecording(std::istream& stream) {
-  std::array<char, kRecordingMagic.size()> first{};
-  stream.read(first.data(), first.size());
-  return stream && std::string_view(first.data(), first.size()) == kRecordingMagic;
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ struct RecordingOutline {
 // A small file may hold gigabytes of markers: later ones are left out.
 inline constexpr std::size_t kMostOutlineBytes = std::size_t{1} << 20;
 
-// Reads to the end, or to the first damaged chunk. Throws Error: kCancelled.
+// Reads to the end, or to the first damage. Throws Error: kCancelled.
 RecordingOutline ReadOutline(RecordingReader& reader, const std::function<bool()>& cancelled);
 
 }  // namespace palpate

@@ -11,7 +11,7 @@
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
-#include "server/recording/chunk_frame.h"
+#include "server/recording/recording_reader.h"
 
 namespace palpate {
 namespace {
@@ -48,8 +48,8 @@ class RecordingFile final : public RecordingOutput {
   void Sync() override { file_.Sync(); }
 
  private:
-  // Cuts the file after its last complete chunk. If this fails, too, the checksum shows readers
-  // that a chunk is cut.
+  // Cuts the file after its last complete chunk. If this fails, too, its length shows readers that
+  // a chunk is cut.
   void TakeBack() {
     if (ftruncate(file_.descriptor(), size_) == 0) lseek(file_.descriptor(), size_, SEEK_SET);
   }
@@ -61,10 +61,8 @@ class RecordingFile final : public RecordingOutput {
 };
 
 bool IsRecording(const std::filesystem::path& path) {
-  std::string start(kRecordingMagic.size(), '\0');
   std::ifstream file(path, std::ios::binary);
-  return file.read(start.data(), static_cast<std::streamsize>(start.size())) &&
-         start == kRecordingMagic;
+  return BeginsAsRecording(file);
 }
 
 // A recording that ends within seconds is of no use, and its client may notice too late.
@@ -78,7 +76,7 @@ void CheckRoom(const std::filesystem::path& path, std::uint64_t voxel_bytes) {
   throw Error(
       ErrorKind::kDiskFull,
       "cannot record to " + path.string() + ": its disk has only " +
-          std::to_string(free_bytes >> 20) + " MiB left, and a recording takes about 7 a " +
+          std::to_string(free_bytes >> 20) + " MiB left, and a recording takes about 11 a " +
           "minute" +
           (voxel_bytes > 0 ? " and " + std::to_string(voxel_bytes >> 20) + " for the volume" : "") +
           "; make space, or name another folder");

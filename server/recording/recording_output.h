@@ -22,7 +22,7 @@ class RecordingOutput {
   virtual void Sync() = 0;
 };
 
-// About two minutes of ticks.
+// About a minute and a half of ticks.
 inline constexpr std::uint64_t kLeastRoomBytes = std::uint64_t{16} << 20;
 
 // Makes a new file, which takes its name with the first Append. So at any time `path` is either

@@ -1,7 +1,8 @@
-// Reads a recording, chunk by chunk, up to its end or its first damaged chunk.
+// Reads a recording, item by item, up to its end or its first damage.
 //
-// Never returns numbers that were not recorded. Holds one chunk (16 MiB) at a time, however large
-// the file is.
+// Never returns numbers that were not recorded. Holds one chunk at a time (kMostItemBytes), however
+// large the file is. Other programs may have put topics of their own into the file: they are left
+// out.
 //
 // Threads: one at a time. Not for real-time code.
 #pragma once
@@ -13,9 +14,13 @@
 #include <optional>
 #include <string>
 
+#include "server/recording/mcap_reader.h"
 #include "server/recording/recording.h"
 
 namespace palpate {
+
+// True if the stream begins as Palpate writes recordings, whatever the rest is.
+bool BeginsAsRecording(std::istream& stream);
 
 class RecordingReader {
  public:
@@ -23,11 +28,12 @@ class RecordingReader {
   explicit RecordingReader(const std::filesystem::path& file);
   // `name`: used in messages.
   RecordingReader(std::unique_ptr<std::istream> stream, std::string name);
+  ~RecordingReader();
 
   const RecordingHeader& header() const { return header_; }
 
   // Returns none at the end.
-  std::optional<RecordedChunk> Next();
+  std::optional<RecordedItem> Next();
 
   std::uint64_t ticks() const { return ticks_; }            // read so far
   std::uint64_t lost_ticks() const { return lost_ticks_; }  // in the gaps read so far
@@ -37,15 +43,24 @@ class RecordingReader {
   const std::string& stopped_because() const { return stopped_because_; }
 
  private:
-  void Check(const RecordedChunk& chunk);
-  void CheckEnd(const RecordedEnd& end);
-  void StartAt(std::uint64_t tick);
+  struct Messages;
+
+  std::optional<RecordedItem> Read();
+  // The next message of ours; samples are one sample. None at the end of the file.
+  std::optional<RecordedItem> ReadItem();
+  // None for a message of others, or of no use here.
+  std::optional<RecordedItem> ItemOf(const mcap::Message& message);
+  std::optional<RecordedItem> ReadEnd();
+  void Extend(RecordedSamples& samples);
+  RecordedItem GapUntil(std::uint64_t tick);
   void StopBecause(const std::string& what);
 
-  std::unique_ptr<std::istream> stream_;
   std::string name_;
+  std::unique_ptr<mcap::Reader> file_;
+  std::unique_ptr<Messages> messages_;  // parsed into, again and again
   RecordingHeader header_;
-  std::uint64_t next_number_ = 0;
+  std::optional<RecordedItem> pending_;  // was read, but not returned
+  std::string damage_;                   // behind what was read
   std::optional<std::uint64_t> next_tick_;
   std::uint64_t ticks_ = 0;
   std::uint64_t lost_ticks_ = 0;

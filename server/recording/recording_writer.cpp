@@ -1,46 +1,110 @@
 #include "server/recording/recording_writer.h"
 
+#include <algorithm>
 #include <chrono>
-#include <utility>
 
 #include "common/error/error.h"
+#include "common/wire/values.h"
 #include "server/realtime/tick_timer.h"
-#include "server/recording/chunk_codec.h"
-#include "server/recording/chunk_frame.h"
+#include "server/recording/recorded_messages.h"
+#include "server/recording/recorded_tick.h"
+#include "server/recording/tick_layout.h"
 
 namespace palpate {
 namespace {
 
-// Counts the samples at the start that have consecutive ticks and fit into one chunk.
-std::size_t Consecutive(std::span<const TickSample> samples) {
-  std::size_t n = 1;
-  while (n < samples.size() && n < kSamplesPerChunk && samples[n].tick == samples[0].tick + n) ++n;
-  return n;
+// Of what comes between two ticks: many voxels, or many markers.
+constexpr std::size_t kBytesPerChunk = std::size_t{4} << 20;
+
+RecordingHeader HeaderNow(const std::string& program) {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return {.created_unix_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count(),
+          .created_monotonic_ns = MonotonicNowNs(),
+          .program = program};
+}
+
+// Of damaged times, which may be any number.
+std::int64_t Difference(std::int64_t a, std::int64_t b) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+}
+
+template <class Message>
+std::uint16_t AddChannel(mcap::Writer& file, const std::string& topic,
+                         const mcap::Texts& metadata = {}) {
+  const google::protobuf::Descriptor& message = *Message::descriptor();
+  return file.AddChannel(topic, message.full_name(), SchemaOf(message), metadata);
 }
 
 }  // namespace
 
 RecordingWriter::RecordingWriter(std::unique_ptr<RecordingOutput> output,
                                  const std::string& program)
-    : output_(std::move(output)) {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  const std::string header = FrameHeader(
-      {.created_unix_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count(),
-       .created_monotonic_ns = MonotonicNowNs(),
-       .program = program});
-  output_->Append(header);
-  counts_.bytes = header.size();
+    : RecordingWriter(std::move(output), HeaderNow(program)) {}
+
+RecordingWriter::RecordingWriter(std::unique_ptr<RecordingOutput> output,
+                                 const RecordingHeader& header)
+    : output_(std::move(output)),
+      file_(
+          [this](std::string_view bytes) {
+            output_->Append(bytes);
+            counts_.bytes += bytes.size();
+          },
+          std::string(kLibraryStart) + header.program),
+      created_unix_ns_(header.created_unix_ns),
+      // Until the first tick comes.
+      time_ns_(static_cast<std::uint64_t>(std::max(header.created_unix_ns, std::int64_t{0}))) {
+  // The first hand. Others are /hand1/tick, /hand1/keyframe, ...
+  const mcap::Texts hand = {{"hand", "0"},
+                            {"frame", "D: mm, N; x right, y up, z towards the user"}};
+  tick_ = AddChannel<v1::RecordedTick>(file_, kTickTopic, hand);
+  scene_ = AddChannel<v1::RecordedScene>(file_, kSceneTopic);
+  voxels_ = AddChannel<v1::RecordedVoxels>(file_, kVoxelsTopic);
+  keyframe_ = AddChannel<v1::RecordedKeyframe>(file_, kKeyframeTopic, hand);
+  event_ = AddChannel<v1::RecordedEvent>(file_, kEventTopic);
+  clock_ = AddChannel<v1::RecordedClock>(file_, kClockTopic);
+  mcap::Texts texts = {{"program", header.program},
+                       {"created_unix_ns", std::to_string(header.created_unix_ns)}};
+  if (header.created_monotonic_ns) {
+    texts["created_monotonic_ns"] = std::to_string(*header.created_monotonic_ns);
+    time_from_unix_ns_ = Difference(*header.created_monotonic_ns, header.created_unix_ns);
+  }
+  file_.AddMetadata({kHeaderMetadata, texts});
+  file_.EndChunk();
 }
 
-void RecordingWriter::AppendSamples(std::span<const TickSample> samples) {
-  while (!samples.empty()) {
-    SkipTo(samples[0].tick);
-    const std::size_t count = Consecutive(samples);
-    Write(RecordedSamples(samples.begin(), samples.begin() + count));
-    counts_.ticks += count;
-    next_tick_ = samples[0].tick + count;
-    samples = samples.subspan(count);
-  }
+void RecordingWriter::Append(const TickSample& sample) {
+  SkipTo(sample.tick);
+  next_tick_ = sample.tick + 1;
+  if (!time_from_unix_ns_) time_from_unix_ns_ = Difference(sample.time_ns, created_unix_ns_);
+  const bool is_first = counts_.ticks + waiting_ticks_ == 0;
+  time_ns_ = std::max(is_first ? 0 : time_ns_, LogTime(sample.time_ns));
+  WriteWaiting();
+  ConstantLayout layout;
+  Put(RecordedTickOf(sample), layout);
+  file_.AddMessage(tick_, time_ns_, layout.bytes());
+  ++waiting_ticks_;
+}
+
+void RecordingWriter::Append(const RecordedScene& scene) {
+  Wait(scene.tick, scene_, ToProto(scene).SerializeAsString());
+}
+
+void RecordingWriter::Append(const RecordedEdit& edit) {
+  ForEachPart(edit, [&](const v1::RecordedVoxels& part) {
+    Wait(edit.tick, voxels_, part.SerializeAsString());
+  });
+}
+
+void RecordingWriter::Append(const RecordedEvent& event) {
+  Wait(event.tick, event_, ToProto(event).SerializeAsString());
+}
+
+void RecordingWriter::Append(const RecordedKeyframe& keyframe) {
+  Wait(keyframe.tick, keyframe_, ToProto(keyframe).SerializeAsString());
+}
+
+void RecordingWriter::Append(const RecordedClock& clock) {
+  file_.AddMessage(clock_, time_ns_, ToProto(clock).SerializeAsString());
 }
 
 void RecordingWriter::SkipTo(std::uint64_t tick) {
@@ -49,28 +113,42 @@ void RecordingWriter::SkipTo(std::uint64_t tick) {
                 "the ticks went back while recording: the haptic loop was restarted; start a new "
                 "recording");
   }
-  if (next_tick_ && tick > *next_tick_) {
-    Write(RecordedGap{.first_tick = *next_tick_, .last_tick = tick - 1});
-    counts_.lost_ticks += tick - *next_tick_;
-  }
+  if (next_tick_) lost_ticks_ += tick - *next_tick_;
   next_tick_ = tick;
 }
 
+void RecordingWriter::EndChunk() {
+  file_.EndChunk();
+  counts_.ticks += std::exchange(waiting_ticks_, 0);
+  counts_.lost_ticks = lost_ticks_;
+}
+
 void RecordingWriter::AppendEnd() {
-  Write(RecordedEnd{.ticks = counts_.ticks, .lost_ticks = counts_.lost_ticks});
+  WriteWaiting();
+  EndChunk();
+  file_.AddMetadata({kEndMetadata,
+                     {{"ticks", std::to_string(counts_.ticks)},
+                      {"lost_ticks", std::to_string(counts_.lost_ticks)}}});
+  file_.End();
   output_->Sync();
 }
 
-void RecordingWriter::AppendEvent(std::uint64_t tick, const RecordedChunk& event) {
+void RecordingWriter::Wait(std::uint64_t tick, std::uint16_t channel, std::string message) {
   SkipTo(tick);
-  Write(event);
+  waiting_.emplace_back(channel, std::move(message));
 }
 
-void RecordingWriter::Write(const RecordedChunk& chunk) {
-  const std::string bytes = FrameChunk(EncodeChunk(chunk), next_number_);
-  output_->Append(bytes);
-  ++next_number_;
-  counts_.bytes += bytes.size();
+void RecordingWriter::WriteWaiting() {
+  for (const auto& [channel, message] : waiting_) {
+    if (file_.chunk_bytes() > kBytesPerChunk) EndChunk();
+    file_.AddMessage(channel, time_ns_, message);
+  }
+  waiting_.clear();
+}
+
+std::uint64_t RecordingWriter::LogTime(std::int64_t time_ns) const {
+  const std::int64_t unix_ns = Difference(time_ns, *time_from_unix_ns_);
+  return unix_ns > 0 ? static_cast<std::uint64_t>(unix_ns) : 0;
 }
 
 }  // namespace palpate

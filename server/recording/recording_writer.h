@@ -1,20 +1,23 @@
-// Writes a recording, chunk by chunk. When a call returns, its chunk is kept even if the program is
+// Writes a recording. When EndChunk returns, all that was appended is kept even if the program is
 // killed.
 //
-// Calls must come in the order of ticks. If ticks between two calls were not appended, the later
-// call declares them as a gap.
+// Calls must come in the order of ticks. Ticks that were left out are declared as lost. Scenes,
+// edits, events and keyframes come before the sample of their tick.
 //
 // Threads: one at a time. Not for real-time code.
-// Errors: Error of the output (kUnavailable: the disk is full); earlier chunks stay readable.
-// kInvalidArgument for a tick before the last one.
+// Errors: Error of the output (kDiskFull); what was written before stays readable, and the next
+// EndChunk tries again. kInvalidArgument for a tick before the last one.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "server/recording/mcap_writer.h"
 #include "server/recording/recording.h"
 #include "server/recording/recording_output.h"
 
@@ -28,33 +31,57 @@ struct RecordingCounts {
 
 class RecordingWriter {
  public:
-  // `program`: its name and version, at most kMaxProgramBytes.
+  // Writes the header. `program`: its name and version.
   RecordingWriter(std::unique_ptr<RecordingOutput> output, const std::string& program);
+  // Of a recording that was made before.
+  RecordingWriter(std::unique_ptr<RecordingOutput> output, const RecordingHeader& header);
 
-  void AppendSamples(std::span<const TickSample> samples);
-  void Append(const RecordedScene& scene) { AppendEvent(scene.tick, scene); }
-  void Append(const RecordedEdit& edit) { AppendEvent(edit.tick, edit); }
-  void Append(const TimedMarker& marker) { AppendEvent(marker.tick, marker); }
-  void Append(const RecordedKeyframe& keyframe) { AppendEvent(keyframe.tick, keyframe); }
+  RecordingWriter(const RecordingWriter&) = delete;
+  RecordingWriter& operator=(const RecordingWriter&) = delete;
+
+  void Append(const TickSample& sample);
+  void Append(const RecordedScene& scene);
+  void Append(const RecordedEdit& edit);
+  void Append(const RecordedEvent& event);
+  void Append(const RecordedKeyframe& keyframe);
+  // Says what UTC is at time_ns.
+  void Append(const RecordedClock& clock);
 
   // Says that `tick` is the next tick to append. Missing ticks before `tick` are lost.
   void SkipTo(std::uint64_t tick);
 
-  // Writes the end chunk. Do not append anything afterwards.
+  // The samples that EndChunk would write.
+  std::size_t waiting_ticks() const { return waiting_ticks_; }
+  // Writes what was appended with samples up to now. What belongs to the next sample waits for it.
+  void EndChunk();
+
+  // Writes the end. Do not append anything afterwards.
   void AppendEnd();
 
+  // Of what was written.
   const RecordingCounts& counts() const { return counts_; }
   // The tick after the last one; none before the first call with a tick.
   std::optional<std::uint64_t> next_tick() const { return next_tick_; }
 
  private:
-  void AppendEvent(std::uint64_t tick, const RecordedChunk& event);
-  void Write(const RecordedChunk& chunk);
+  void Wait(std::uint64_t tick, std::uint16_t channel, std::string message);
+  void WriteWaiting();
+  std::uint64_t LogTime(std::int64_t time_ns) const;
 
   std::unique_ptr<RecordingOutput> output_;
-  std::uint64_t next_number_ = 0;
-  std::optional<std::uint64_t> next_tick_;
   RecordingCounts counts_;
+  mcap::Writer file_;
+  std::uint16_t tick_ = 0, scene_ = 0, voxels_ = 0, keyframe_ = 0, event_ = 0,
+                clock_ = 0;  // channels
+  std::int64_t created_unix_ns_;
+  // From UTC to a tick's time; none: the recording began with its first tick.
+  std::optional<std::int64_t> time_from_unix_ns_;
+  // Channel and message: of the next sample, whose time is not known yet.
+  std::vector<std::pair<std::uint16_t, std::string>> waiting_;
+  std::uint64_t time_ns_;  // of the last message
+  std::optional<std::uint64_t> next_tick_;
+  std::uint64_t lost_ticks_ = 0;
+  std::size_t waiting_ticks_ = 0;
 };
 
 }  // namespace palpate

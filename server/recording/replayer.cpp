@@ -15,7 +15,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kMaxFields = 64;
+constexpr std::size_t kMaxFields = 80;
 
 template <class Field>
 std::string Text(const Field& field) {
@@ -48,13 +48,13 @@ void CheckOrder(const RecordedScene& before, const RecordedScene& scene) {
 
 }  // namespace
 
-void Replayer::Take(const RecordedChunk& chunk) {
-  if (const auto* samples = std::get_if<RecordedSamples>(&chunk)) Take(*samples);
-  if (const auto* edit = std::get_if<RecordedEdit>(&chunk)) follower_.Take(*edit);
-  if (const auto* scene = std::get_if<RecordedScene>(&chunk)) Begin(*scene);
-  if (const auto* keyframe = std::get_if<RecordedKeyframe>(&chunk)) Resume(*keyframe);
-  if (std::holds_alternative<TimedMarker>(chunk)) ++counts_.markers;
-  if (const auto* gap = std::get_if<RecordedGap>(&chunk)) {
+void Replayer::Take(const RecordedItem& item) {
+  if (const auto* samples = std::get_if<RecordedSamples>(&item)) Take(*samples);
+  if (const auto* edit = std::get_if<RecordedEdit>(&item)) follower_.Take(*edit);
+  if (const auto* scene = std::get_if<RecordedScene>(&item)) Begin(*scene);
+  if (const auto* keyframe = std::get_if<RecordedKeyframe>(&item)) Resume(*keyframe);
+  if (std::holds_alternative<RecordedEvent>(item)) ++counts_.markers;
+  if (const auto* gap = std::get_if<RecordedGap>(&item)) {
     ++counts_.gaps;
     counts_.lost_ticks += gap->last_tick - gap->first_tick + 1;
     in_step_ = false;
@@ -92,10 +92,10 @@ void Replayer::Resume(const RecordedKeyframe& keyframe) {
   if (!computation_) return;  // nothing can be computed before the first scene
   if (in_step_) {
     ++counts_.keyframes;
-    if (computation_->Keyframe().view() == keyframe.bytes) return;
+    if (computation_->Keyframe().view() == keyframe.state) return;
     ++counts_.differing_keyframes;
   }
-  in_step_ = computation_->Resume(keyframe.bytes) && computation_->next_tick() == keyframe.tick;
+  in_step_ = computation_->Resume(keyframe.state) && computation_->next_tick() == keyframe.tick;
   if (!in_step_) {
     throw Error(ErrorKind::kConflict,
                 "recorded by another version of Palpate, whose state this version cannot use: "

@@ -50,10 +50,10 @@ class Replayer {
  public:
   explicit Replayer(RecordedVolumeLoader load) : follower_(std::move(load)) {}
 
-  // Takes chunks in the order of the recording. Throws Error: kConflict for keyframes of another
+  // Takes items in the order of the recording. Throws Error: kConflict for keyframes of another
   // version of this program, and for states that no servo has; kInvalidArgument for scenes that
   // contradict each other.
-  void Take(const RecordedChunk& chunk);
+  void Take(const RecordedItem& item);
 
   const ReplayCounts& counts() const { return counts_; }
   const std::optional<ReplayDifference>& first_difference() const { return difference_; }

@@ -51,6 +51,8 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("device_status", sample.device_status);
   visit("docked", sample.docked);
   visit("calibrated", sample.calibrated);
+  vector(sample.led_target_mm, "led_target_x_mm", "led_target_y_mm", "led_target_z_mm");
+  visit("series_position_frames", sample.series_position_frames);
 }
 
 // The list covers the whole sample except for `replayed` and the padding at its end.

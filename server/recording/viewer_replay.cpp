@@ -31,7 +31,6 @@ constexpr std::uint64_t kLongestPauseMs = 1000;
 
 // A recording begins with its scene, or has it a few ticks later.
 constexpr double kLatestSceneMs = 10'000.0;
-constexpr std::size_t kMaxEditParts = VoxelLog::kMaxBricksPerScene / kBricksPerEdit;
 
 // An event between two samples.
 struct Event {
@@ -165,7 +164,7 @@ class ViewerReplay {
   bool IsFull() const {
     std::size_t bricks = 0;
     for (const Event& event : events_) {
-      for (const RecordedEdit& edit : event.edits) bricks += edit.bricks.size();
+      for (const RecordedEdit& edit : event.edits) bricks += edit.BrickCount();
     }
     return events_.size() >= kMaxEventsAhead || bricks >= kMaxBricksAhead;
   }
@@ -177,23 +176,25 @@ class ViewerReplay {
   // False at the end.
   bool ReadOne() {
     CheckWanted();
-    // Memory for the bricks of one chunk. The session counts bricks when they are applied.
-    const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostChunkBytes);
-    std::optional<RecordedChunk> chunk = reader_.Next();
-    if (!chunk) return false;
-    if (auto* samples = std::get_if<RecordedSamples>(&*chunk)) {
+    // The session counts bricks when they are applied.
+    const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostItemBytes);
+    std::optional<RecordedItem> item = reader_.Next();
+    if (!item) return false;
+    if (auto* samples = std::get_if<RecordedSamples>(&*item)) {
       for (const TickSample& sample : *samples) Place(sample);
-    } else if (auto* edit = std::get_if<RecordedEdit>(&*chunk)) {
-      if (edits_.size() == kMaxEditParts) {
+    } else if (auto* edit = std::get_if<RecordedEdit>(&*item)) {
+      edit_bricks_ += edit->BrickCount();
+      if (edit_bricks_ > VoxelLog::kMaxBricksPerScene) {
         throw Error(ErrorKind::kInvalidArgument, "the recording is damaged: an edit is too large");
       }
       edits_.push_back(std::move(*edit));
-    } else if (auto* scene = std::get_if<RecordedScene>(&*chunk)) {
+    } else if (auto* scene = std::get_if<RecordedScene>(&*item)) {
       events_.push_back({.position_ms = NextMs(), .edits = std::exchange(edits_, {})});
       events_.back().scene = std::move(*scene);
-    } else if (auto* marker = std::get_if<TimedMarker>(&*chunk)) {
-      events_.push_back({.position_ms = NextMs(), .marker = std::move(marker->text)});
-    } else if (auto* gap = std::get_if<RecordedGap>(&*chunk)) {
+      edit_bricks_ = 0;
+    } else if (auto* marker = std::get_if<RecordedEvent>(&*item)) {
+      events_.push_back({.position_ms = NextMs(), .marker = std::move(marker->marker)});
+    } else if (auto* gap = std::get_if<RecordedGap>(&*item)) {
       const std::uint64_t ticks = gap->last_tick - gap->first_tick + 1;
       // The first tick is shown at once, whatever was lost before it.
       if (missed_ticks_) read_ms_ += static_cast<double>(std::min(ticks, kLongestPauseMs));
@@ -294,6 +295,7 @@ class ViewerReplay {
   std::uint64_t read_ticks_ = 0;
   std::optional<std::uint64_t> missed_ticks_;
   std::vector<RecordedEdit> edits_;  // the edits before the next scene
+  std::size_t edit_bricks_ = 0;      // of these
   std::deque<Event> events_;
 
   bool started_ = false;

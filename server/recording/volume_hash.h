@@ -7,6 +7,7 @@
 // Threads: any. Not for real-time code.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 
 #include "server/volume/snapshot.h"
@@ -16,7 +17,7 @@ namespace palpate {
 struct VolumeHash {
   std::uint64_t high = 0;
   std::uint64_t low = 0;
-  friend bool operator==(const VolumeHash&, const VolumeHash&) = default;
+  friend auto operator<=>(const VolumeHash&, const VolumeHash&) = default;
 };
 
 // The same on every machine and in every release: xxHash promises that XXH3 does not change. Gives

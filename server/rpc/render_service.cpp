@@ -6,6 +6,7 @@
 #include "common/wire/convert.h"
 #include "common/wire/status.h"
 #include "server/realtime/tick_timer.h"
+#include "server/recording/recorded_messages.h"
 
 namespace palpate {
 namespace {
@@ -57,23 +58,6 @@ void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate&
 }
 
 }  // namespace
-
-v1::RenderSettings ToProto(const RenderSettings& settings) {
-  v1::RenderSettings out;
-  const auto& fields = *out.GetReflection();
-  for (const NumberSetting& setting : kNumberSettings) {
-    fields.SetDouble(&out, Field(setting.key), settings.haptics.*setting.member);
-  }
-  for (const FlagSetting& setting : kFlagSettings) {
-    fields.SetBool(&out, Field(setting.key), settings.haptics.*setting.member);
-  }
-  out.set_isovalue(settings.isovalue);
-  out.set_normalized_isovalue(settings.normalized_isovalue);
-  for (const ChoiceSetting& setting : kChoiceSettings) {
-    fields.SetEnumValue(&out, Field(setting.key), setting.get(settings.haptics));
-  }
-  return out;
-}
 
 SettingsUpdate FromProto(const v1::RenderSettings& settings,
                          const google::protobuf::FieldMask& update_mask) {

@@ -24,9 +24,6 @@ class RenderService final : public v1::RenderService::CallbackService {
   ServiceMetrics& metrics_;
 };
 
-// Sets all fields.
-v1::RenderSettings ToProto(const RenderSettings& settings);
-
 // Throws Error (kInvalidArgument) for a mask that names unknown fields, and for named fields
 // without a value. The session checks the ranges.
 SettingsUpdate FromProto(const v1::RenderSettings& settings,

@@ -6,7 +6,9 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 #include "common/contract/enumerations.h"
@@ -16,6 +18,8 @@
 namespace palpate {
 
 struct TickSample {
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
   std::uint64_t tick = 0;
   std::int64_t time_ns = 0;
   std::array<double, 3> hip_mm{};
@@ -25,10 +29,12 @@ struct TickSample {
   std::array<double, 3> scp_v_normal{};
   std::array<double, 4> stylus_orientation{1.0, 0.0, 0.0, 0.0};  // w, x, y, z
   std::array<double, 3> force_n{};
+  std::array<double, 3> led_target_mm{kNone, kNone, kNone};  // kNone: nobody leads the hand
   double density = 0.0;
   double isovalue = 0.0;
-  double force_limit_n = 0.0;        // the greatest force that the motors' warmth allows
-  std::uint64_t scene_revision = 0;  // rises with everything that is published to the servo
+  double force_limit_n = 0.0;             // the greatest force that the motors' warmth allows
+  double series_position_frames = kNone;  // kNone: the volume is no series
+  std::uint64_t scene_revision = 0;       // rises with everything that is published to the servo
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;
   std::int64_t update_ns = 0;
@@ -52,6 +58,9 @@ struct TickSample {
   // Shown to viewers in place of a live tick (SampleReplacement). The servo and recordings never
   // have such a sample, so recordings do not store this field.
   bool replayed = false;
+
+  bool is_led() const { return !std::isnan(led_target_mm[0]); }
+  bool shows_series() const { return !std::isnan(series_position_frames); }
 };
 static_assert(std::is_trivially_copyable_v<TickSample>);
 

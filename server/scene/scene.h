@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "server/haptics/haptic_surface.h"
@@ -27,6 +28,7 @@ struct Scene {
   std::uint64_t scene_revision = 0;  // of the whole scene
   std::string patient_axes;          // of the file or answered, as in VolumeMetadata; for listeners
   bool forces_off = false;           // nothing is felt; afterwards the proxy starts anew
+  std::optional<double> series_position_frames{};  // as SeriesState; none: no series
 };
 
 // Through this inbox the servo thread gets its scenes.

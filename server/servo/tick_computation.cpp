@@ -101,6 +101,8 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   sample.buttons = stylus.buttons;
   const Eigen::Quaterniond& q = stylus.R_DS;
   sample.stylus_orientation = {q.w(), q.x(), q.y(), q.z()};
+  sample.led_target_mm = ToArray(stylus.p_DLed_mm);
+  if (scene.series_position_frames) sample.series_position_frames = *scene.series_position_frames;
   return sample;
 }
 
@@ -115,6 +117,7 @@ TickInput TickComputation::InputOf(const TickSample& sample) const noexcept {
   input.stylus.buttons = sample.buttons;
   input.stylus.docked = sample.docked;
   input.stylus.calibrated = sample.calibrated;
+  input.stylus.p_DLed_mm = Vec3(sample.led_target_mm.data());
   input.device = sample.device_status;
   input.command = sample.force_command;
   input.missed_ticks = sample.missed_ticks;

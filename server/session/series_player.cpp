@@ -78,6 +78,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
   loaded.metadata.source = request.title.empty() ? files.front().string() : request.title;
   loaded.metadata.warnings = WarningsForClients(warnings, files.front().string());
   loaded.metadata.reloadable = false;  // each file has its own range of values
+  loaded.metadata.series_position_frames = 0.0;
   progress("publishing", 1.0);
 
   auto series = std::make_shared<Series>();
@@ -288,9 +289,11 @@ std::optional<EditedRevisions> SeriesPlayer::Show(Series& series, double positio
   }
   const EditedRevisions shown = store.Edit([&](const auto& present) {
     look_at(*present);
-    if (!is_due) return std::vector<BrickChange>();
+    if (!is_due) return VolumeChange();
     series.shown = position;
-    return present->bricks().ChangesTo(blended ? *blended : series.frames[frame]);
+    VolumeChange change(present->bricks().ChangesTo(blended ? *blended : series.frames[frame]));
+    change.series_position_frames = blended ? position : static_cast<double>(frame);
+    return change;
   });
   if (is_due) series.shown_revision = shown.volume;
   return goes_on ? std::optional(shown) : std::nullopt;

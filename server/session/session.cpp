@@ -162,6 +162,7 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
   scene->scene_revision = ++scene_revision_;
   scene->patient_axes = patient_axes_;
   scene->forces_off = forces_off_ || !has_volume_;
+  scene->series_position_frames = volume_->metadata().series_position_frames;
   scene->surface =
       MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue),
                         settings_.haptics.method, geometry_revision_, settings_.haptics.free_side);

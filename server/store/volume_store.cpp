@@ -75,12 +75,17 @@ void VolumeStore::Saved(const VolumeSnapshot& volume) {
 
 std::shared_ptr<const VolumeSnapshot> VolumeStore::Next(const VolumeChange& change) const {
   const std::uint64_t revision = present_->revision() + 1;
+  VolumeMetadata metadata = change.whole ? change.whole->metadata : present_->metadata();
   if (change.whole) {
+    metadata.series_position_frames.reset();  // no frame has the new lattice
     return std::make_shared<const VolumeSnapshot>(
-        change.whole->metadata, change.whole->bricks.AllChangedAt(revision), revision, revision);
+        std::move(metadata), change.whole->bricks.AllChangedAt(revision), revision, revision);
   }
-  if (change.bricks.empty()) return present_;
-  return std::make_shared<const VolumeSnapshot>(present_->metadata(),
+  const auto position = change.series_position_frames;
+  const bool has_moved = position && position != metadata.series_position_frames;
+  if (change.bricks.empty() && !has_moved) return present_;
+  if (has_moved) metadata.series_position_frames = position;
+  return std::make_shared<const VolumeSnapshot>(std::move(metadata),
                                                 present_->bricks().With(change.bricks, revision),
                                                 revision, present_->loaded_revision());
 }

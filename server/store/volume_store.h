@@ -37,13 +37,14 @@ struct EditedRevisions {
 
 // The result of a transaction. The caller has already claimed memory for it.
 struct VolumeChange {
-  // Replaces these bricks. If there are none, the store makes no new snapshot.
+  // Replaces these bricks. If there are none, and no other frame, the store makes no new snapshot.
   VolumeChange(std::vector<BrickChange> replaced = {}) : bricks(std::move(replaced)) {}
   // The same volume on another lattice.
   explicit VolumeChange(ReshapedVolume other) : whole(std::move(other)) {}
 
   std::vector<BrickChange> bricks{};
   std::optional<ReshapedVolume> whole{};
+  std::optional<double> series_position_frames{};  // of the frame that it leads to
   // An edit of a user; kGoesOn if it belongs to the last edit. Others show a frame or a recording.
   enum class Kind : std::uint8_t { kOther, kEdit, kGoesOn } kind = Kind::kOther;
   // Called in the transaction, before the new snapshot is published and afterwards. `revision` is

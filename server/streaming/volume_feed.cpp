@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <bit>
 #include <cstddef>
-#include <cstring>
 #include <string>
 #include <utility>
 
 #include "common/bricks/zstd_codec.h"
 #include "common/error/error.h"
 #include "server/streaming/overview.h"
+#include "server/volume/brick_packer.h"
 
 namespace palpate {
 namespace {
@@ -20,9 +20,6 @@ constexpr std::uint64_t kLargestWindow = 64;
 constexpr std::uint64_t kBricksPerSelection = 4096;
 // Bricks of background hashed in one step, in a few milliseconds.
 constexpr std::uint64_t kBricksPerHash = 32768;
-// A message has at most so many tiles, of so many bricks.
-constexpr std::size_t kTilesPerMessage = 4096;
-constexpr std::uint64_t kTileBricksPerMessage = 65536;
 // Blocks in one message: 256 KiB, the means of 16 MiB of voxels.
 constexpr std::uint64_t kBlocksPerMessage = 65536;
 // Of 2^28 voxels. A larger volume has no overview: it would be as large as many a volume.
@@ -47,61 +44,6 @@ std::uint64_t BricksOf(const VolumeSnapshot& volume) {
 float BackgroundOf(const VolumeSnapshot& volume) {
   return static_cast<float>(volume.metadata().Background());
 }
-
-// Voxels as they lie in the leaf.
-std::span<const std::byte> BytesOf(const Leaf& leaf) {
-  return VisitType(leaf.type(), [&](auto voxel) {
-    return std::as_bytes(std::span(leaf.values<decltype(voxel)>(), kBrickVoxels));
-  });
-}
-
-// Also true for a leaf that an edit filled with one value.
-bool IsOneValue(const Leaf& leaf) {
-  if (leaf.is_constant()) return true;
-  const std::span<const std::byte> bytes = BytesOf(leaf);
-  const std::size_t voxel = VoxelBytes(leaf.type());
-  return std::memcmp(bytes.data(), bytes.data() + voxel, bytes.size() - voxel) == 0;
-}
-
-// Puts leaves into a message until it is full.
-class BrickPacker {
- public:
-  // Returns false if the leaf needs another message.
-  bool Add(std::uint64_t number, const Leaf& leaf) {
-    return IsOneValue(leaf) ? AddTile(number, leaf[0]) : AddBrick(number, leaf);
-  }
-  VolumeBricks Take() {
-    if (!bricks_.numbers.empty()) bricks_.zstd_values = CompressBytes(voxels_);
-    return std::move(bricks_);
-  }
-
- private:
-  bool AddBrick(std::uint64_t number, const Leaf& leaf) {
-    if (!bricks_.numbers.empty() && bricks_.type != leaf.type()) return false;
-    if (voxels_.size() >= VolumeFeed::kBytesPerMessage) return false;
-    bricks_.type = leaf.type();
-    bricks_.numbers.push_back(number);
-    const std::span<const std::byte> bytes = BytesOf(leaf);
-    voxels_.insert(voxels_.end(), bytes.begin(), bytes.end());
-    return true;
-  }
-  bool AddTile(std::uint64_t number, float value) {
-    std::vector<VolumeTile>& tiles = bricks_.tiles;
-    if (++tile_bricks_ > kTileBricksPerMessage) return false;
-    if (!tiles.empty() && tiles.back().bricks.end() == number &&
-        BitsOf(tiles.back().value) == BitsOf(value)) {
-      ++tiles.back().bricks.count;
-      return true;
-    }
-    if (tiles.size() == kTilesPerMessage) return false;
-    tiles.push_back({{number, 1}, value});
-    return true;
-  }
-
-  VolumeBricks bricks_;
-  std::vector<std::byte> voxels_;
-  std::uint64_t tile_bricks_ = 0;
-};
 
 std::uint64_t CheckedWindow(std::uint64_t window) {
   if (window > kLargestWindow) {

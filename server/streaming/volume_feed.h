@@ -54,8 +54,6 @@ class VolumeFeed {
  public:
   using Clock = std::chrono::steady_clock;
 
-  // The most voxels in one message, besides tiles.
-  static constexpr std::size_t kBytesPerMessage = std::size_t{128} << 10;
   // After a pause longer than this, the feed releases an old volume.
   static constexpr std::chrono::seconds kStall{2};
   // The feed releases an old volume after this time, also while the subscriber reads: the bricks

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -28,6 +29,8 @@ struct VolumeMetadata {
   // lattice is outside.
   bool is_level_set = false;
   int frames = 1;    // number of frames in the source; the volume is one of them
+  // Of a series: which one, from 0 on; in between, two are blended. None: no series.
+  std::optional<double> series_position_frames{};
   std::string unit;  // "HU", ...; empty: not stated
   // The values that the file proposes for pictures: level - width / 2 to level + width / 2. Width
   // 0: the file proposes none.

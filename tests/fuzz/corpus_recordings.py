@@ -1,35 +1,71 @@
-"""Recordings, their chunks and states of the servo, from the descriptions in
-server/recording and server/servo; checksums are left to the targets."""
+"""Recordings, their messages and states of the servo, from palpate/v1/recorded.proto, the
+specification of MCAP and server/servo; checksums are left out, which is allowed."""
 
 import struct
 
 NAN, INFINITY = float("nan"), float("inf")
-SAMPLES, SCENE, EDIT, MARKER, GAP, KEYFRAME, END = range(1, 8)
 HERE = (-16.5, -13.5, -12.0)  # of voxel (0, 0, 0) in D
+SETTINGS = {"isovalue": 1, "normalized_isovalue": 2, "stiffness_n_per_mm": 3, "damping_n_s_per_m": 4, "method": 5,
+            "static_friction": 6, "dynamic_friction": 7, "viscosity_n_s_per_m": 8, "pop_force_n": 9,
+            "magnet_force_n": 10, "magnet_range_mm": 11, "force_shading": 12, "passivity_control": 13, "free_side": 14}
 
 
-def text(words):
-    data = words.encode() if isinstance(words, str) else words
-    return struct.pack("<I", len(data)) + data
+def varint(number):
+    number %= 1 << 64
+    out = b""
+    while number > 0x7f:
+        out, number = out + bytes([number & 0x7f | 0x80]), number >> 7
+    return out + bytes([number])
+
+
+def fixed(number):
+    return struct.pack("<Q", number)
+
+
+def message(fields):
+    """fields: by number: a whole number, a float, bytes of a text or message, or ("fixed", number)."""
+    out = b""
+    for number, value in fields.items():
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, float):
+                out += varint(number << 3 | 1) + struct.pack("<d", one)
+            elif isinstance(one, int):
+                out += varint(number << 3) + varint(one)
+            elif isinstance(one, tuple):
+                out += varint(number << 3 | 1) + fixed(one[1])
+            else:
+                data = one.encode() if isinstance(one, str) else one
+                out += varint(number << 3 | 2) + varint(len(data)) + data
+    return out
+
+
+def vector(v):
+    return message({n + 1: float(x) for n, x in enumerate(v)})
 
 
 def settings(**changes):
-    values = {"stiffness_n_per_mm": "0.5", "damping_n_s_per_m": "0", "static_friction": "0.6",
-              "dynamic_friction": "0.4", "pop_force_n": "0", "magnet_force_n": "0.5",
-              "magnet_range_mm": "2", "force_shading": "on", "passivity_control": "on",
-              "free_side": "below"}
+    values = {"stiffness_n_per_mm": 0.5, "damping_n_s_per_m": 0.0, "static_friction": 0.6,
+              "dynamic_friction": 0.4, "pop_force_n": 0.0, "magnet_force_n": 0.5,
+              "magnet_range_mm": 2.0, "force_shading": 1, "passivity_control": 1, "free_side": 1, "method": 2}
     values.update(changes)
-    return "".join(f"{key}={value}\n" for key, value in values.items())
+    return {SETTINGS.get(key, key): value for key, value in values.items()}
+
+
+def affine(linear, translation):
+    return message({1: struct.pack("<9d", *linear), 2: vector(translation)})
 
 
 def scene(tick=0, revision=1, settings_revision=1, volume=1, loaded=1, geometry=1, isovalue=0.5,
-          words=None, method="tpbcc", linear=(3, 0, 0, 0, 3, 0, 0, 0, 3), translation=HERE, missing=0,
-          period=0.001, limits=(3.3, 200, 0, 0, 0, 0, 0), forces_off=0):
-    return b"".join((
-        struct.pack("<6Q2d", tick, revision, settings_revision, volume, loaded, geometry, isovalue, isovalue),
-        text(settings() if words is None else words), text(method), struct.pack("<12d", *linear, *translation),
-        struct.pack("<2Q", 1, 2), text("builtin:small"), struct.pack("<3dBd", 1, 1, 1, missing, period),
-        struct.pack("<7d2BI", *limits, 0, 1, 0), struct.pack("<B", forces_off)))
+          words=None, linear=(3, 0, 0, 0, 3, 0, 0, 0, 3), translation=HERE, missing=0,
+          period=0.001, limits=(3.3, 200, 0, 0, 0, 0, 0), forces_off=0, size=(12, 10, 9), more=None):
+    words = {1: float(isovalue), 2: float(isovalue), **(settings() if words is None else words)}
+    safety = {n + 1: float(limit) for n, limit in enumerate(limits)} | {9: 1}
+    x, y, z = size
+    return message({
+        1: tick, 2: revision, 3: settings_revision, 4: volume, 5: loaded, 6: geometry, 7: message(words),
+        8: affine(linear, translation), 10: "builtin:small", 11: 1, 13: missing, 14: ("fixed", 1), 15: ("fixed", 2),
+        16: x, 17: y, 18: z, 19: vector((1, 1, 1)), 20: 0.0, 21: 1.0, 23: float(period), 24: forces_off,
+        25: message(safety), **(more or {})})
 
 
 def place(kind=2, cell=(4, 4, 4), faces=0x15, p_I=(4, 4, 4), vertices=(0,), weights=(1.0,), count=None,
@@ -55,64 +91,12 @@ def keyframe(tick=0, placed=1, on_surface=1, buried=0, where=None, p_DH=(-4.5, -
         struct.pack("<4Q", tick, 0, 0, 0))
 
 
-def fields(tick, hip=(0.0, 0.0, 0.0), mode=0, scene_revision=1):
-    """Of a sample: size and bits."""
-    double = lambda x: (8, struct.unpack("<Q", struct.pack("<d", x))[0])
-    return [(8, tick), (8, 1000 * tick), (1, mode), (1, 0), (1, 0), (1, 0), *map(double, hip + hip + (0, 0, 1)),
-            (1, 0), *map(double, (0,) * 6), *map(double, (0, 0, 0.5)), *map(double, (1, 0, 0, 0)), (4, 0),
-            double(0.5), double(0.5), (8, scene_revision), (8, 1), (8, 1), (8, 17000), (4, 3), (8, 0), (8, 0), (8, 0),
-            (1, 2), (1, 0), (1, 0), double(3.3), (1, 0), (1, 0), (1, 1)]
-
-
-def samples(rows):
-    columns = []
-    for column in zip(*rows):
-        size, last, folded = column[0][0], 0, []
-        for _, bits in column:
-            difference = (bits - last) % (1 << 8 * size)
-            last = bits
-            negative = difference >> (8 * size - 1)
-            folded.append(((difference << 1) ^ (-negative)) % (1 << 8 * size))
-        for k in range(size):
-            columns.append(bytes(f >> 8 * k & 0xff for f in folded))
-    return struct.pack("<I", len(rows)) + b"".join(columns)
-
-
-def edit(numbers=(0, 5), base=1, revision=2, tick=3, planes=None):
-    planes = bytes(4 * 512 * len(numbers)) if planes is None else planes
-    return struct.pack(f"<3QI{len(numbers)}Q", tick, base, revision, len(numbers), *numbers) + planes
-
-
-def chunks():
-    rows = [fields(7 + n, (0.1 * n, -n, 3e8)) for n in range(3)]
-    gap = lambda first, last: (GAP, struct.pack("<2Q", first, last))
-    marker = lambda words: (MARKER, struct.pack("<Qq", 3, 99) + text(words))
-    return {
-        "samples": (SAMPLES, samples(rows)),
-        "sample": (SAMPLES, samples(rows[:1])),
-        "samples_with_a_gap": (SAMPLES, samples([rows[0], rows[2]])),
-        "samples_no_mode": (SAMPLES, samples([fields(1, mode=6)])),
-        "samples_too_many": (SAMPLES, struct.pack("<I", 0xffffffff)),
-        "scene": (SCENE, scene()),
-        "scene_unknown_setting": (SCENE, scene(words=settings(a_new_one="1"))),
-        "scene_no_number": (SCENE, scene(words=settings(pop_force_n="much"))),
-        "scene_not_a_number": (SCENE, scene(words=settings(pop_force_n="-nan"))),
-        "scene_many_unknown_settings": (SCENE, scene(words="=\n" * 1000)),
-        "scene_of_no_method": (SCENE, scene(method="best")),
-        "edit": (EDIT, edit()),
-        "edit_out_of_order": (EDIT, edit((5, 0))),
-        "edit_cut": (EDIT, edit((0,))[:-1]),
-        "edit_too_many": (EDIT, struct.pack("<3QI", 1, 1, 1, 0xffffffff)),
-        "marker": marker("here, \"now\"\n"),
-        "marker_long": marker("x" * 4000),
-        "gap": gap(4, 9),
-        "gap_backwards": gap(9, 4),
-        "gap_of_everything": gap(0, 2**64 - 1),
-        "keyframe": (KEYFRAME, struct.pack("<Q", 0) + text(keyframe())),
-        "keyframe_length": (KEYFRAME, struct.pack("<QI", 0, 0xffffffff)),
-        "end": (END, struct.pack("<2Q", 10, 0)),
-        "unknown": (8, b""),
-    }
+def sample(tick, hip=(0.0, 0.0, 0.0), mode=1, scene_revision=1, missed=0, **changes):
+    pose = {1: tick, 2: 1000 * tick, 3: vector(hip), 4: vector(hip), 8: message({1: 1.0, 2: 0.0, 3: 0.0, 4: 0.0}),
+            9: 0, 10: vector((0, 0, 0.5)), 11: mode, 12: 0, 13: 0.5, 14: 0.5, 15: 1, 16: 1, 17: 17000, 18: missed, 19: 3,
+            20: 0, 21: 1, 22: message({1: 3, 2: 1, 3: 3.3})}
+    pose.update(changes.pop("pose", {}))
+    return message({1: message(pose), 2: 1, 3: 1, 4: 0, 5: 1, 6: 0, 7: scene_revision, 8: 0})
 
 
 def zstd(data, size=None):
@@ -123,47 +107,132 @@ def zstd(data, size=None):
     return frame(len(data)) + (len(data) << 3 | 1).to_bytes(3, "little") + data
 
 
-def chunk(kind, payload, packed=None, raw=None, flags=0):
-    packed = zstd(payload) if packed is None else packed
-    return struct.pack("<QQHHII", 0, 0, kind, flags, len(payload) if raw is None else raw, len(packed)) + packed
+def edit(numbers=(0, 5), base=1, revision=2, tick=3, values=None, tiles=(), known=()):
+    values = zstd(bytes(4 * 512 * len(numbers))) if values is None else values
+    packed = b"".join(map(varint, numbers))
+    tile = lambda first, count, value: varint(8) + varint(first) + varint(16) + varint(count) + b"\x1d" + struct.pack("<f", value)
+    bricks = {1: packed, 2: values, 4: 4, 5: [tile(*one) for one in tiles]}
+    runs = [message({1: first, 2: count}) for first, count in known]
+    return message({1: tick, 2: base, 3: revision, 5: runs} | ({} if known else {4: message(bricks)}))
 
 
-def recording(*parts, program=b"palpated", version=2):
-    header = b"\x89PLPREC\n" + struct.pack("<IIq", version, len(program), 1) + program + bytes(8)
-    return b"\0" + header + b"".join(parts)
+def event(words, tick=3, time_ns=99):
+    return message({1: tick, 2: time_ns, 3: words})
+
+
+def messages():
+    """(topic, message) by name: a message of a recording that begins at tick 3."""
+    return {
+        "tick": ("/tick", sample(3)),
+        "tick_no_mode": ("/tick", sample(3, mode=0)),
+        "tick_unknown_mode": ("/tick", sample(3, mode=300)),
+        "tick_empty": ("/tick", b""),
+        "tick_cut": ("/tick", sample(3)[:-1]),
+        "tick_twice_the_pose": ("/tick", sample(3) + sample(3)),
+        "tick_end_group": ("/tick", b"\x0c" + sample(3)),
+        "tick_field_0": ("/tick", b"\x00\x00" + sample(3)),
+        "tick_long_tag": ("/tick", b"\x90\x80\x80\x80\x80\x80\x00\x01" + sample(3)),
+        "scene": ("/scene", scene(3)),
+        "scene_unknown_setting": ("/scene", scene(3, words=settings() | {1000: 7})),
+        "scene_not_a_number": ("/scene", scene(3, words=settings(pop_force_n=NAN))),
+        "scene_of_no_method": ("/scene", scene(3, words=settings(method=9))),
+        "scene_without_a_place": ("/scene", message({1: 3})),
+        "voxels": ("/voxels", edit()),
+        "voxels_out_of_order": ("/voxels", edit((5, 0))),
+        "voxels_cut": ("/voxels", edit((0,))[:-1]),
+        "voxels_of_another_size": ("/voxels", edit((0,), values=zstd(bytes(99)))),
+        "voxels_bomb": ("/voxels", edit((0,), values=zstd(b"\0", 1 << 17))),
+        "voxels_far": ("/voxels", edit((1 << 63,))),
+        "voxels_tiles": ("/voxels", edit((), values=b"", tiles=[(0, 2, 0.5), (3, 1, NAN)])),
+        "voxels_tiles_many": ("/voxels", edit((), values=b"", tiles=[(0, 1 << 62, 0.5)])),
+        "voxels_known": ("/voxels", edit(known=[(0, 8)])),
+        "voxels_known_many": ("/voxels", edit(known=[(0, 1 << 63)])),
+        "event": ("/event", event("here, \"now\"\n")),
+        "event_long": ("/event", event("x" * 4000)),
+        "event_too_long": ("/event", event("x" * 5000)),
+        "event_no_text": ("/event", event(b"\xff\xfe")),
+        "keyframe": ("/keyframe", message({1: 3, 2: keyframe()})),
+        "clock": ("/clock", message({1: 5, 2: 6})),
+        "of_others": ("/camera", b"\xff\xff"),
+    }
+
+
+TOPICS = ("/tick", "/scene", "/voxels", "/keyframe", "/event", "/clock", "/camera")  # channels 0, 1, ...
+
+
+def record(opcode, content):
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def texts(**pairs):
+    data = b"".join(text(key) + text(value) for key, value in pairs.items())
+    return struct.pack("<I", len(data)) + data
+
+
+def text(words):
+    data = words.encode() if isinstance(words, str) else words
+    return struct.pack("<I", len(data)) + data
+
+
+def record_of(topic, data, time_ns=1):
+    return record(5, struct.pack("<HIQQ", TOPICS.index(topic), 0, time_ns, time_ns) + data)
+
+
+def chunk(*records, packing="", packed=None, size=None):
+    data = b"".join(records)
+    packed = data if packed is None else packed
+    return record(6, struct.pack("<QQQI", 1, 1, len(data) if size is None else size, 0) + text(packing) +
+                  struct.pack("<Q", len(packed)) + packed)
+
+
+def recording(*parts, created="1", topics=TOPICS, schema="palpate.v1.Recorded"):
+    """A recording that is not closed."""
+    return (b"\x89MCAP0\r\n" + record(1, text("") + text("Palpate: palpated 0")) +
+            b"".join(record(3, struct.pack("<H", n + 1) + text(schema + topic[1:].capitalize()) + text("protobuf") +
+                            text("")) +
+                     record(4, struct.pack("<HH", n, n + 1) + text(topic) + text("protobuf") + texts())
+                     for n, topic in enumerate(topics)) +
+            record(12, text("palpate.recording") + texts(created_unix_ns=created, program="palpated 0")) +
+            b"".join(parts))
+
+
+def end(ticks, lost=0):
+    return (record(12, text("palpate.end") + texts(ticks=str(ticks), lost_ticks=str(lost))) +
+            record(15, bytes(4)) + record(2, bytes(20)) + b"\x89MCAP0\r\n")
 
 
 def files():
-    known = {name: chunk(*value) for name, value in chunks().items()}
-    here = [fields(n, (0.1 * n, 0.0, 1.0)) for n in range(4)]
-    ticks = chunk(SAMPLES, samples(here))
-    far = fields(4, (1.0, 1.0, 1.0))
-    far[26] = (8, 3000)  # missed ticks
-    end = lambda count, lost=0: chunk(END, struct.pack("<2Q", count, lost))
-    whole = (chunk(SCENE, scene()), chunk(KEYFRAME, struct.pack("<Q", 0) + text(keyframe())), ticks)
+    tick = lambda n, **changes: record_of("/tick", sample(n, (0.1 * n, 0.0, 1.0), **changes))
+    four = [tick(n) for n in range(4)]
+    whole = chunk(record_of("/scene", scene()), record_of("/keyframe", message({2: keyframe()})), *four)
+    bomb = zstd(b"\0", 1 << 17)
     return {
-        "whole": recording(*whole, end(4)),
-        "open": recording(*whole),
-        "with_a_gap": recording(*whole, chunk(GAP, struct.pack("<2Q", 4, 9)), end(4, 6)),
-        "missed_ticks": recording(*whole, chunk(SAMPLES, samples([far])), end(5)),
-        "counts_that_do_not_fit": recording(*whole, end(5)),
-        "more_behind_the_end": recording(*whole, end(4), ticks),
-        "ticks_again": recording(*whole, ticks),
-        "markers": recording(known["marker"], known["marker_long"]),
-        "edit": recording(chunk(EDIT, edit((0,), planes=b""))),
+        "whole": recording(whole, end(4)),
+        "open": recording(whole),
+        "packed": recording(chunk(*four, packing="zstd", packed=zstd(b"".join(four))), end(4)),
+        "in_no_chunk": recording(*four, end(4)),
+        "with_a_gap": recording(whole, chunk(tick(10)), end(5, 6)),
+        "lost_at_the_end": recording(whole, end(4, 7)),
+        "lost_everything": recording(whole, end(4, 2**64 - 1)),
+        "missed_ticks": recording(whole, chunk(tick(4, missed=3000)), end(5)),
+        "counts_that_do_not_fit": recording(whole, end(5)),
+        "counts_that_are_none": recording(whole, end("four")),
+        "more_behind_the_end": recording(whole, end(4), whole),
+        "ticks_again": recording(whole, whole),
+        "every_message": recording(*(chunk(record_of(*one)) for one in messages().values())),
         "no_chunks": recording(),
-        "no_program": recording(program=b""),
-        "program_too_long": recording(program=b"p" * 300),
-        "version_1": recording(version=1),
-        "checksums_wrong": b"\1" + recording(*whole)[1:],
-        "other_raw_size": recording(chunk(MARKER, known["marker"], raw=4)),
-        "raw_size_beyond_the_limit": recording(chunk(MARKER, b"", raw=(16 << 20) + 1)),
-        "bomb": recording(chunk(KEYFRAME, b"", packed=zstd(b"\0", 1 << 17), raw=1 << 17)),
-        "bomb_with_another_size": recording(chunk(KEYFRAME, b"", packed=zstd(b"\0", 1 << 17), raw=100)),
-        "flags": recording(chunk(GAP, struct.pack("<2Q", 4, 9), flags=1)),
-        "gap_of_everything": recording(known["gap_of_everything"], end(0, 0)),
-        "cut": recording(*whole)[:-5],
-        "no_recording": b"\0PNG and so on, long enough for a header",
+        "no_time": recording(created=""),
+        "checksums_wrong": recording(record(6, struct.pack("<QQQI", 1, 1, 5, 7) + text("") + fixed(5) + b"abcde")),
+        "size_beyond_the_limit": recording(chunk(size=(16 << 20) + 1)),
+        "bomb": recording(chunk(packing="zstd", packed=bomb, size=1 << 17)),
+        "bomb_with_another_size": recording(chunk(packing="zstd", packed=bomb, size=100)),
+        "lz4": recording(chunk(packing="lz4", packed=b"abc", size=100)),
+        "chunk_in_a_chunk": recording(chunk(whole)),
+        "no_channel": recording(chunk(*four), topics=()),
+        "another_schema": recording(whole, end(4), schema="foxglove.Pose"),
+        "cut": recording(whole)[:-5],
+        "no_recording": b"PNG and so on, long enough for a header",
+        "old": b"\x89PLPREC\n" + bytes(40),
     }
 
 
@@ -241,9 +310,9 @@ def replays():
     press = ticks(2, (0, 0, 0)) + ticks(4, (0, 0, 6.0)) + ticks(3, (9, -4, -8))
     results = {f"state_{name}": begin + sized(1, state) + press for name, state in states.items()}
     begun = begin + sized(1, keyframe(placed=0, on_surface=0, where=place(kind=0))) + ticks(4, (0, 0, -15))
+    of = lambda **changes: scene(words=settings(**changes))
     odd = {
-        "good": scene(), "above": scene(words=settings(free_side="above")), "bcc": scene(method="bcc"),
-        "no_method": scene(method="tptd"),
+        "good": scene(), "above": of(free_side=2), "bcc": of(method=1), "no_method": of(method=3),
         "isovalue_not_a_number": scene(isovalue=NAN), "isovalue_infinite": scene(isovalue=INFINITY),
         "isovalue_far": scene(isovalue=-1e300), "place_flat": scene(linear=(3, 0, 0, 0, 3, 0, 0, 0, 0)),
         "place_huge": scene(linear=(1e200, 0, 0, 0, 1e200, 0, 0, 0, 1e200)),
@@ -252,17 +321,15 @@ def replays():
         "place_uneven": scene(linear=(1e9, 0, 0, 0, 1e-9, 0, 0, 0, 3)),
         "place_mirrored": scene(linear=(-3, 0, 0, 1, 3, 0, 0, 0, 3)),
         "place_far": scene(translation=(1e300, 0, 0)), "place_not_a_number": scene(translation=(NAN, 0, 0)),
-        "stiffness_not_a_number": scene(words=settings(stiffness_n_per_mm="nan")),
-        "stiffness_infinite": scene(words=settings(stiffness_n_per_mm="inf")),
-        "stiffness_0": scene(words=settings(stiffness_n_per_mm="0")),
-        "stiffness_tiny": scene(words=settings(stiffness_n_per_mm="1e-300")),
-        "friction_infinite": scene(words=settings(static_friction="inf", dynamic_friction="inf")),
-        "friction_below_0": scene(words=settings(static_friction="1", dynamic_friction="-1e9")),
-        "pops": scene(words=settings(pop_force_n="0.001")),
-        "magnet_infinite": scene(words=settings(magnet_force_n="inf", magnet_range_mm="inf")),
+        "stiffness_not_a_number": of(stiffness_n_per_mm=NAN), "stiffness_infinite": of(stiffness_n_per_mm=INFINITY),
+        "stiffness_0": of(stiffness_n_per_mm=0.0), "stiffness_tiny": of(stiffness_n_per_mm=1e-300),
+        "friction_infinite": of(static_friction=INFINITY, dynamic_friction=INFINITY),
+        "friction_below_0": of(static_friction=1.0, dynamic_friction=-1e9), "pops": of(pop_force_n=0.001),
+        "magnet_infinite": of(magnet_force_n=INFINITY, magnet_range_mm=INFINITY),
         "limits_not_a_number": scene(limits=(NAN,) * 7), "limits_of_0": scene(limits=(0,) * 7),
         "hardware": scene(limits=(3.3, 200, 0.5, 1.0, 10, 2000, 20)), "forces_off": scene(forces_off=1),
-        "other_rate": scene(period=0.002), "unknown_setting": scene(words=settings(a_new_one="1")),
+        "other_rate": scene(period=0.002), "unknown_setting": scene(words=settings() | {1000: 7}),
+        "device_of_0": scene(more={26: message({1: 0.0, 2: 3.3, 3: 0.001})}),
     }
     results |= {f"scene_{name}": sized(0, data) + begun[len(begin):] + press for name, data in odd.items()}
     results |= {
@@ -275,37 +342,22 @@ def replays():
         "hash_of_another": sized(128 + 4, scene()) + begun + press,
         "isovalue_moves": begun + press + sized(0, scene(isovalue=0.3, settings_revision=2)) + press +
                           sized(0, scene(isovalue=0.9, settings_revision=3)) + press,
-        "sides_change": begun + press + sized(0, scene(words=settings(free_side="above"))) + press,
+        "sides_change": begun + press + sized(0, scene(words=settings(free_side=2))) + press,
         "place_moves": begun + press + sized(0, scene(geometry=2, translation=(0, 0, 0))) + press,
         "device_faults": begun + ticks(5, (0, 0, 0), 1) + ticks(5, (0, 0, 0), 2 << 7) + ticks(5, (0, 0, 0), 3 << 5) +
                          ticks(9, (NAN, 0, 0)) + ticks(9, (1e9, 0, 0)) + ticks(9, (3, 3, 3), 0xfe00),
         "suspended": begun + press + ticks(5, (0, 0, 0), 2) + ticks(5, (0, 0, 0), 4) + press,
-        "samples": begun + sized(4, samples([fields(0, (0.0, 0.0, 0.0)), fields(1, (1.0, 0.0, 3.0))])),
+        "samples": begun + sized(4, sample(0)) + sized(4, sample(1, (1.0, 0.0, 3.0))),
         "gap": begun + press + step(5, struct.pack("<2Q", 3, 9)) + press + sized(1, keyframe()) + press,
         "nothing_before_a_scene": sized(1, keyframe()) + press + begun,
     }
     return results
 
 
-def texts():
-    """Settings of a scene."""
-    return {
-        "all": settings(carve_radius_mm="2", carve_rate_per_s="-20", viscosity_n_s_per_m="1", carve_tool="off",
-                        clutch_tool="on"),
-        "empty": "", "no_line_end": "stiffness_n_per_mm=1", "no_equals": "stiffness\n", "twice": "pop_force_n=1\n" * 2,
-        "unknown": "tomorrow=yes\n", "no_number": "pop_force_n=1,5\n", "no_flag": "carve_tool=yes\n",
-        "no_side": "free_side=left\n", "infinite": "pop_force_n=-inf\n", "not_a_number": "pop_force_n=nan(123)\n",
-        "denormal": "pop_force_n=4.9e-324\n", "overflow": "pop_force_n=1e999\n", "hex": "pop_force_n=0x1p3\n",
-        "zero_bytes": "\0=\0\n", "equals": "====\n\n",
-    }
-
-
 def corpora():
-    for name, (kind, payload) in chunks().items():
-        yield "recording_chunk_fuzz", name, struct.pack("<H", kind) + payload
-    for name, words in texts().items():
-        yield "recording_chunk_fuzz", f"settings_{name}", struct.pack("<H", SCENE) + scene(words=words)
     for name, data in files().items():
         yield "recording_file_fuzz", name, data
+    for name, one in messages().items():
+        yield "recording_file_fuzz", f"message_{name}", recording(chunk(record_of(*one)))
     for name, data in replays().items():
         yield "recording_replay_fuzz", name, data

@@ -1,22 +1,23 @@
 // A recording that may hold anything, computed again through the tick.
 //
-// Not from a file, whose checksums would keep all but the corpus out: steps are chunks
-// as decoded, and hashes of volumes are made to fit.
+// Not from a file: hashes of volumes are made to fit.
 //
 //   step: kind u8, modulo 6; bit 7: the scene's hash stays as it is
-//     scene     0  size u16, payload of a chunk
+//     scene     0  size u16, RecordedScene
 //     keyframe  1  size u16, state of the servo
 //     ticks     2  count u8, flags u16, HIP 3 x f32 (mm)
 //     edit      3  brick u8, 4 x f32, over and over
-//     samples   4  size u16, payload of a chunk
+//     sample    4  size u16, RecordedTick
 //     gap       5  first u64, last u64
 #include <array>
 #include <cmath>
 #include <memory>
 #include <string>
 
+#include "common/wire/values.h"
 #include "server/recording/bytes.h"
-#include "server/recording/chunk_codec.h"
+#include "server/recording/recorded_messages.h"
+#include "server/recording/recorded_tick.h"
 #include "server/recording/replayer.h"
 #include "tests/fuzz/fuzz_input.h"
 #include "tests/support/made_volume.h"
@@ -60,7 +61,8 @@ class ReplayScript {
           TakeEdit();
           break;
         case 4:
-          replayer_.Take(DecodeChunk({ChunkType::kSamples, TakeText()}));
+          replayer_.Take(
+              RecordedItem(RecordedSamples{SampleOf(FromProto(TakeMessage<v1::RecordedTick>()))}));
           break;
         case 5:
           TakeGap();
@@ -80,9 +82,16 @@ class ReplayScript {
     return {bytes.begin(), bytes.end()};
   }
 
+  template <class Message>
+  Message TakeMessage() {
+    Message message;
+    if (!message.ParseFromString(TakeText())) throw DamagedBytes("no message");
+    return message;
+  }
+
   // With the hash of the volume that the edits lead to, as a recorder would.
   void TakeScene(bool keeps_hash) {
-    auto scene = std::get<RecordedScene>(DecodeChunk({ChunkType::kScene, TakeText()}));
+    RecordedScene scene = FromProto(TakeMessage<v1::RecordedScene>());
     if (loaded_revision_ != scene.loaded_revision) {
       volume_ = SmallVolume();
       loaded_revision_ = base_revision_ = scene.loaded_revision;
@@ -96,18 +105,20 @@ class ReplayScript {
     }
     edits_.clear();
     scene_revision_ = scene.scene_revision;
-    replayer_.Take(RecordedChunk(scene));
+    replayer_.Take(RecordedItem(scene));
   }
 
   void TakeEdit() {
-    RecordedEdit edit{.base_revision = base_revision_, .volume_revision = base_revision_ + 1};
+    RecordedEdit edit;
+    edit.base_revision = base_revision_;
+    edit.volume_revision = base_revision_ + 1;
     edit.bricks.push_back({input_.Take<std::uint8_t>() % std::uint64_t{9}});
     Brick values{};
     std::array<float, 4> pattern;
     for (float& value : pattern) value = input_.Take<float>();
     for (std::size_t n = 0; n < values.size(); ++n) values[n] = pattern[(n + (n >> 3)) % 4];
     edit.bricks.back().values = Leaf::Smallest(values);
-    replayer_.Take(RecordedChunk(edit));
+    replayer_.Take(RecordedItem(edit));
     edits_.push_back(std::move(edit));
   }
 
@@ -115,7 +126,7 @@ class ReplayScript {
     RecordedGap gap;
     gap.first_tick = input_.Take<std::uint64_t>();
     gap.last_tick = input_.Take<std::uint64_t>();
-    replayer_.Take(RecordedChunk(gap));
+    replayer_.Take(RecordedItem(gap));
   }
 
   void TakeTicks() {
@@ -132,18 +143,18 @@ class ReplayScript {
     sample.device_status = static_cast<DeviceStatus>(1 + (flags >> 7 & 3) % 3);
     sample.missed_ticks = flags >> 9;
     for (TickSample& one : samples) one = sample;
-    replayer_.Take(RecordedChunk(samples));
+    replayer_.Take(RecordedItem(samples));
   }
 
   void TakeKeyframe() {
-    RecordedKeyframe keyframe{.bytes = TakeText()};
+    RecordedKeyframe keyframe{.state = TakeText()};
     // As the state says: the tick is the fourth number from its end.
     constexpr std::size_t kFromEnd = 4 * sizeof keyframe.tick;
-    if (keyframe.bytes.size() >= kFromEnd) {
-      std::memcpy(&keyframe.tick, keyframe.bytes.data() + keyframe.bytes.size() - kFromEnd,
+    if (keyframe.state.size() >= kFromEnd) {
+      std::memcpy(&keyframe.tick, keyframe.state.data() + keyframe.state.size() - kFromEnd,
                   sizeof keyframe.tick);
     }
-    replayer_.Take(RecordedChunk(keyframe));
+    replayer_.Take(RecordedItem(keyframe));
   }
 
   Input input_;

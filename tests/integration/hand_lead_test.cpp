@@ -201,7 +201,7 @@ TEST_F(HandLeads, ItSaysWhyItEndedAndEndsAtOnce) {
 // A recording of it has all that palpate-lab computes it from, and drives a device that cannot be
 // led.
 TEST_F(HandLeads, ARecordingOfItComesBackBitForBit) {
-  const std::string file = daemon_.folder() / "led.palrec";
+  const std::string file = daemon_.folder() / "led.mcap";
   const Vec3 center_mm = Center();
   palpated_->StartRecording(file);
   auto hand = palpated_->LeadHand();

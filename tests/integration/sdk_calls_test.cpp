@@ -174,9 +174,9 @@ TEST_F(SdkCalls, ASeriesPlaysAndARecordingOfItIsReplayed) {
   const SeriesResult series = p.LoadSeries({File("t*.nrrd")});
   EXPECT_EQ(series.series.frames, 3u);
   EXPECT_GT(series.series.memory_bytes, 0u);
-  const RecordingState started = p.StartRecording(File("a.palrec"));
+  const RecordingState started = p.StartRecording(File("a.mcap"));
   EXPECT_TRUE(started.running);
-  EXPECT_EQ(Refusal([&] { p.StartRecording(File("b.palrec")); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { p.StartRecording(File("b.mcap")); }), ErrorKind::kConflict);
   EXPECT_EQ(p.ControlSeries({.position_frames = 2.0}).series.position_frames, 2.0);
   EXPECT_GT(p.Mark("at the end"), 0);
   ASSERT_TRUE(test::Eventually([&] { return p.GetRecording().ticks > 300; }));
@@ -184,7 +184,7 @@ TEST_F(SdkCalls, ASeriesPlaysAndARecordingOfItIsReplayed) {
   EXPECT_FALSE(stopped.running);
   EXPECT_EQ(stopped.error, "");
   std::vector<std::string> markers;
-  const ReplayState last = p.Replay(File("a.palrec"), {.speed = 10.0}, [&](const ReplayState& now) {
+  const ReplayState last = p.Replay(File("a.mcap"), {.speed = 10.0}, [&](const ReplayState& now) {
     if (!now.marker.empty()) markers.push_back(now.marker);
     return true;
   });
@@ -194,17 +194,17 @@ TEST_F(SdkCalls, ASeriesPlaysAndARecordingOfItIsReplayed) {
   EXPECT_EQ(last.total_ticks, stopped.ticks);
   ASSERT_EQ(last.markers.size(), 1u);
   EXPECT_EQ(last.markers[0].text, "at the end");
-  const ReplayState rest = p.Replay(File("a.palrec"), {.speed = 10.0, .first_tick = 250});
+  const ReplayState rest = p.Replay(File("a.mcap"), {.speed = 10.0, .first_tick = 250});
   EXPECT_EQ(rest.ticks, stopped.ticks);
-  EXPECT_EQ(Refusal([&] { p.Replay(File("a.palrec"), {.first_tick = stopped.ticks}); }),
+  EXPECT_EQ(Refusal([&] { p.Replay(File("a.mcap"), {.first_tick = stopped.ticks}); }),
             ErrorKind::kInvalidArgument);
   const RecordingList list = p.ListRecordings();
   ASSERT_EQ(list.recordings.size(), 1u);
-  EXPECT_EQ(list.recordings[0].path, File("a.palrec"));
+  EXPECT_EQ(list.recordings[0].path, File("a.mcap"));
   EXPECT_EQ(list.recordings[0].size_bytes, stopped.size_bytes);
-  EXPECT_EQ(list.folder + "/a.palrec", File("a.palrec"));
+  EXPECT_EQ(list.folder + "/a.mcap", File("a.mcap"));
   EXPECT_EQ(
-      Refusal([&] { p.Replay(File("a.palrec"), {.speed = 0.001}, [](auto&) { return false; }); }),
+      Refusal([&] { p.Replay(File("a.mcap"), {.speed = 0.001}, [](auto&) { return false; }); }),
       ErrorKind::kCancelled);
 }
 

@@ -125,7 +125,7 @@ class ViewHand(Led, unittest.TestCase):
         return np.asarray(self.window.picture())[y + 12:y + 42, x:x + 100]
 
     def test_a_drag_across_the_volume_is_felt_and_recorded(self):
-        path = self.daemon.folder / "hand.palrec"
+        path = self.daemon.folder / "hand.mcap"
         if not self.window.shows(FORCE_PLOT):
             self.window.do("key", "d")
         before = self.plot()
@@ -175,7 +175,7 @@ class ViewHandHead(Led, unittest.TestCase):
     volume, arguments = HEAD, ("--isovalue", "300")
 
     def test_a_drag_across_a_head_is_felt_and_recorded(self):
-        path = self.daemon.folder / "hand.palrec"
+        path = self.daemon.folder / "hand.mcap"
         self.take()
         self.conn.recording.start(path)
         self.check_touch()

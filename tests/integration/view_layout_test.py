@@ -178,7 +178,7 @@ class Layout(DaemonTest):
     def test_a_recording_shifts_nothing(self):
         window = self.whole()
         place = window.find("Stiffness", within=RIGHT)
-        self.conn.recording.start(str(self.daemon.folder / f"{time.time_ns()}.palrec"))
+        self.conn.recording.start(str(self.daemon.folder / f"{time.time_ns()}.mcap"))
         window.find("End recording")
         self.assertEqual(window.find("Stiffness", within=RIGHT), place)
         self.conn.recording.stop()

@@ -93,7 +93,7 @@ TEST_F(ViewLive, KnowsItsOwnChangesOfWhatIsForEveryone) {
       {"forces", [&] { feed.DisableForces(); }},
       {"forces", [&] { feed.EnableForces({}); }},
       {"forces", [&] { feed.StopForces(); }},
-      {"recording", [&] { feed.StartRecording(daemon_.folder() / "own.palrec"); }},
+      {"recording", [&] { feed.StartRecording(daemon_.folder() / "own.mcap"); }},
       {"recording", [&] { feed.StopRecording(); }},
       {"volume", [&] { feed.loader().Load("builtin:sphere:16", false); }},
       {"hand",
@@ -140,7 +140,7 @@ TEST_F(ViewQuestions, AreAnsweredInTheBackground) {
   EXPECT_EQ(feed_.device()->device.kind, "simulated");
   EXPECT_FALSE(feed_.series());
   EXPECT_FALSE(feed_.recording()->running);
-  Record("a.palrec");
+  Record("a.mcap");
   daemon_.Kill();
   EXPECT_TRUE(Follow(feed_, [&] { return !feed_.device() && !feed_.recording(); }));
 }
@@ -355,7 +355,7 @@ TEST_F(ViewQuestionsTimes, ACommandThatAsksIsAnsweredBeforeTheNextQuestion) {
   ASSERT_TRUE(Follow(feed_, [&] { return feed_.recording().has_value(); }));
   constexpr int kRecordings = 6;
   const auto begin = std::chrono::steady_clock::now();
-  for (int n = 0; n < kRecordings; ++n) Record(std::to_string(n) + ".palrec");
+  for (int n = 0; n < kRecordings; ++n) Record(std::to_string(n) + ".mcap");
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   std::printf("%d answers in %.2f s\n", 2 * kRecordings, took.count());
   EXPECT_LT(took.count(), kRecordings);

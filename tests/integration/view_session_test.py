@@ -72,7 +72,7 @@ class ViewSession(DaemonTest):
         self.window.press("End recording")
         self.becomes(lambda: not self.state().running)
         self.conn.edit.revert()
-        path = self.daemon.folder / "first.palrec"
+        path = self.daemon.folder / "first.mcap"
         self.assertEqual(self.state().path, str(path))
         self.assertEqual(self.state().size_bytes, path.stat().st_size)
         self.assertEqual([file.path for file in self.conn.recording.list()], [str(path)])
@@ -105,19 +105,19 @@ class ViewSession(DaemonTest):
         self.record("again", "x")
         self.window.press("End recording")
         self.becomes(lambda: not self.state().running)
-        size = (self.daemon.folder / "again.palrec").stat().st_size
+        size = (self.daemon.folder / "again.mcap").stat().st_size
         self.name("again")
         self.window.press("Record")
         self.window.press("Use again-2")
         self.assertFalse(self.state().running)
         self.window.press("Record")
         self.becomes(lambda: self.state().running)
-        self.assertEqual(self.state().path, str(self.daemon.folder / "again-2.palrec"))
-        self.assertEqual((self.daemon.folder / "again.palrec").stat().st_size, size)
+        self.assertEqual(self.state().path, str(self.daemon.folder / "again-2.mcap"))
+        self.assertEqual((self.daemon.folder / "again.mcap").stat().st_size, size)
         self.conn.recording.stop()  # the next test has the same daemon
 
     def test_somebody_elses_replay_is_no_live_state(self):
-        path = self.daemon.folder / "theirs.palrec"
+        path = self.daemon.folder / "theirs.mcap"
         self.conn.recording.start(path)
         self.becomes(lambda: self.state().ticks > 600)
         self.conn.recording.stop()

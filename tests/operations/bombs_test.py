@@ -1,56 +1,53 @@
 """Small files and calls that ask for far more memory than there is: each is refused in one line, and
 the daemon never takes more than its budget and the overhead that the guides state."""
 
-import io
 import os
 import pathlib
 import struct
 import subprocess
+import sys
 import time
 import unittest
 
 import numpy as np
-import xxhash
 import zstandard
 
 import palpate
 from budget_test import BUDGET_MIB, OVERHEAD_MIB, Sampler, own_mib
-from palpate._recording_frame import Kind, read_header
 from palpate.v1 import volume_pb2
 from support import PATIENCE_S, SANITIZED, Client, Daemon, wait_until
 
-CHUNK = struct.Struct("<QHHII")  # after the checksum
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "fuzz"))
+import corpus_recordings  # noqa: E402
+
+HEAD = struct.Struct("<BQ")  # opcode and length
+CHUNK, MESSAGE_INDEX, DATA_END = 6, 7, 15
+TICK, EVENT = 0, 4  # channels
 
 
-def chunk(number, kind, raw_bytes, packed):
-    rest = CHUNK.pack(number, kind, 0, raw_bytes, len(packed)) + packed
-    return struct.pack("<Q", xxhash.xxh3_64_intdigest(rest)) + rest
-
-
-def with_markers(recording, count, length):
-    """A recording with so many texts more, all one second after its start."""
-    stream = io.BytesIO(recording)
-    time_ns = read_header(stream, "recording").created_monotonic_ns + 1_000_000_000
-    at = stream.tell()
-    parts, number, tick = [recording[:at]], 0, None
-    while at < len(recording):
-        _, kind, _, raw_bytes, stored_bytes = CHUNK.unpack_from(recording, at + 8)
-        packed = recording[at + 28:at + 28 + stored_bytes]
-        at += 28 + stored_bytes
-        parts.append(chunk(number, kind, raw_bytes, packed))
-        number += 1
-        if kind not in (Kind.SCENE, Kind.SAMPLES):
+def with_markers(recording, first_tick, count, length):
+    """A recording with so many texts more, behind its first chunk with ticks."""
+    parts, at = [recording[:8]], 8
+    while at < len(recording) - 8:
+        opcode, size = HEAD.unpack_from(recording, at)
+        record = recording[at:at + HEAD.size + size]
+        at += len(record)
+        # A checksum of 0 is none.
+        parts.append(record if opcode != DATA_END else record[:HEAD.size] + bytes(4))
+        if opcode != MESSAGE_INDEX or not count:
             continue
-        unpacked = zstandard.ZstdDecompressor().decompressobj().decompress(packed)
-        if kind == Kind.SCENE and tick is None:
-            tick = struct.unpack_from("<Q", unpacked)[0]
-        if kind == Kind.SAMPLES and count:
-            tick += struct.unpack_from("<I", unpacked)[0]
-            payload = struct.pack("<QqI", tick, time_ns, length) + b"x" * length
-            marker = zstandard.ZstdCompressor().compress(payload)
-            parts += [chunk(number + n, Kind.MARKER, len(payload), marker) for n in range(count)]
-            number, count = number + count, 0
-    return b"".join(parts)
+        channel, indexes = struct.unpack_from("<HI", record, HEAD.size)
+        if channel == TICK:
+            tick = first_tick + indexes // 16
+            head = HEAD.pack(5, 22 + len(corpus_recordings.event("x" * length, tick)))
+            text = head + struct.pack("<HIQQ", EVENT, 0, 1, 1) + (
+                corpus_recordings.event("x" * length, tick))
+            data = 1000 * text
+            packed = zstandard.ZstdCompressor().compress(data)
+            parts += count // 1000 * [corpus_recordings.chunk(packing="zstd", packed=packed,
+                                                              size=len(data))]
+            count = 0
+    return b"".join(parts) + recording[-8:]
 
 
 @unittest.skipIf(SANITIZED, "the sanitizers keep what was freed")
@@ -84,11 +81,12 @@ class Bombs(unittest.TestCase):
         self.judge()
 
     def test_texts(self):
-        path = self.daemon.folder / "texts.palrec"
+        path = self.daemon.folder / "texts.mcap"
         self.conn.recording.start(path)
         time.sleep(2.5)
         self.conn.recording.stop()
-        path.write_bytes(with_markers(path.read_bytes(), 200_000, 4000))
+        first_tick = int(palpate.open_recording(path).ticks.tick[0])
+        path.write_bytes(with_markers(path.read_bytes(), first_tick, 200_000, 4000))
         self.assertLess(path.stat().st_size, 30 << 20)
         texts = []
 

@@ -136,7 +136,7 @@ class Script:
             return
         ballast = self.full / "ballast"
         ballast.unlink(missing_ok=True)
-        self.call("record", conn.recording.start, self.full / "r.palrec", overwrite=True)
+        self.call("record", conn.recording.start, self.full / "r.mcap", overwrite=True)
         if os.path.ismount(self.full):
             disk = os.statvfs(self.full)
             # The recording takes some of it meanwhile.

@@ -152,7 +152,7 @@ class DiskFaults(unittest.TestCase):
         limit = ["/usr/bin/prlimit", "--fsize=400000"]
         with Daemon("builtin:sphere:16", wrapper=limit) as daemon, \
                 Client(daemon) as client, daemon.connect() as conn:
-            path = daemon.folder / "r.palrec"
+            path = daemon.folder / "r.mcap"
             good = PoseReader(client)
             conn.recording.start(path)
             self.assertTrue(wait_until(lambda: not conn.recording.state().running))
@@ -207,7 +207,7 @@ class ClockStep(unittest.TestCase):
                     self.assertTrue(before_ns < reader.newest.time_ns < time.monotonic_ns())
                     # Of the wall clock, it would be a day.
                     self.assertLess(client.set_stiffness(0.5).receipt_to_applied_ns, 3600e9)
-                    client.record(daemon.folder / f"{seconds}.palrec")
+                    client.record(daemon.folder / f"{seconds}.mcap")
                     client.recording.StopRecording(recording_pb2.StopRecordingRequest(),
                                                    timeout=CALL_S)
                 self.assertIsNone(reader.error)
@@ -227,7 +227,7 @@ class Endings(unittest.TestCase):
             client.carve(20, 20, 20)
 
         with Daemon() as daemon, Client(daemon) as client:
-            file = daemon.folder / "load.palrec"
+            file = daemon.folder / "load.mcap"
             clients = [self.enterContext(Client(daemon)) for _ in range(4)]
             readers = [PoseReader(one, 1000.0, 10) for one in clients for _ in range(4)]
             # They fail when the daemon ends.

@@ -30,7 +30,7 @@ TEXTS = ["", "simulated", "stiffness_n_per_mm", "isovalue", "normalized_isovalue
          "settings.stiffness_n_per_mm", "..", "/", "/dev/zero", "/dev/stdin", "/proc/self/mem",
          "/etc/passwd", "../../../../etc/passwd", "builtin:sphere:16", "builtin:sphere:99999999",
          "builtin:sphere:-1", "builtin:", "%s%n%x", "a" * 70000, "\x00", "\x1b[2J\n", "ü\u202e",
-         "*", "[" * 300, "v.nrrd", "r.palrec"]
+         "*", "[" * 300, "v.nrrd", "r.mcap"]
 # Of bytes that are no message, gRPC itself says so, with this code.
 MALFORMED = {grpc.StatusCode.INTERNAL, grpc.StatusCode.UNKNOWN,
              grpc.StatusCode.UNIMPLEMENTED}  # of calls that gRPC answers by callbacks
@@ -46,7 +46,7 @@ _BITS = {Field.CPPTYPE_INT32: (-2 ** 31, 2 ** 31), Field.CPPTYPE_UINT32: (0, 2 *
 class Maker:
     def __init__(self, seed, folder):
         self._random = random.Random(seed)
-        self._texts = TEXTS + [f"{folder}/{name}" for name in ("v.nrrd", "r.palrec", "", "no/such")]
+        self._texts = TEXTS + [f"{folder}/{name}" for name in ("v.nrrd", "r.mcap", "", "no/such")]
         self._factory = message_factory.MessageFactory()
 
     def method(self):

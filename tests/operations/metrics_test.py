@@ -159,7 +159,7 @@ class LiveMetrics(unittest.TestCase):
 
     def test_a_recording_shows(self):
         self.assertEqual(self.value("palpate_recording"), 0)
-        self.client.record(self.daemon.folder / "shown.palrec")
+        self.client.record(self.daemon.folder / "shown.mcap")
         self.assertEqual(self.value("palpate_recording"), 1)
         self.client.recording.StopRecording(recording_pb2.StopRecordingRequest(), timeout=CALL_S)
         self.assertEqual(self.value("palpate_recording"), 0)

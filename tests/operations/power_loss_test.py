@@ -68,7 +68,7 @@ class PowerLoss(unittest.TestCase):
                 conn.edit.sphere((20, 20, 20), 3, "add", 0.01, frame="index")
                 conn.volume.save(self.watched / name, overwrite=True)
                 self.assertTrue(self.outlives(self.watched / name), name)
-            recording = self.watched / "a.palrec"
+            recording = self.watched / "a.mcap"
             conn.recording.start(recording)
             self.assertTrue(wait_until(lambda: conn.recording.state().ticks > 100))
             conn.recording.stop()

@@ -78,7 +78,7 @@ class Soak:
     def _record_anew(self, number):
         if number:
             self._conn.recording.stop()
-        self._conn.recording.start(self.daemon.folder / "soak.palrec", overwrite=True)
+        self._conn.recording.start(self.daemon.folder / "soak.mcap", overwrite=True)
 
     def _visit(self):
         with Client(self.daemon) as visitor:

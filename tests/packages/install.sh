@@ -130,12 +130,12 @@ check_removal() {
   for program in palpated palpate-web; do
     if with_systemd && in_jail pgrep -x "$program"; then fail "remove leaves $program running"; fi
   done
-  touch "$jail/var/lib/palpate/volumes/trial.palrec"
+  touch "$jail/var/lib/palpate/volumes/trial.mcap"
   apt_in_jail purge palpate-daemon
-  [ -e "$jail/var/lib/palpate/volumes/trial.palrec" ] || fail "purge takes recordings"
+  [ -e "$jail/var/lib/palpate/volumes/trial.mcap" ] || fail "purge takes recordings"
   [ "$(ls "$jail/var/lib/palpate")" = volumes ] || fail "purge leaves state"
   [ -e "$jail/etc/palpate/palpate-web.toml" ] || fail "purge takes the configuration of palpate-web"
-  rm "$jail/var/lib/palpate/volumes/trial.palrec"
+  rm "$jail/var/lib/palpate/volumes/trial.mcap"
   # With nothing of value left, and nothing edited.
   apt_in_jail install "/opt/test/$(basename "$packages"/palpate-daemon_*.deb)"
   if with_systemd; then in_jail systemctl --quiet is-active palpated || fail "it is not started at once"; fi

@@ -106,11 +106,11 @@ def check_features():
     check_run("palpate", "load", f"{folder}/copy.nrrd")
     check_run("palpate", "download", "/root/copy.nrrd")
     check_run("palpate", "upload", "/root/copy.nrrd")
-    check_run("palpate", "record", "start", f"{folder}/trial.palrec")
+    check_run("palpate", "record", "start", f"{folder}/trial.mcap")
     time.sleep(1)
     check_run("palpate", "record", "stop")
     check("not saved elsewhere", run("palpate", "save", "/opt/copy.nrrd")[0] != 0)
-    for name in ("copy.nrrd", "trial.palrec"):
+    for name in ("copy.nrrd", "trial.mcap"):
         pathlib.Path(folder, name).unlink()
 
 

@@ -20,7 +20,7 @@ class RecordingTest(unittest.TestCase):
     def setUp(self):
         self.daemon = self.enterContext(Daemon("builtin:gyroid:64"))
         self.conn = self.enterContext(self.daemon.connect())
-        self.file = self.daemon.folder / "a.palrec"
+        self.file = self.daemon.folder / "a.mcap"
 
     def palpate(self, *arguments, code=0):
         ran = subprocess.run([PALPATE, *map(str, arguments), "--socket", self.daemon.socket],
@@ -84,6 +84,15 @@ class RecordingTest(unittest.TestCase):
         self.assertEqual((figures["ticks"], figures["markers"]), (state["ticks"], 1))
         self.assertGreaterEqual(figures["compared"] + 70, state["ticks"])
         self.assertGreaterEqual(figures["scenes"], 12)
+        recording = palpate.open_recording(self.file)
+        self.assertTrue(recording.complete, recording.ends_early)
+        positions = recording.ticks.series_position_frames
+        for scene in recording.scenes:
+            felt = positions[recording.ticks.scene_revision == scene.scene_revision]
+            expected = scene.series_position_frames
+            np.testing.assert_array_equal(felt, np.nan if expected is None else expected)
+        self.assertGreater(np.nanmax(positions), 1.0)
+        self.assertTrue(np.isnan(positions[-1]))
 
     def test_resampled_volumes_come_back(self):
         self.palpate("record", "start", self.file)
@@ -165,7 +174,7 @@ class RecordingTest(unittest.TestCase):
         np.testing.assert_array_equal(self.conn.volume.download().values, loaded)
         with self.assertRaises(palpate.InvalidArgument):
             self.conn.recording.replay(self.file, first_tick=state.ticks)
-        self.assertIn("a.palrec", self.palpate("record", "list").stdout)
+        self.assertIn("a.mcap", self.palpate("record", "list").stdout)
         self.palpate("replay", self.file, "--from", "1", "--speed", "20")
 
     def test_another_programs_replay_is_told_to_all_who_watch(self):
@@ -193,7 +202,7 @@ class RecordingTest(unittest.TestCase):
         replay = self.conn.recording.state().replay
         self.assertEqual((replay.by, replay.path, replay.total_ticks, replay.speed),
                          ("local socket", str(self.file), len(hips), 0.001))
-        self.assertIn("replay of a.palrec by local socket: forces are off",
+        self.assertIn("replay of a.mcap by local socket: forces are off",
                       self.palpate("info").stdout)
         self.assertIn("replay: forces are off", self.palpate("watch", "--seconds", "2").stdout)
 
@@ -213,7 +222,7 @@ class RecordingTest(unittest.TestCase):
 
     def test_the_client_records_and_replays_until_it_is_interrupted(self):
         self.palpate("record", "run", self.file, "--seconds", "0.5")
-        client = self.begun("record", "run", self.daemon.folder / "b.palrec")
+        client = self.begun("record", "run", self.daemon.folder / "b.mcap")
         self.assertTrue(wait_until(lambda: self.conn.recording.state().running, PATIENCE_S))
         self.palpate("replay", self.file, code=CONFLICT)
         client.send_signal(signal.SIGINT)
@@ -231,7 +240,7 @@ class RecordingTest(unittest.TestCase):
             return client
         client = replay_slowly()
         with self.assertRaises(palpate.Conflict):
-            self.conn.recording.start(self.daemon.folder / "c.palrec")
+            self.conn.recording.start(self.daemon.folder / "c.mcap")
         client.send_signal(signal.SIGINT)
         self.assertEqual(client.wait(PATIENCE_S), CANCELLED)
         # The daemon ends though one runs.

@@ -84,7 +84,7 @@ class ActivityTest(unittest.TestCase):
                 self.assertEqual(self.local.activity().changes[0].what, what)
 
     def test_a_recording_is_started_by_one_and_stopped_by_another(self):
-        self.ada.recording.start(str(self.daemon.folder / "who.palrec"), overwrite=True)
+        self.ada.recording.start(str(self.daemon.folder / "who.mcap"), overwrite=True)
         self.assertEqual(self.who("recording"), "token operator")
         self.local.recording.stop()
         self.assertEqual(self.who("recording"), "local socket")

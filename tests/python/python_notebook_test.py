@@ -76,13 +76,13 @@ class Shown(DaemonTest):
             field.name: held[:0] if isinstance(held := getattr(poses, field.name), np.ndarray)
             else held for field in dataclasses.fields(poses)})
         self.page(empty)
-        file = self.daemon.folder / "shown.palrec"
+        file = self.daemon.folder / "shown.mcap"
         self.conn.recording.start(file)
         next(self.conn.poses(100, 10))
         self.conn.recording.stop()
         recording = palpate.open_recording(file)
         self.assertIn(str(len(recording.ticks)), self.page(recording.ticks))
-        self.assertIn("shown.palrec", self.page(recording))
+        self.assertIn("shown.mcap", self.page(recording))
 
     def test_all_is_escaped(self):
         info, volume = self.conn.volume.info(), self.conn.volume.download()

@@ -91,7 +91,7 @@ class Readme(unittest.TestCase):
                   if "lab.example" not in block]
         self.assertEqual(len(blocks), 5)
         with Daemon() as daemon, daemon.connect() as conn:
-            conn.recording.start(daemon.folder / "trial-7.palrec")
+            conn.recording.start(daemon.folder / "trial-7.mcap")
             conn.recording.mark("here")
             next(conn.poses(100, 10))
             conn.recording.stop()

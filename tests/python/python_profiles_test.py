@@ -172,8 +172,8 @@ class Plain(PlacesTest):
             self.assertEqual(sorted(path.name for path in here.iterdir()), ["a.nrrd", "b.nrrd"])
             self.assertEqual(conn.volume.load("a.nrrd").source, str(here / "a.nrrd"))
             self.assertEqual(conn.series.load("?.nrrd").frames, 2)
-            conn.recording.start("c.palrec")
-            self.assertEqual(conn.recording.stop().path, str(here / "c.palrec"))
+            conn.recording.start("c.mcap")
+            self.assertEqual(conn.recording.stop().path, str(here / "c.mcap"))
             for call in (conn.volume.load, conn.volume.save, conn.recording.start,
                          conn.series.load):
                 with self.assertRaises(palpate.InvalidArgument):

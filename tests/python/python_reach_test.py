@@ -129,7 +129,7 @@ class Progress(DaemonTest):
 
     def test_each_can_be_cancelled_and_changes_nothing(self):
         self.conn.volume.load(self.file)
-        recording, trial = self.conn.recording, self.daemon.folder / "trial.palrec"
+        recording, trial = self.conn.recording, self.daemon.folder / "trial.mcap"
         recording.start(trial)
         next(self.conn.poses(20, 10))
         recording.stop()
@@ -198,7 +198,7 @@ class Replay(unittest.TestCase):
     def setUpClass(cls):
         cls.daemon = cls.enterClassContext(Daemon())
         cls.conn = cls.enterClassContext(cls.daemon.connect())
-        cls.file = cls.daemon.folder / "trial.palrec"
+        cls.file = cls.daemon.folder / "trial.mcap"
         recording = cls.conn.recording
         recording.start(cls.file)
         next(cls.conn.poses(20, 10))
@@ -234,7 +234,7 @@ class Replay(unittest.TestCase):
             with self.subTest(speed), self.assertRaises(palpate.InvalidArgument):
                 self.conn.recording.replay(self.file, speed)
         with self.assertRaises(palpate.NotFound):
-            self.conn.recording.replay(self.daemon.folder / "none.palrec")
+            self.conn.recording.replay(self.daemon.folder / "none.mcap")
         with self.assertRaises(palpate.InvalidArgument):
             self.conn.recording.replay(__file__)
         with self.assertRaises(palpate.Conflict):

@@ -11,12 +11,15 @@ import sys
 import tempfile
 import time
 import unittest
+import warnings
 
 import numpy as np
-import xxhash
 import zstandard
+from google.protobuf.message import DecodeError
 
 import palpate
+from palpate._pose_columns import RECORDED
+from palpate.v1 import recorded_pb2
 from support import Daemon
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fuzz"))
@@ -57,6 +60,10 @@ def record(daemon, conn, path):
     conn.edit.box((3, 3, 3), (12, 12, 12), "set", 1.5, frame="index")
     conn.settings.isovalue = 0.25
     now()
+    with conn.device.lead() as hand:
+        for _ in range(20):
+            hand.move_to((1, 2, 3))
+            time.sleep(0.02)
     for _ in range(3):
         expected["poses"] = next(conn.poses(1000, 256))
     expected["state"] = conn.recording.stop()
@@ -73,10 +80,10 @@ class RecordingTest(unittest.TestCase):
         if RecordingTest.expected is None:
             RecordingTest.folder = pathlib.Path(
                 unittest.enterModuleContext(tempfile.TemporaryDirectory()))
-            RecordingTest.path = RecordingTest.folder / "trial.palrec"
+            RecordingTest.path = RecordingTest.folder / "trial.mcap"
             with Daemon() as daemon, daemon.connect() as conn:
-                RecordingTest.expected = record(daemon, conn, daemon.folder / "trial.palrec")
-                shutil.copy(daemon.folder / "trial.palrec", RecordingTest.path)
+                RecordingTest.expected = record(daemon, conn, daemon.folder / "trial.mcap")
+                shutil.copy(daemon.folder / "trial.mcap", RecordingTest.path)
             RecordingTest.recording = palpate.open_recording(RecordingTest.path)
 
 
@@ -93,6 +100,18 @@ class Recorded(RecordingTest):
         self.assertEqual(recording.to_unix_ns([began_ns, began_ns + 5]).tolist(),
                          [recording.created_unix_ns, recording.created_unix_ns + 5])
         self.assertIn(f"{state.ticks} ticks", repr(recording))
+        # About a second apart, and both clocks go alike.
+        self.assertGreater(len(recording.clock), 1)
+        apart = np.abs(recording.to_unix_ns(recording.clock[:, 0]) - recording.clock[:, 1])
+        self.assertLess(apart.max(), 10**9)
+
+    def test_where_the_hand_was_led(self):
+        led = self.recording.ticks.led_target_mm
+        is_led = ~np.isnan(led).any(axis=1)
+        # At first it is led to where it was.
+        self.assertTrue((led[is_led][-100:] == (1, 2, 3)).all())
+        self.assertTrue(0 < is_led.sum() < len(led))
+        self.assertTrue(np.isnan(self.recording.ticks.series_position_frames).all())
 
     def test_names_and_values_are_those_of_poses(self):
         for name, array in vars(self.recording.ticks).items():
@@ -123,7 +142,7 @@ class Recorded(RecordingTest):
         for settings, tick in self.expected["settings"]:
             scene = self.recording.scene_at(tick)
             self.assertEqual(scene.settings, settings)
-            self.assertEqual(scene.unknown_settings, {})
+            self.assertEqual(scene.unknown_settings, ())
         self.assertEqual(self.recording.volume_sources, ("builtin:sphere:48", "upload:mine.nrrd"))
         with self.assertRaises(palpate.NotFound):
             self.recording.scene_at(0)
@@ -164,7 +183,7 @@ class Recorded(RecordingTest):
 class Damage(RecordingTest):
     def opened(self, data):
         """None: refused, with one line."""
-        path = self.folder / "damaged.palrec"
+        path = self.folder / "damaged.mcap"
         path.write_bytes(data)
         try:
             return palpate.open_recording(path)
@@ -184,11 +203,14 @@ class Damage(RecordingTest):
 
     def test_what_is_whole_before_the_damage_is_read(self):
         data, choose = self.path.read_bytes(), random.Random(2)
+        metadata = data.index(b"palpate.recording") - 4
+        header_end = metadata + struct.unpack_from("<Q", data, metadata - 8)[0]
         lengths = set()
-        for place in {*range(80), *range(len(data) - 60, len(data)),
+        for place in {*range(80), *range(header_end - 20, header_end + 20),
+                      *range(len(data) - 60, len(data)),
                       *choose.sample(range(len(data)), 80)}:
             recording = self.opened(data[:place])
-            self.assertEqual(recording is None, place < 24 + len(self.recording.program) + 16)
+            self.assertEqual(recording is None, place < header_end)
             if recording:
                 self.check_prefix(recording)
                 lengths.add(len(recording.ticks))
@@ -202,28 +224,27 @@ class Damage(RecordingTest):
             self.check_prefix(self.opened(data + more))
 
     def test_what_is_no_recording(self):
-        for data in (b"", b"PNG", b"\x89PLPREC\n", os.urandom(1000)):
+        for data in (b"", b"PNG", b"\x89MCAP0\r\n", os.urandom(1000)):
             self.assertIsNone(self.opened(data))
-        for path, error in ((self.folder / "none.palrec", palpate.NotFound),
+        path = self.folder / "old.palrec"
+        path.write_bytes(b"\x89PLPREC\n and so on")
+        with self.assertRaisesRegex(palpate.InvalidArgument, "convert"):
+            palpate.open_recording(path)
+        for path, error in ((self.folder / "none.mcap", palpate.NotFound),
                             (self.folder, palpate.InvalidArgument),
                             ("/dev/null", palpate.InvalidArgument)):
             with self.assertRaisesRegex(error, str(path)):
                 palpate.open_recording(path)
 
 
-def framed(*chunks, version=4):
-    """A recording of (kind, payload), with checksums that fit."""
-    header = b"\x89PLPREC\n" + struct.pack("<IIq", version, 8, 1) + b"palpated"
-    data = header + struct.pack("<Q", xxhash.xxh3_64_intdigest(header))
-    for number, (kind, payload) in enumerate(chunks):
-        packed = zstandard.ZstdCompressor().compress(payload)
-        content = struct.pack("<QHHII", number, kind, 0, len(payload), len(packed)) + packed
-        data += struct.pack("<Q", xxhash.xxh3_64_intdigest(content)) + content
-    return data
+def framed(*messages):
+    """A recording of (topic, message), each in a chunk of its own."""
+    return corpus_recordings.recording(*(
+        corpus_recordings.chunk(corpus_recordings.record_of(*one)) for one in messages))
 
 
 class Made(unittest.TestCase):
-    """Chunks that no daemon writes, with checksums that fit."""
+    """Messages that no daemon writes."""
 
     def opened(self, data):
         with tempfile.NamedTemporaryFile() as file:
@@ -233,81 +254,120 @@ class Made(unittest.TestCase):
 
     def read(self, recording):
         """All that is in it, or a refusal of one line."""
-        for edit in recording.edits:
-            edit.voxels()
-        for scene in recording.scenes:
-            for loaded in (None, np.zeros((16, 16, 16))):
-                try:
-                    recording.voxels(scene.tick, loaded)
-                except palpate.Error as refused:
-                    self.assertNotIn("\n", str(refused))
+        for read in [edit.voxels for edit in recording.edits] + [
+                lambda scene=scene, loaded=loaded: recording.voxels(scene.tick, loaded)
+                for scene in recording.scenes for loaded in (None, np.zeros((12, 10, 9)))]:
+            try:
+                read()
+            except palpate.Error as refused:
+                self.assertNotIn("\n", str(refused))
 
-    def test_each_chunk_is_taken_or_refused(self):
-        good = {"samples", "sample", "scene", "scene_unknown_setting", "scene_not_a_number",
-                "scene_many_unknown_settings", "edit", "marker", "marker_long", "gap",
-                "gap_of_everything", "keyframe"}
+    def test_each_message_is_taken_or_refused(self):
+        bad = {"tick_cut", "tick_empty", "tick_end_group", "tick_field_0", "tick_long_tag",
+               "tick_no_mode", "tick_unknown_mode", "scene_of_no_method", "scene_without_a_place",
+               "voxels_cut", "voxels_far", "voxels_tiles_many", "voxels_known_many",
+               "event_no_text", "event_too_long"}
         choose = random.Random(7)
-        scene = 2, corpus_recordings.scene() + struct.pack("<3dBB3i2dB", 0.05, 3.3, 0.001, 1, 1, 16,
-                                                           16, 16, 0.0, 1.0, 1)
-        of_version_4 = self.opened(framed(scene)).scenes[0]
-        self.assertEqual(of_version_4.shape, (16, 16, 16))
-        with self.assertRaises(palpate.FailedPrecondition):
-            of_version_4.to_world_mm((0, 0, 0))
+        scene = "/scene", corpus_recordings.scene()
+        for name, (topic, data) in corpus_recordings.messages().items():
+            with self.subTest(name):
+                recording = self.opened(framed(scene, (topic, data)))
+                self.assertEqual("not closed" in recording.ends_early, name not in bad,
+                                 recording.ends_early)
+                for cut in range(0, len(data), max(1, len(data) // 40)):
+                    changed = bytearray(data)
+                    changed[cut] = choose.randrange(256)
+                    self.read(self.opened(framed((topic, data[:cut]))))
+                    self.read(self.opened(framed(scene, (topic, bytes(changed)))))
+
+    def test_files_of_all_kinds_end_as_they_should(self):
+        whole = {"whole", "packed", "in_no_chunk", "with_a_gap", "lost_at_the_end", "missed_ticks"}
+        refused = {"no_time", "no_recording", "old"}
+        for name, data in corpus_recordings.files().items():
+            with self.subTest(name):
+                try:
+                    self.assertEqual(self.opened(data).complete, name in whole)
+                    self.assertNotIn(name, refused)
+                except palpate.InvalidArgument as error:
+                    self.assertIn(name, refused, error)
+
+    def test_places_in_the_world(self):
         for linear, is_place in ((np.eye(3), True), (np.zeros((3, 3)), False),
                                  (np.full((3, 3), np.nan), False), (np.eye(3) * np.inf, False)):
-            place = struct.pack("<12d", *linear.ravel(order="F"), 1, 2, 3)
-            recorded = self.opened(framed((2, scene[1] + place), version=5)).scenes[0]
+            place = corpus_recordings.affine(linear.ravel(), (1, 2, 3))
+            recorded = self.opened(framed(
+                ("/scene", corpus_recordings.scene(more={9: place})))).scenes[0]
             if is_place:
                 np.testing.assert_array_equal(recorded.world_from_index[:3, 3], (1, 2, 3))
             else:
                 with self.assertRaises(palpate.InvalidArgument):
                     recorded.to_world_mm((0, 0, 0))
-        for cut in (1, 8, 95):
-            self.assertIn("chunk 0", self.opened(framed(
-                (2, scene[1] + bytes(cut)), version=5)).ends_early)
-        for name, (kind, payload) in corpus_recordings.chunks().items():
-            with self.subTest(name):
-                recording = self.opened(framed((kind, payload), version=2))
-                self.assertEqual("was not closed" in recording.ends_early, name in good,
-                                 recording.ends_early)
-                for cut in range(0, len(payload), max(1, len(payload) // 40)):
-                    changed = bytearray(payload)
-                    changed[cut] = choose.randrange(256)
-                    self.read(self.opened(framed((kind, payload[:cut]))))
-                    self.read(self.opened(framed(scene, (kind, bytes(changed)))))
-
-    def test_an_older_version(self):
-        ticks = corpus_recordings.samples([corpus_recordings.fields(n) for n in range(3)])
-        recording = self.opened(framed(
-            (2, corpus_recordings.scene()), (1, ticks), (7, struct.pack("<2Q", 3, 0)), version=2))
-        self.assertEqual((recording.ends_early, recording.version), ("", 2))
-        self.assertIsNone(recording.scenes[0].shape)
+        recording = self.opened(framed(scene := ("/scene", corpus_recordings.scene())))
         with self.assertRaises(palpate.FailedPrecondition):
-            recording.voxels(0, np.zeros((16, 16, 16)))
-        for version in (1, 7):
-            with self.assertRaisesRegex(palpate.InvalidArgument, f"of version {version}"):
-                self.opened(framed(version=version))
-
-    def test_markers_of_an_older_version_stand_where_their_time_says(self):
-        chunks, stood = [], {5: [4000], 6: [5999, 7100], 7: [6000], 8: [7500]}
-        for tick, times_ns in stood.items():  # each tick takes 1000 ns
-            chunks += [(4, struct.pack("<QqI", tick, time_ns, 1) + b"m") for time_ns in times_ns]
-            chunks.append((1, corpus_recordings.samples([corpus_recordings.fields(tick)])))
-        recording = self.opened(framed(*chunks, version=5))
-        self.assertEqual([marker.tick for marker in recording.markers], [5, 5, 7, 6, 7])
-        self.assertIsNone(recording.created_monotonic_ns)
+            recording.scenes[0].to_world_mm((0, 0, 0))
         with self.assertRaises(palpate.FailedPrecondition):
             recording.to_unix_ns(recording.ticks.time_ns)
+        self.assertIsNone(recording.created_monotonic_ns)
+        self.assertEqual(self.opened(framed(scene)).scenes[0].shape, (12, 10, 9))
 
-    def test_a_bomb_is_not_unpacked(self):
-        data = corpus_recordings.recording()[1:]
-        header = data[:24 + 8]
-        data = header + struct.pack("<Q", xxhash.xxh3_64_intdigest(header))
+    def test_ticks_are_read_as_protobuf_reads_them(self):
+        """The same change in all ticks, which the reader views at once."""
+        choose = random.Random(11)
+        vector = corpus_recordings.vector
+        rows = [corpus_recordings.sample(n, (0.1 * n, 1, 2), missed=5, pose={
+            5: vector((0, 0, 1)), 6: vector((n, 2, 3))}) + corpus_recordings.message(
+                {9: vector((n, 5, 6)), 10: 0.25 * n}) for n in range(100, 120)]
+        at_once = 0
+        for number in range(1500):
+            changed = [bytearray(row) for row in rows]
+            if number:
+                place, bits = choose.randrange(len(rows[0])), choose.randrange(1, 256)
+                for row in changed:
+                    row[place] ^= bits
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("error")
+                    ticks = [recorded_pb2.RecordedTick.FromString(bytes(row)) for row in changed]
+            except (DecodeError, RuntimeWarning, SystemError):
+                ticks = None
+            records = [corpus_recordings.record_of("/tick", bytes(row)) for row in changed]
+            recording = self.opened(corpus_recordings.recording(corpus_recordings.chunk(*records)))
+            is_good = ticks and all(a.pose.tick < b.pose.tick for a, b in zip(ticks, ticks[1:]))
+            is_good = is_good and all(0 < word <= most for tick in ticks for word, most in (
+                (tick.pose.mode, 6), (tick.pose.free_side, 2), (tick.pose.forces.state, 7),
+                (tick.pose.forces.reason, 14), (tick.force_command, 4), (tick.device_status, 3)))
+            self.assertEqual("not closed" in recording.ends_early, bool(is_good), number)
+            if is_good:
+                at_once += 1
+                self.check(recording.ticks, ticks)
+        self.assertGreater(at_once, 500)
+
+    def check(self, read, ticks):
+        for name, (path, kind, _) in RECORDED.items():
+            *outer, leaf = path.split(".")
+            expected = []
+            for tick in ticks:
+                for part in outer:
+                    tick = getattr(tick, part)
+                held = getattr(tick, leaf)
+                if isinstance(kind, str):
+                    held = [getattr(held, axis) if tick.HasField(leaf) else np.nan for axis in kind]
+                elif leaf == "series_position_frames" and not tick.HasField(leaf):
+                    held = np.nan
+                expected.append(held)
+            np.testing.assert_array_equal(getattr(read, name), expected, name)
+
+    def test_small_files_do_not_become_large(self):
+        zeros = bytes(16 << 20)
+        packed = zstandard.ZstdCompressor().compress(corpus_recordings.record(99, zeros[:-9]))
+        bomb = corpus_recordings.chunk(packing="zstd", packed=packed, size=len(zeros))
+        recording = self.opened(corpus_recordings.recording(*[bomb] * 40))
+        self.assertRegex(recording.ends_early, "more than a file of its size")
+        # zstd would take the memory that its frame asks for.
         packed = struct.pack("<IBQ", 0xfd2fb528, 0xe0, 1 << 50) + b"\x03\x00\x00"
-        content = struct.pack("<QHHII", 0, 4, 0, 100, len(packed)) + packed
-        recording = self.opened(data + struct.pack("<Q", xxhash.xxh3_64_intdigest(content))
-                                + content)
-        self.assertIn("chunk 0", recording.ends_early)
+        recording = self.opened(corpus_recordings.recording(
+            corpus_recordings.chunk(packing="zstd", packed=packed, size=100)))
+        self.assertIn("another size", recording.ends_early)
 
 
 if __name__ == "__main__":

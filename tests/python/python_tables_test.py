@@ -6,7 +6,9 @@ import dataclasses
 import importlib.util
 import io
 import os
+import pathlib
 import subprocess
+import sys
 import unittest
 import unittest.mock
 
@@ -16,6 +18,13 @@ import palpate
 from python_recording_test import RecordingTest
 from support import PATIENCE_S, DaemonTest
 
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "fuzz"))
+import corpus_recordings  # noqa: E402
+
+try:
+    import h5py
+except ImportError:
+    h5py = None
 try:
     import pandas
 except ImportError:
@@ -43,7 +52,10 @@ class Ticks(RecordingTest):
         self.assertEqual(len(rows), len(ticks))
         compared = {"markers"}
 
-        def column(name, kind=float):
+        def number(text):
+            return float(text or "nan")
+
+        def column(name, kind=number):
             compared.add(name)
             return np.array([kind(row[name]) for row in rows])
 
@@ -55,7 +67,7 @@ class Ticks(RecordingTest):
                                       column("unix_ns", int))
         self.assertEqual([int(row["tick"]) for row in rows if row["markers"]],
                          [marker.tick for marker in self.recording.markers])
-        for name in ("density", "isovalue", "force_limit_n"):
+        for name in ("density", "isovalue", "force_limit_n", "series_position_frames"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name), name)
         for name in ("contact", "input_rejected", "docked", "calibrated"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name, int) == 1, name)
@@ -69,9 +81,10 @@ class Ticks(RecordingTest):
         has_v = column("has_scp_v", int) == 1
         for name, stem, unit in (("hip_mm", "hip", "_mm"), ("scp_h_mm", "scp_h", "_mm"),
                                  ("force_n", "force", "_n"), ("scp_v_mm", "scp_v", "_mm"),
+                                 ("led_target_mm", "led_target", "_mm"),
                                  ("scp_h_normal", "scp_h_normal", ""),
                                  ("scp_v_normal", "scp_v_normal", "")):
-            expected = np.stack([column(f"{stem}_{axis}{unit}", lambda text: float(text or "nan"))
+            expected = np.stack([column(f"{stem}_{axis}{unit}")
                                  for axis in "xyz"], axis=1)
             np.testing.assert_array_equal(getattr(ticks, name), expected, name)
         np.testing.assert_array_equal(
@@ -91,13 +104,69 @@ class Ticks(RecordingTest):
         self.assertTrue(table.read_text().startswith("tick,"))
 
 
+class Agreement(RecordingTest):
+    def test_the_package_and_the_lab_judge_files_alike(self):
+        made = dict(corpus_recordings.files())
+        for name, (topic, data) in corpus_recordings.messages().items():
+            # Python looks at voxels only when it is asked for them.
+            if topic != "/voxels":
+                made[name] = corpus_recordings.recording(corpus_recordings.chunk(
+                    corpus_recordings.record_of(topic, data)), corpus_recordings.end(topic == "/tick"))
+        path = self.folder / "made.mcap"
+        for name, data in made.items():
+            with self.subTest(name):
+                path.write_bytes(data)
+                lab = subprocess.run([os.environ["PALPATE_LAB"], "export", path], text=True,
+                                     capture_output=True, check=False)
+                try:
+                    recording = palpate.open_recording(path)
+                except palpate.InvalidArgument:
+                    self.assertEqual(lab.returncode, 3, lab.stderr)
+                    continue
+                self.assertEqual(lab.returncode, 0, lab.stderr)
+                self.assertEqual(len(lab.stdout.splitlines()) - 1, len(recording.ticks))
+                complaints = [line for line in lab.stderr.splitlines() if "palpate-lab" in line]
+                self.assertEqual(complaints == [], recording.complete,
+                                 (complaints, recording.ends_early))
+
+
+@unittest.skipIf(h5py is None, "h5py is missing")
+class Hdf5(RecordingTest):
+    def test_all_of_it_is_in_plain_arrays(self):
+        path = self.folder / "trial.h5"
+        self.recording.to_hdf5(path)
+        subprocess.run([os.environ["PALPATE_LAB"], "export", self.path, "--hdf5", "--out",
+                        self.folder / "lab.h5"], check=True)
+        ticks = self.recording.ticks
+        for file in (h5py.File(path), h5py.File(self.folder / "lab.h5")):
+            with self.subTest(file.filename), file:
+                names = {field.name for field in dataclasses.fields(ticks)} | {"unix_ns"}
+                self.assertEqual(set(file["ticks"]), names)
+                for name in names - {"unix_ns"}:
+                    np.testing.assert_array_equal(file["ticks"][name], getattr(ticks, name), name)
+                np.testing.assert_array_equal(file["ticks/unix_ns"],
+                                              self.recording.to_unix_ns(ticks.time_ns))
+                self.assertEqual(file["ticks/force_n"].attrs["unit"], b"N")
+                self.assertIn(b"3: ejecting", file["ticks/mode"].attrs["words"])
+                text, _ = self.expected["marker"]
+                self.assertEqual(file["markers/text"][0].decode(), text)
+                file.visititems(self.check_plain)
+
+    def check_plain(self, name, held):
+        if isinstance(held, h5py.Dataset):
+            kind = held.dtype
+            self.assertIsNone(h5py.check_enum_dtype(kind), name)
+            self.assertIsNone(kind.names, name)
+            self.assertIn(kind.kind, "fiuS", name)
+
+
 class Tables(RecordingTest):
     @unittest.skipUnless(pandas, "pandas is not installed")
     def test_pandas_has_the_columns_of_the_command_line(self):
         frame = self.recording.ticks.to_pandas()
         rows = exported(self.path)
         self.assertEqual({*frame.columns, "tick"},
-                         set(rows[0]) - {"has_scp_v", "unix_ns", "markers"})
+                         set(rows[0]) - {"has_scp_v", "unix_ns", "markers"} | {"replayed"})
         self.assertEqual(frame.index.tolist(), [int(row["tick"]) for row in rows])
         for name in ("mode", "force_state", "device_status"):
             self.assertEqual(frame[name].tolist(), [row[name] for row in rows])

@@ -16,11 +16,12 @@
 
 #include "server/recording/recording_output.h"
 #include "server/recording/recording_reader.h"
+#include "server/recording/recording_writer.h"
 #include "server/recording/sample_fields.h"
 
 namespace palpate::testing {
 
-// All fields except the tick have random bits, including NaNs.
+// All fields except the tick have random bits, including NaNs, as far as a tick can have them.
 inline TickSample RandomSample(std::uint64_t tick) {
   std::mt19937_64 random(tick + 1);
   TickSample sample;
@@ -36,6 +37,11 @@ inline TickSample RandomSample(std::uint64_t tick) {
     }
   });
   sample.tick = tick;
+  if (!sample.contact) sample.scp_h_normal = {};
+  if (!sample.has_scp_v) sample.scp_v_mm = sample.scp_v_normal = {};
+  const double none = TickSample::kNone, number = static_cast<double>(random());
+  sample.led_target_mm.fill(random() % 2 == 0 ? none : number);
+  sample.series_position_frames = random() % 2 == 0 ? none : number;
   return sample;
 }
 
@@ -68,29 +74,38 @@ inline std::vector<TickSample> RandomSamples(std::uint64_t first, std::size_t co
   return samples;
 }
 
+// Writes them at once, in chunks as long as a recorder's.
+inline void Append(RecordingWriter& writer, const std::vector<TickSample>& samples) {
+  for (const TickSample& sample : samples) {
+    writer.Append(sample);
+    if (writer.waiting_ticks() == kSamplesPerChunk) writer.EndChunk();
+  }
+  writer.EndChunk();
+}
+
 inline RecordingReader ReadBytes(const std::string& bytes) {
   return RecordingReader(std::make_unique<std::istringstream>(bytes), "test");
 }
 
-inline std::vector<RecordedChunk> ReadAll(RecordingReader& reader) {
-  std::vector<RecordedChunk> chunks;
-  while (std::optional<RecordedChunk> chunk = reader.Next()) chunks.push_back(std::move(*chunk));
-  return chunks;
+inline std::vector<RecordedItem> ReadAll(RecordingReader& reader) {
+  std::vector<RecordedItem> items;
+  while (std::optional<RecordedItem> item = reader.Next()) items.push_back(std::move(*item));
+  return items;
 }
 
-// The chunks of one kind, in their order.
-template <typename Chunk>
-std::vector<Chunk> Only(const std::vector<RecordedChunk>& chunks) {
-  std::vector<Chunk> only;
-  for (const RecordedChunk& chunk : chunks) {
-    if (const auto* one = std::get_if<Chunk>(&chunk)) only.push_back(*one);
+// The items of one kind, in their order.
+template <typename Item>
+std::vector<Item> Only(const std::vector<RecordedItem>& items) {
+  std::vector<Item> only;
+  for (const RecordedItem& item : items) {
+    if (const auto* one = std::get_if<Item>(&item)) only.push_back(*one);
   }
   return only;
 }
 
-inline std::vector<TickSample> SamplesIn(const std::vector<RecordedChunk>& chunks) {
+inline std::vector<TickSample> SamplesIn(const std::vector<RecordedItem>& items) {
   std::vector<TickSample> samples;
-  for (const RecordedSamples& some : Only<RecordedSamples>(chunks)) {
+  for (const RecordedSamples& some : Only<RecordedSamples>(items)) {
     samples.insert(samples.end(), some.begin(), some.end());
   }
   return samples;

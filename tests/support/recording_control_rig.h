@@ -119,7 +119,7 @@ class RecordingControlRig : public ::testing::Test, protected RunningSession {
                             const std::shared_ptr<const VolumeSnapshot>& volume) {
     Replayer replayer([&](const RecordedScene&) { return volume; });
     RecordingReader reader(File(name));
-    while (const std::optional<RecordedChunk> chunk = reader.Next()) replayer.Take(*chunk);
+    while (const std::optional<RecordedItem> item = reader.Next()) replayer.Take(*item);
     EXPECT_TRUE(reader.complete()) << reader.stopped_because();
     return replayer.counts();
   }

@@ -81,6 +81,11 @@ class SceneRig {
     revision_ = volume_->revision();
     Publish(changes.size() * sizeof(Brick));
   }
+  // As a series does, whose volume is not reloadable.
+  void ShowFrame(double position_frames, const BrickDirectory& frame) {
+    scene_.series_position_frames = position_frames;
+    Edit(volume_->bricks().ChangesTo(frame));
+  }
   // Loads another volume. Its revision must be revision().
   void Load(std::shared_ptr<const VolumeSnapshot> volume) {
     volume_ = std::move(volume);

@@ -50,11 +50,11 @@ TEST(Progress, InAPipeIsALineEveryTwoSeconds) {
 
 TEST(ReplayWords, SayWhoReplaysWhatAndThatForcesAreOff) {
   EXPECT_EQ(DescribeReplay({}), "shows     live\n");
-  const client::RunningReplay replay{"token ada", "/data/trial\n7.palrec", 61'000, 72'500, 0.25};
+  const client::RunningReplay replay{"token ada", "/data/trial\n7.mcap", 61'000, 72'500, 0.25};
   const std::string text = DescribeReplay(replay);
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2) << text;
   for (const char* part :
-       {"token ada", "7.palrec", ": forces are off", "61.000 s", "72.500 s", "0.25"}) {
+       {"token ada", "7.mcap", ": forces are off", "61.000 s", "72.500 s", "0.25"}) {
     EXPECT_NE(text.find(part), text.npos) << text;
   }
   EXPECT_EQ(text.find("/data"), text.npos) << text;
@@ -216,13 +216,13 @@ TEST(CliVolume, TextFromElsewhereStaysOnItsLine) {
 
 TEST(CliVolume, ARecordingIsDescribed) {
   client::RecordingState state;
-  state.path = "/data/a\n.palrec";
-  EXPECT_EQ(DescribeRecording(state), "0 ticks (0.0 s), 0 lost, 0.0 MB, to /data/a .palrec");
+  state.path = "/data/a\n.mcap";
+  EXPECT_EQ(DescribeRecording(state), "0 ticks (0.0 s), 0 lost, 0.0 MB, to /data/a .mcap");
   state.ticks = 60000;
   state.lost_ticks = 7;
   state.size_bytes = 6'180'000;
   EXPECT_EQ(DescribeRecording(state),
-            "60000 ticks (60.0 s), 7 lost, 6.2 MB, 103 bytes per tick, to /data/a .palrec");
+            "60000 ticks (60.0 s), 7 lost, 6.2 MB, 103 bytes per tick, to /data/a .mcap");
 }
 
 TEST(CliPaths, RelativePathsBecomeAbsoluteOnTheSameMachineAlone) {

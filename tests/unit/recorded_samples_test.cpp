@@ -56,7 +56,7 @@ std::string Record(const std::function<void(RecordingWriter&)>& write, bool end 
 }
 
 std::string Record(const std::vector<TickSample>& samples, bool end = true) {
-  return Record([&](RecordingWriter& writer) { writer.AppendSamples(samples); }, end);
+  return Record([&](RecordingWriter& writer) { testing::Append(writer, samples); }, end);
 }
 
 std::string Table(const std::string& bytes) {
@@ -93,21 +93,20 @@ TEST(CsvExport, MarkersStandOnTheirTick) {
       TickSample sample;
       sample.tick = tick;
       sample.time_ns = 100 * static_cast<std::int64_t>(tick);
-      writer.AppendSamples(std::vector{sample});
+      testing::Append(writer, std::vector{sample});
     };
     append(0);
-    writer.Append(TimedMarker{.tick = 1, .time_ns = 100, .text = "trial \"7\""});
+    writer.Append(RecordedEvent{.tick = 1, .marker = "trial \"7\""});
     append(1);
-    // Recordings before version 6: at any tick nearby.
-    writer.Append(TimedMarker{.tick = 2, .time_ns = 199, .text = "left"});
+    writer.Append(RecordedEvent{.tick = 2, .marker = "left"});
+    writer.Append(RecordedEvent{.tick = 2, .marker = "end, of it"});
     append(2);
-    writer.Append(TimedMarker{.tick = 3, .time_ns = 250, .text = "end, of it"});
   });
   const std::vector<std::string> lines = Split(Table(bytes), '\n');
   ASSERT_EQ(lines.size(), 4u);
   EXPECT_EQ(Split(lines[1] + ".", ',').back(), ".");
-  EXPECT_TRUE(lines[2].ends_with(",\"trial \"\"7\"\"; left\""));
-  EXPECT_TRUE(lines[3].ends_with(",\"end, of it\""));
+  EXPECT_TRUE(lines[2].ends_with(",\"trial \"\"7\"\"\""));
+  EXPECT_TRUE(lines[3].ends_with(",\"left; end, of it\""));
 }
 
 TEST(CsvExport, AFullStreamIsAnError) {
@@ -183,9 +182,9 @@ TEST(RecordedPath, GivesWhatTheStylusDid) {
 
 TEST(RecordedPath, HoldsTheLastStateInGapsAndWhereTicksWereMissed) {
   const std::string bytes = Record([](RecordingWriter& writer) {
-    writer.AppendSamples(std::vector{Sample(5), Sample(6)});
+    testing::Append(writer, std::vector{Sample(5), Sample(6)});
     writer.SkipTo(9);
-    writer.AppendSamples(std::vector{Sample(9)});
+    testing::Append(writer, std::vector{Sample(9)});
   });
   EXPECT_EQ(XOf(PathOf(bytes)), (std::vector<double>{5, 6, 6, 6, 9}));
   EXPECT_EQ(XOf(PathOf(Record({Sample(5, 10), Sample(6, 10), Sample(7, 12), Sample(8, 12)}))),
@@ -228,9 +227,9 @@ TEST(RecordedPath, IsBoundedWhateverTheNumbers) {
   constexpr std::uint64_t kHuge = std::numeric_limits<std::uint64_t>::max() / 2;
   EXPECT_EQ(Refusal([&] { PathOf(Record({Sample(1), Sample(2, kHuge)})); }), ErrorKind::kTooLarge);
   const std::string gap = Record([](RecordingWriter& writer) {
-    writer.AppendSamples(std::vector{Sample(5)});
+    testing::Append(writer, std::vector{Sample(5)});
     writer.SkipTo(kHuge);
-    writer.AppendSamples(std::vector{Sample(kHuge)});
+    testing::Append(writer, std::vector{Sample(kHuge)});
   });
   EXPECT_EQ(Refusal([&] { PathOf(gap); }), ErrorKind::kTooLarge);
 }
@@ -242,7 +241,7 @@ TEST(RecordedPath, RefusesAnotherRate) {
       scene.tick = 1;
       scene.tick_period_s = period_s;
       writer.Append(scene);
-      writer.AppendSamples(std::vector{Sample(1)});
+      testing::Append(writer, std::vector{Sample(1)});
     });
     EXPECT_EQ(Refusal([&] { PathOf(bytes); }).has_value(), period_s != 0.001) << period_s;
   }

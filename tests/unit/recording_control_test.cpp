@@ -115,19 +115,19 @@ void WriteWithTexts(const std::string& file, const std::string& to, int count) {
   RecordingWriter writer(CreateRecordingFile(to, false), "test");
   bool has_scene = false;
   std::vector<RecordedSamples> after;
-  while (std::optional<RecordedChunk> chunk = reader.Next()) {
-    const auto* scene = std::get_if<RecordedScene>(&*chunk);
+  while (std::optional<RecordedItem> item = reader.Next()) {
+    const auto* scene = std::get_if<RecordedScene>(&*item);
     if (scene && !std::exchange(has_scene, true)) writer.Append(*scene);
-    if (auto* samples = std::get_if<RecordedSamples>(&*chunk)) after.push_back(*samples);
+    if (auto* samples = std::get_if<RecordedSamples>(&*item)) after.push_back(*samples);
   }
   ASSERT_GE(after.size(), 2u);
   const RecordedSamples last = std::move(after.back());
   after.pop_back();
-  for (const RecordedSamples& samples : after) writer.AppendSamples(samples);
+  for (const RecordedSamples& samples : after) testing::Append(writer, samples);
   for (int n = 0; n < count; ++n) {
-    writer.Append(TimedMarker{.tick = *writer.next_tick(), .text = std::string(4096, 'x')});
+    writer.Append(RecordedEvent{.tick = *writer.next_tick(), .marker = std::string(4096, 'x')});
   }
-  writer.AppendSamples(last);
+  testing::Append(writer, last);
   writer.AppendEnd();
 }
 
@@ -268,14 +268,14 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
 TEST_F(RecordingControlTest, AReplayBeginsAnywhere) {
   const std::vector<TickSample> recorded = RecordEdits("a");
   RecordingReader reader(File("a"));
-  const std::vector<RecordedChunk> chunks = testing::ReadAll(reader);
+  const std::vector<RecordedItem> items = testing::ReadAll(reader);
   std::mt19937_64 random(7);
   for (int n = 0; n < 12; ++n) {
     const std::uint64_t first = n == 0 ? recorded.size() - 1 : random() % recorded.size();
     const std::uint64_t tick = recorded[first].tick;
     VolumeHash expected;
-    for (const RecordedChunk& chunk : chunks) {
-      const auto* const scene = std::get_if<RecordedScene>(&chunk);
+    for (const RecordedItem& item : items) {
+      const auto* const scene = std::get_if<RecordedScene>(&item);
       if (scene && scene->tick <= tick) expected = scene->volume_hash;
     }
     const auto viewer = std::make_shared<Collector>();
@@ -315,15 +315,15 @@ TEST_F(RecordingControlTest, AReplayBeginsBehindLostTicks) {
   {
     RecordingReader reader(File("a"));
     RecordingWriter writer(CreateRecordingFile(File("gaps"), false), "test");
-    while (const std::optional<RecordedChunk> chunk = reader.Next()) {
-      if (const auto* scene = std::get_if<RecordedScene>(&*chunk)) writer.Append(*scene);
-      if (const auto* edit = std::get_if<RecordedEdit>(&*chunk)) writer.Append(*edit);
-      const auto* const samples = std::get_if<RecordedSamples>(&*chunk);
+    while (const std::optional<RecordedItem> item = reader.Next()) {
+      if (const auto* scene = std::get_if<RecordedScene>(&*item)) writer.Append(*scene);
+      if (const auto* edit = std::get_if<RecordedEdit>(&*item)) writer.Append(*edit);
+      const auto* const samples = std::get_if<RecordedSamples>(&*item);
       for (std::size_t n = 0; samples && n < samples->size(); ++n) {
         const TickSample& sample = (*samples)[n];
         if (sample.tick % 60 < 20) continue;
         if (sample.tick % 60 == 20) behind.push_back(kept.size());
-        writer.AppendSamples({&sample, 1});
+        testing::Append(writer, {sample});
         kept.push_back(sample);
       }
     }

@@ -3,16 +3,20 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <map>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "server/recording/bytes.h"
-#include "server/recording/edit_codec.h"
+#include "server/recording/recorded_messages.h"
 #include "server/recording/recorded_volumes.h"
 #include "server/recording/voxel_log.h"
+#include "server/volume/brick_packer.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_rig.h"
 
@@ -33,21 +37,57 @@ RecordedScene SceneOf(const VolumeSnapshot& volume) {
   return scene;
 }
 
-TEST(EditCodec, RefusesWhatIsNoEdit) {
-  EXPECT_EQ(Refusal([] { EncodeEdit({}); }), ErrorKind::kInvalidArgument);
-  RecordedEdit large;
-  large.bricks.resize(kBricksPerEdit + 1, {0, FilledLeaf(0.0f)});
-  EXPECT_EQ(Refusal([&] { EncodeEdit(large); }), ErrorKind::kInvalidArgument);
-  const std::string good = EncodeEdit({.bricks = {{1, FilledLeaf(1.0f)}, {2, FilledLeaf(2.0f)}}});
-  EXPECT_THROW(DecodeEdit(""), DamagedBytes);
-  EXPECT_THROW(DecodeEdit(good.substr(0, good.size() - 1)), DamagedBytes);
-  EXPECT_THROW(DecodeEdit(good + '\0'), DamagedBytes);
-  EXPECT_THROW(DecodeEdit(EncodeEdit({.bricks = {{2, FilledLeaf(1.0f)}, {2, FilledLeaf(2.0f)}}})),
-               DamagedBytes);
-  for (const char count : {'\0', '\1', '\3', '\xff'}) {
-    std::string bad = good;
-    bad[24] = count;
-    EXPECT_THROW(DecodeEdit(bad), DamagedBytes);
+// Whatever the types of the bricks, and however many there are.
+TEST(BrickPacker, GivesBackWhatWasPutIn) {
+  std::mt19937 random(5);
+  std::vector<RecordedBrick> bricks;
+  for (std::uint64_t n = 0; n < 2000; ++n) {
+    Brick values{};
+    const int kind = static_cast<int>(random() % 5);
+    for (float& value : values) {
+      value = kind == 0 ? 7.5f : static_cast<float>(random() % 200) * (kind == 1 ? 0.1f : 1.0f);
+    }
+    const LeafPtr leaf = kind < 3 ? Leaf::Of(LeafType::kFloat, values) : Leaf::Smallest(values);
+    bricks.push_back({3 * n + (kind == 0), leaf});
+  }
+  const RecordedEdit edit{.base_revision = 1, .volume_revision = 2, .bricks = bricks, .known = {}};
+  std::map<std::uint64_t, LeafPtr> read;
+  ForEachPart(edit, [&](v1::RecordedVoxels part) {
+    EXPECT_LT(part.ByteSizeLong(), 300'000u);
+    for (const RecordedBrick& brick : FromProto(std::move(part)).bricks) {
+      read[brick.number] = brick.values;
+    }
+  });
+  ASSERT_EQ(read.size(), bricks.size());
+  for (const RecordedBrick& brick : bricks) {
+    ASSERT_TRUE(read.contains(brick.number));
+    EXPECT_TRUE(HaveSameBits(*read[brick.number], *brick.values));
+  }
+}
+
+TEST(BrickPacker, RefusesWhatItDoesNotMake) {
+  BrickPacker packer;
+  packer.Add(3, *FilledLeaf(1.0f));
+  Brick ramp{};
+  ramp[5] = 1.0f;
+  packer.Add(4, *Leaf::Of(LeafType::kFloat, ramp));
+  const VolumeBricks good = packer.Take();
+  const std::function<void(VolumeBricks&)> attacks[] = {
+      [](VolumeBricks& bricks) { bricks.zstd_values.pop_back(); },
+      [](VolumeBricks& bricks) { bricks.numbers.push_back(5); },
+      [](VolumeBricks& bricks) { bricks.numbers.resize(100'000); },
+      [](VolumeBricks& bricks) { bricks.type = LeafType::kUint8; },
+      [](VolumeBricks& bricks) { bricks.tiles[0].bricks.count = std::uint64_t{1} << 60; },
+      [](VolumeBricks& bricks) { bricks.tiles.resize(100'000); },
+  };
+  int taken = 0;
+  UnpackBricks(good, [&](std::uint64_t, const LeafPtr&) { ++taken; });
+  EXPECT_EQ(taken, 2);
+  for (const auto& attack : attacks) {
+    VolumeBricks bad = good;
+    attack(bad);
+    EXPECT_EQ(Refusal([&] { UnpackBricks(bad, [](std::uint64_t, const LeafPtr&) {}); }),
+              ErrorKind::kInvalidArgument);
   }
 }
 
@@ -58,29 +98,29 @@ TEST(VoxelLog, WritesWhatTheRecordingLacks) {
   const auto twice = WithChanges(*once, Carve(*once, random));
   VoxelLog log;
   RecordedScene scene = SceneOf(*twice);
-  const std::vector<RecordedEdit> edits = log.EditsBefore(scene, twice.get());
-  ASSERT_EQ(edits.size(), 1u);
-  EXPECT_EQ(edits[0].base_revision, 1u);
-  EXPECT_EQ(edits[0].volume_revision, 3u);
+  const std::optional<RecordedEdit> edit = log.EditBefore(scene, twice.get());
+  ASSERT_TRUE(edit);
+  EXPECT_EQ(edit->base_revision, 1u);
+  EXPECT_EQ(edit->volume_revision, 3u);
   EXPECT_FALSE(scene.voxels_missing);
-  EXPECT_EQ(HashVolume(*WithEdits(*loaded, edits)), HashVolume(*twice));
+  EXPECT_EQ(HashVolume(*WithEdits(*loaded, {*edit})), HashVolume(*twice));
   // Nothing new.
-  EXPECT_TRUE(log.EditsBefore(scene, twice.get()).empty());
+  EXPECT_FALSE(log.EditBefore(scene, twice.get()));
   EXPECT_FALSE(scene.voxels_missing);
   // Its volume was let go: the next one brings both.
   const auto third = WithChanges(*twice, Carve(*twice, random));
   const auto fourth = WithChanges(*third, Carve(*third, random));
   scene = SceneOf(*third);
-  EXPECT_TRUE(log.EditsBefore(scene, nullptr).empty());
+  EXPECT_FALSE(log.EditBefore(scene, nullptr));
   EXPECT_TRUE(scene.voxels_missing);
   scene = SceneOf(*fourth);
-  const std::vector<RecordedEdit> both = log.EditsBefore(scene, fourth.get());
-  ASSERT_EQ(both.size(), 1u);
-  EXPECT_EQ(both[0].base_revision, 3u);
-  EXPECT_EQ(HashVolume(*WithEdits(*twice, both)), HashVolume(*fourth));
+  const std::optional<RecordedEdit> both = log.EditBefore(scene, fourth.get());
+  ASSERT_TRUE(both);
+  EXPECT_EQ(both->base_revision, 3u);
+  EXPECT_EQ(HashVolume(*WithEdits(*twice, {*both})), HashVolume(*fourth));
   // Another volume as it was loaded.
   scene = SceneOf(*Gyroid(40, 6));
-  EXPECT_TRUE(log.EditsBefore(scene, nullptr).empty());
+  EXPECT_FALSE(log.EditBefore(scene, nullptr));
   EXPECT_FALSE(scene.voxels_missing);
 }
 
@@ -102,14 +142,10 @@ TEST(VoxelLog, DeclaresMoreThan64MiBOnly) {
     RecordedScene scene;
     scene.loaded_revision = 1;
     scene.volume_revision = 1;
-    log.EditsBefore(scene, &loaded);
+    log.EditBefore(scene, &loaded);
     scene.volume_revision = 2;
-    std::size_t stored = 0;
-    for (const RecordedEdit& edit : log.EditsBefore(scene, &changed)) {
-      // Parted, so that every part can be written.
-      EXPECT_EQ(Refusal([&] { EncodeEdit(edit); }), std::nullopt);
-      stored += edit.bricks.size();
-    }
+    const std::optional<RecordedEdit> edit = log.EditBefore(scene, &changed);
+    const std::size_t stored = edit ? edit->bricks.size() : 0;
     EXPECT_EQ(stored, count == kStored ? static_cast<std::size_t>(kStored) : 0u);
     EXPECT_EQ(scene.voxels_missing, count > kStored);
   }
@@ -119,7 +155,7 @@ TEST(RecordedVolumes, RefusesEditsThatDoNotFit) {
   const auto volume = Gyroid();
   const auto edit = [](std::uint64_t number, float value) {
     return std::vector<RecordedEdit>{
-        {.volume_revision = 2, .bricks = {{number, FilledLeaf(value)}}}};
+        {.volume_revision = 2, .bricks = {{number, FilledLeaf(value)}}, .known = {}}};
   };
   EXPECT_EQ(Refusal([&] { WithEdits(*volume, edit(215, 0.0f)); }), std::nullopt);
   for (const auto& bad : {edit(216, 0.0f), edit(~0ull, 0.0f), edit(0, std::nanf("")),
@@ -135,7 +171,7 @@ TEST(RecordedVolumes, TrustsHashesOnly) {
   const auto edited = WithChanges(*loaded, Carve(*loaded, random));
   VoxelLog log;
   RecordedScene scene = SceneOf(*edited);
-  const RecordedEdit good = log.EditsBefore(scene, edited.get()).front();
+  const RecordedEdit good = *log.EditBefore(scene, edited.get());
   int loads = 0;
   RecordedVolumes follower([&](const RecordedScene&) {
     ++loads;

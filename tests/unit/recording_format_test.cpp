@@ -1,22 +1,29 @@
-// Recordings as bytes: all comes back bit for bit, and damage is seen.
+// Recordings as files: all comes back bit for bit, damage is seen, and hostile files cost little.
+#include <google/protobuf/descriptor.pb.h>
+#include <google/protobuf/dynamic_message.h>
 #include <gtest/gtest.h>
+#include <zstd.h>
 
 #include <bit>
+#include <cctype>
 #include <cmath>
+#include <cstring>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <random>
+#include <set>
 #include <string>
-#include <tuple>
+#include <utility>
 #include <variant>
 #include <vector>
 
+#include "common/wire/values.h"
 #include "server/recording/bytes.h"
-#include "server/recording/chunk_codec.h"
-#include "server/recording/chunk_frame.h"
-#include "server/recording/recording_reader.h"
-#include "server/recording/recording_writer.h"
-#include "server/recording/settings_text.h"
+#include "server/recording/mcap_writer.h"
+#include "server/recording/recorded_messages.h"
+#include "server/recording/recorded_tick.h"
+#include "server/recording/tick_layout.h"
 #include "tests/support/recording.h"
 #include "tests/support/refusal.h"
 
@@ -92,42 +99,27 @@ std::string SmallRecording() {
   const auto bytes = std::make_shared<std::string>();
   RecordingWriter writer(std::make_unique<MemoryOutput>(bytes), "test 1.0");
   writer.Append(SceneAt(7));
-  writer.Append(TimedMarker{.tick = 7, .time_ns = -5, .text = "trial \"1\", left"});
-  writer.AppendSamples(RandomSamples(7, 4));
+  writer.Append(RecordedEvent{.tick = 7, .time_ns = -5, .marker = "trial \"1\", left"});
+  testing::Append(writer, RandomSamples(7, 4));
   writer.Append(RecordedEdit{.tick = 13,
                              .base_revision = 3,
                              .volume_revision = 4,
-                             .bricks = {{2, FilledLeaf(-0.0f)}, {7, NoiseLeaf()}}});
-  writer.Append(RecordedKeyframe{.tick = 13, .bytes = "state"});
-  writer.AppendSamples(RandomSamples(13, 3));
+                             .bricks = {{2, FilledLeaf(-0.0f)}, {7, NoiseLeaf()}},
+                             .known = {}});
+  writer.Append(RecordedKeyframe{.tick = 13, .state = "state"});
+  testing::Append(writer, RandomSamples(13, 3));
   writer.AppendEnd();
   EXPECT_EQ(writer.counts().bytes, bytes->size());
   return *bytes;
 }
 
-// The samples among chunks are those recorded: RandomSample of their ticks.
-std::uint64_t CountTrueSamples(const std::vector<RecordedChunk>& chunks) {
-  const std::vector<TickSample> samples = testing::SamplesIn(chunks);
+// The samples among the items are those recorded: RandomSample of their ticks.
+std::uint64_t CountTrueSamples(const std::vector<RecordedItem>& items) {
+  const std::vector<TickSample> samples = testing::SamplesIn(items);
   for (const TickSample& sample : samples) {
     EXPECT_TRUE(SameSample(sample, RandomSample(sample.tick)));
   }
   return samples.size();
-}
-
-void ExpectSameScene(const RecordedScene& a, const RecordedScene& b) {
-  EXPECT_EQ(EncodeChunk(a).bytes, EncodeChunk(b).bytes);
-  EXPECT_EQ(SettingsText(a.settings), SettingsText(b.settings));
-  EXPECT_TRUE(std::signbit(b.X_DI.translation.x()));
-  const auto members = [](const RecordedScene& s) {
-    return std::tie(s.X_DI.linear, s.X_DI.translation, s.volume_hash, s.volume_source,
-                    s.loaded_revision, s.spacing_mm, s.voxels_missing, s.settings.method,
-                    s.tick_period_s, s.safety, s.device, s.reloadable, s.all_voxels_stored, s.size,
-                    s.value_min, s.value_max, s.isovalue, s.normalized_isovalue);
-  };
-  EXPECT_TRUE(members(a) == members(b));
-  ASSERT_TRUE(a.X_WI && b.X_WI);
-  EXPECT_EQ(*a.X_WI, *b.X_WI);
-  EXPECT_TRUE(b.unknown_settings.empty());
 }
 
 TEST(RecordingFormat, EverythingComesBack) {
@@ -136,65 +128,177 @@ TEST(RecordingFormat, EverythingComesBack) {
   ASSERT_TRUE(reader.header().created_monotonic_ns);
   EXPECT_GT(*reader.header().created_monotonic_ns, 0);
   EXPECT_GT(reader.header().created_unix_ns, 1'600'000'000'000'000'000);
-  const std::vector<RecordedChunk> chunks = ReadAll(reader);
-  ASSERT_EQ(chunks.size(), 8u);
-  ExpectSameScene(SceneAt(7), std::get<RecordedScene>(chunks[0]));
-  const auto& marker = std::get<TimedMarker>(chunks[1]);
-  EXPECT_EQ(marker.tick, 7u);
-  EXPECT_EQ(marker.time_ns, -5);
-  EXPECT_EQ(marker.text, "trial \"1\", left");
-  const auto& gap = std::get<RecordedGap>(chunks[3]);
+  const std::vector<RecordedItem> items = ReadAll(reader);
+  ASSERT_EQ(items.size(), 7u);
+  const auto& scene = std::get<RecordedScene>(items[0]);
+  EXPECT_EQ(ToProto(scene).SerializeAsString(), ToProto(SceneAt(7)).SerializeAsString());
+  EXPECT_TRUE(std::signbit(scene.X_DI.translation.x()));
+  EXPECT_TRUE(scene.unknown_settings.empty());
+  const auto& marker = std::get<RecordedEvent>(items[1]);
+  EXPECT_EQ(marker, (RecordedEvent{7, -5, "trial \"1\", left"}));
+  const auto& gap = std::get<RecordedGap>(items[3]);
   EXPECT_EQ(gap.first_tick, 11u);
   EXPECT_EQ(gap.last_tick, 12u);
-  const auto& edit = std::get<RecordedEdit>(chunks[4]);
+  const auto& edit = std::get<RecordedEdit>(items[4]);
   EXPECT_EQ(edit.tick, 13u);
   EXPECT_EQ(edit.base_revision, 3u);
   EXPECT_EQ(edit.volume_revision, 4u);
   ASSERT_EQ(edit.bricks.size(), 2u);
-  EXPECT_EQ(edit.bricks[0].number, 2u);
-  EXPECT_TRUE(HaveSameBits(*edit.bricks[0].values, *FilledLeaf(-0.0f)));
-  EXPECT_EQ(edit.bricks[1].number, 7u);
-  EXPECT_TRUE(HaveSameBits(*edit.bricks[1].values, *NoiseLeaf()));
-  EXPECT_EQ(std::get<RecordedKeyframe>(chunks[5]).bytes, "state");
-  EXPECT_EQ(CountTrueSamples(chunks), 7u);
+  for (const RecordedBrick& brick : edit.bricks) {
+    const LeafPtr expected = brick.number == 2 ? FilledLeaf(-0.0f) : NoiseLeaf();
+    EXPECT_TRUE(HaveSameBits(*brick.values, *expected)) << brick.number;
+  }
+  EXPECT_EQ(std::get<RecordedKeyframe>(items[5]), (RecordedKeyframe{13, "state"}));
+  EXPECT_EQ(CountTrueSamples(items), 7u);
   EXPECT_EQ(reader.ticks(), 7u);
   EXPECT_EQ(reader.lost_ticks(), 2u);
   EXPECT_TRUE(reader.complete());
   EXPECT_EQ(reader.stopped_because(), "");
 }
 
-TEST(RecordingFormat, ASceneOfVersion4HasNoPlaceInTheWorld) {
-  RecordedScene old = SceneAt(7);
-  old.X_WI.reset();
-  RecordingReader reader =
-      ReadBytes(FrameHeader({.program = "test"}) + FrameChunk(EncodeChunk(old), 0));
-  const std::vector<RecordedChunk> chunks = ReadAll(reader);
-  ASSERT_EQ(chunks.size(), 1u);
-  EXPECT_FALSE(std::get<RecordedScene>(chunks[0]).X_WI);
-  EXPECT_FALSE(reader.header().created_monotonic_ns);
-  EXPECT_EQ(std::get<RecordedScene>(chunks[0]).value_max, old.value_max);
+// Every member of a scene: by its message, which has nothing else.
+TEST(RecordingFormat, ScenesComeBackBitForBit) {
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    RecordedScene scene = SceneAt(seed);
+    if (seed % 2 == 1) scene.X_WI.reset();
+    if (seed % 3 == 1) scene.series_position_frames = 0.1 * static_cast<double>(seed);
+    const v1::RecordedScene message = ToProto(scene);
+    const RecordedScene read = FromProto(message);
+    EXPECT_EQ(ToProto(read).SerializeAsString(), message.SerializeAsString());
+    for (const NumberSetting& number : kNumberSettings) {
+      ASSERT_EQ(read.settings.*number.member, scene.settings.*number.member);
+    }
+    EXPECT_EQ(read.settings.method, scene.settings.method);
+    EXPECT_EQ(read.settings.free_side, scene.settings.free_side);
+    EXPECT_EQ(read.X_DI, scene.X_DI);
+    EXPECT_EQ(read.X_WI, scene.X_WI);
+    EXPECT_EQ(read.safety, scene.safety);
+    EXPECT_EQ(read.device, scene.device);
+    EXPECT_EQ(read.volume_hash, scene.volume_hash);
+    EXPECT_EQ(read.size, scene.size);
+    EXPECT_EQ(read.series_position_frames, scene.series_position_frames);
+  }
+}
+
+// A later program adds settings, and an earlier one lacks some.
+TEST(RecordingFormat, ScenesOfOtherVersionsAreRead) {
+  v1::RecordedScene message = ToProto(SceneAt(1));
+  message.mutable_settings()->clear_stiffness_n_per_mm();
+  message.clear_safety();
+  message.clear_device();
+  RecordedScene read = FromProto(message);
+  EXPECT_EQ(read.settings.stiffness_n_per_mm, 0.5);  // whatever the default is now
+  EXPECT_EQ(read.safety, SafetyLimits{});
+  EXPECT_EQ(read.device, PassivityDevice{});
+  auto& settings = *message.mutable_settings();
+  settings.GetReflection()->MutableUnknownFields(&settings)->AddVarint(1000, 7);
+  read = FromProto(message);
+  ASSERT_EQ(read.unknown_settings.size(), 1u);
+  EXPECT_NE(read.unknown_settings[0].find("1000"), std::string::npos);
+  settings.set_free_side(static_cast<v1::FreeSide>(9));
+  EXPECT_THROW(FromProto(message), DamagedBytes);
+}
+
+TEST(RecordingFormat, DevicesThatCannotBeAreRefused) {
+  RecordedScene scene = SceneAt(7);
+  for (const double number : {0.0, -0.055, std::numeric_limits<double>::quiet_NaN(),
+                              std::numeric_limits<double>::infinity()}) {
+    for (double PassivityDevice::*member :
+         {&PassivityDevice::resolution_mm, &PassivityDevice::max_force_n,
+          &PassivityDevice::tick_s}) {
+      scene.device = {};
+      scene.device.*member = number;
+      EXPECT_THROW(FromProto(ToProto(scene)), DamagedBytes);
+    }
+  }
+}
+
+// What is written by hand for speed is what protobuf reads, and numbers stay in their places.
+TEST(ConstantLayout, IsTheMessageInOneLengthForEachShape) {
+  std::set<std::size_t> lengths;
+  for (std::uint64_t tick = 0; tick < 2000; ++tick) {
+    TickSample sample = RandomSample(tick);
+    if (tick % 2 == 0) {  // numbers as they are
+      for (std::uint64_t* number :
+           {&sample.scene_revision, &sample.settings_revision, &sample.volume_revision,
+            &sample.missed_ticks, &sample.capped_ticks, &sample.faulty_ticks}) {
+        *number %= std::uint64_t{1} << 40;
+      }
+      sample.time_ns = sample.time_ns & (std::numeric_limits<std::int64_t>::max() >> 1);
+      sample.update_ns = sample.update_ns & 0xffffff;
+    }
+    const RecordedTick value = RecordedTickOf(sample);
+    ConstantLayout layout;
+    Put(value, layout);
+    v1::RecordedTick message;
+    ASSERT_TRUE(
+        message.ParseFromArray(layout.bytes().data(), static_cast<int>(layout.bytes().size())));
+    ASSERT_EQ(message.SerializeAsString(), ToProto(value).SerializeAsString());
+    if (tick % 2 == 0) lengths.insert(layout.bytes().size());
+  }
+  // Normal of H, SCP_V, led target, series: there or not.
+  EXPECT_LE(lengths.size(), 16u);
+}
+
+TEST(RecordedSchema, SaysWhatAMessageIsAndNoMore) {
+  google::protobuf::FileDescriptorSet set;
+  const std::string schema = SchemaOf(*v1::RecordedTick::descriptor());
+  EXPECT_LT(schema.size(), 4096u);
+  ASSERT_TRUE(set.ParseFromString(schema));
+  google::protobuf::DescriptorPool pool;
+  for (const auto& file : set.file()) {
+    ASSERT_NE(pool.BuildFile(file), nullptr) << file.name();
+    EXPECT_EQ(file.service_size(), 0);
+  }
+  google::protobuf::DynamicMessageFactory factory(&pool);
+  const auto* type = pool.FindMessageTypeByName("palpate.v1.RecordedTick");
+  ASSERT_NE(type, nullptr);
+  const std::unique_ptr<google::protobuf::Message> message(factory.GetPrototype(type)->New());
+  const v1::RecordedTick tick = ToProto(RecordedTickOf(RandomSample(5)));
+  ASSERT_TRUE(message->ParseFromString(tick.SerializeAsString()));
+  EXPECT_EQ(message->SerializeAsString(), tick.SerializeAsString());
+  EXPECT_TRUE(message->GetReflection()->GetUnknownFields(*message).empty());
+  for (const google::protobuf::Descriptor* other :
+       {v1::RecordedScene::descriptor(), v1::RecordedVoxels::descriptor()}) {
+    google::protobuf::DescriptorPool whole;
+    ASSERT_TRUE(set.ParseFromString(SchemaOf(*other)));
+    for (const auto& file : set.file()) EXPECT_NE(whole.BuildFile(file), nullptr) << file.name();
+  }
+}
+
+// Where each chunk of a file ends.
+std::vector<std::size_t> ChunkEnds(const std::string& file) {
+  std::vector<std::size_t> ends;
+  for (std::size_t at = mcap::kMagic.size(); at + mcap::kRecordHeadBytes <= file.size();) {
+    std::uint64_t bytes = 0;
+    std::memcpy(&bytes, &file[at + 1], sizeof bytes);
+    const bool is_chunk = file[at] == static_cast<char>(mcap::Opcode::kChunk);
+    at += mcap::kRecordHeadBytes + bytes;
+    if (is_chunk) ends.push_back(at);
+  }
+  return ends;
 }
 
 TEST(RecordingFormat, ACutRecordingReadsUpToTheLastWholeChunk) {
   const std::string whole = SmallRecording();
-  std::uint64_t refused = 0, last = 0;
+  const std::vector<std::size_t> ends = ChunkEnds(whole);
+  ASSERT_EQ(ends.size(), 2u);
+  std::size_t refused = 0;
   for (std::size_t size = 0; size < whole.size(); ++size) {
     const std::string cut = whole.substr(0, size);
     try {
       RecordingReader reader = ReadBytes(cut);
       const std::uint64_t count = CountTrueSamples(ReadAll(reader));
+      EXPECT_EQ(count, size >= ends[1] ? 7u : size >= ends[0] ? 4u : 0u) << size;
       EXPECT_EQ(count, reader.ticks());
       EXPECT_FALSE(reader.complete());
       EXPECT_NE(reader.stopped_because(), "");
-      EXPECT_GE(reader.ticks(), last);
-      last = reader.ticks();
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kInvalidArgument);
-      ++refused;
+      refused = size;
     }
   }
-  EXPECT_EQ(refused, FrameHeader({.created_monotonic_ns = 1, .program = "test 1.0"}).size());
-  EXPECT_EQ(last, 7u);
+  EXPECT_LT(refused, ends[0]);
 }
 
 TEST(RecordingFormat, EveryChangedByteIsSeen) {
@@ -215,22 +319,6 @@ TEST(RecordingFormat, EveryChangedByteIsSeen) {
   }
 }
 
-TEST(RecordingFormat, ChunksThatAreMissingOrTwiceAreSeen) {
-  const std::string header = FrameHeader({.program = "test"});
-  const Payload marker = EncodeChunk(TimedMarker{.text = "m"});
-  const Payload end = EncodeChunk(RecordedEnd{});
-  const auto is_complete = [&](std::uint64_t second, std::uint64_t last) {
-    RecordingReader reader = ReadBytes(header + FrameChunk(marker, 0) + FrameChunk(marker, second) +
-                                       FrameChunk(end, last));
-    ReadAll(reader);
-    return reader.complete();
-  };
-  EXPECT_TRUE(is_complete(1, 2));
-  EXPECT_FALSE(is_complete(0, 1));
-  EXPECT_FALSE(is_complete(2, 3));
-  EXPECT_FALSE(is_complete(1, 3));
-}
-
 TEST(RecordingFormat, BytesAfterTheEndAreSeen) {
   RecordingReader reader = ReadBytes(SmallRecording() + "x");
   ReadAll(reader);
@@ -238,98 +326,147 @@ TEST(RecordingFormat, BytesAfterTheEndAreSeen) {
   EXPECT_NE(reader.stopped_because(), "");
 }
 
-TEST(RecordingFormat, LengthsAreLimitedBeforeMemoryIsTaken) {
-  const std::string header = FrameHeader({.program = "test"});
-  const std::string chunk = FrameChunk(EncodeChunk(RecordedGap{1, 2}), 0);
-  for (const std::size_t at : {20u, 24u}) {  // raw_bytes, stored_bytes
-    std::string damaged = chunk;
-    damaged.replace(at, 4, "\xff\xff\xff\xff");
-    RecordingReader reader = ReadBytes(header + damaged);
-    EXPECT_FALSE(reader.Next());
-    EXPECT_NE(reader.stopped_because(), "");
-  }
-  EXPECT_EQ(Refusal([] {
-              FrameChunk({ChunkType::kEdit, std::string(kMaxPayloadBytes + 1, 'x')}, 0);
-            }),
-            ErrorKind::kTooLarge);
-}
-
-// 16 MiB of one letter pack into a few bytes.
-TEST(RecordingFormat, TextsThatNobodyWritesAreDamaged) {
-  RecordedScene scene = SceneAt(1);
-  scene.volume_source = std::string(20'000, 'x');
-  for (const RecordedChunk& chunk :
-       {RecordedChunk(TimedMarker{.text = std::string(4097, 'x')}), RecordedChunk(scene)}) {
-    const Payload payload = EncodeChunk(chunk);
-    EXPECT_THROW(DecodeChunk(payload), DamagedBytes);
-  }
-  EXPECT_NO_THROW(DecodeChunk(EncodeChunk(TimedMarker{.text = std::string(4096, 'x')})));
-}
-
-TEST(RecordingFormat, AChunkOfNoKindIsDamaged) {
-  EXPECT_THROW(DecodeChunk({static_cast<ChunkType>(99), ""}), DamagedBytes);
-}
-
 TEST(RecordingFormat, OtherFilesAreRefusedInOneLine) {
   for (const std::string& bytes : {std::string(), std::string("NRRD0005\n"),
-                                   std::string(1000, '\0'), std::string("\x89PLPREC\n")}) {
+                                   std::string(1000, '\0'), std::string(mcap::kMagic)}) {
     EXPECT_EQ(Refusal([&] { ReadBytes(bytes); }), ErrorKind::kInvalidArgument);
   }
-  std::string newer = FrameHeader({.created_monotonic_ns = 1, .program = "test"});
-  newer[8] = 7;
-  EXPECT_NE(testing::Complaint([&] { ReadBytes(newer); }).find('7'), std::string::npos);
+  const std::string old = testing::Complaint([&] { ReadBytes("\x89PLPREC\n and so on"); });
+  EXPECT_NE(old.find("convert"), std::string::npos) << old;
   EXPECT_EQ(Refusal([] { RecordingReader("/nowhere/recording"); }), ErrorKind::kNotFound);
-}
-
-TEST(RecordingFormat, DevicesThatCannotBeAreRefused) {
-  RecordedScene scene = SceneAt(7);
-  for (const double number : {0.0, -0.055, std::numeric_limits<double>::quiet_NaN(),
-                              std::numeric_limits<double>::infinity()}) {
-    scene.device = {.resolution_mm = number};
-    EXPECT_THROW(DecodeChunk(EncodeChunk(scene)), DamagedBytes);
-    scene.device = {.max_force_n = number};
-    EXPECT_THROW(DecodeChunk(EncodeChunk(scene)), DamagedBytes);
-    scene.device = {.tick_s = number};
-    EXPECT_THROW(DecodeChunk(EncodeChunk(scene)), DamagedBytes);
-  }
 }
 
 TEST(RecordingFormat, TicksDoNotGoBack) {
   RecordingWriter writer(std::make_unique<MemoryOutput>(std::make_shared<std::string>()), "test");
-  writer.AppendSamples(RandomSamples(10, 2));
-  EXPECT_EQ(Refusal([&] { writer.AppendSamples(RandomSamples(11, 1)); }),
-            ErrorKind::kInvalidArgument);
+  testing::Append(writer, RandomSamples(10, 2));
+  EXPECT_EQ(Refusal([&] { writer.Append(RandomSample(11)); }), ErrorKind::kInvalidArgument);
 }
 
-TEST(SettingsText, ComesBackBitForBit) {
-  for (std::uint64_t seed = 0; seed < 100; ++seed) {
-    const HapticSettings settings = RandomSettings(seed);
-    std::vector<std::string> unknown;
-    const HapticSettings read = SettingsFromText(SettingsText(settings), unknown);
-    for (const NumberSetting& number : kNumberSettings) {
-      ASSERT_EQ(read.*number.member, settings.*number.member);
-    }
-    for (const FlagSetting& flag : kFlagSettings) {
-      ASSERT_EQ(read.*flag.member, settings.*flag.member);
-    }
-    ASSERT_EQ(read.free_side, settings.free_side);
-    EXPECT_TRUE(unknown.empty());
+// A file that somebody else made with an MCAP writer.
+class Foreign {
+ public:
+  Foreign() : writer_([this](std::string_view bytes) { bytes_ += bytes; }, "another program") {
+    writer_.AddMetadata({kHeaderMetadata, {{"created_unix_ns", "5"}}});
+  }
+  void Add(const std::string& topic, const std::string& message) {
+    std::string schema = "palpate.v1.Recorded" + topic.substr(1);
+    schema[19] = static_cast<char>(std::toupper(schema[19]));
+    writer_.AddMessage(writer_.AddChannel(topic, schema, ""), 1, message);
+  }
+  void Add(const TickSample& sample) {
+    Add(kTickTopic, ToProto(RecordedTickOf(sample)).SerializeAsString());
+  }
+  std::string End(std::uint64_t ticks, std::uint64_t lost_ticks = 0) {
+    writer_.EndChunk();
+    writer_.AddMetadata(
+        {kEndMetadata,
+         {{"ticks", std::to_string(ticks)}, {"lost_ticks", std::to_string(lost_ticks)}}});
+    writer_.End();
+    return bytes_;
+  }
+  mcap::Writer& writer() { return writer_; }
+  std::string& bytes() { return bytes_; }
+
+ private:
+  std::string bytes_;
+  mcap::Writer writer_;
+};
+
+// Ticks as protobuf writes them, among topics of others.
+TEST(ForeignRecording, IsReadWhereItIsOne) {
+  Foreign file;
+  file.Add("/tf", "whatever");
+  for (const TickSample& sample : RandomSamples(3, 5)) file.Add(sample);
+  file.Add("/camera", std::string(1000, 'x'));
+  for (const TickSample& sample : RandomSamples(10, 2)) file.Add(sample);
+  RecordingReader reader = ReadBytes(file.End(7, 5));  // 8, 9; and three at the end
+  EXPECT_EQ(CountTrueSamples(ReadAll(reader)), 7u);
+  EXPECT_TRUE(reader.complete()) << reader.stopped_because();
+  EXPECT_EQ(reader.lost_ticks(), 5u);
+  EXPECT_FALSE(reader.header().created_monotonic_ns);
+}
+
+TEST(ForeignRecording, ThatMakesNoSenseEndsWhereItDoesNot) {
+  const std::string tick = ToProto(RecordedTickOf(RandomSample(9))).SerializeAsString();
+  const std::function<void(Foreign&)> attacks[] = {
+      [&](Foreign& file) { file.Add(kTickTopic, tick.substr(0, 50)); },
+      [&](Foreign& file) { file.Add(kTickTopic, ""); },   // of no known words
+      [&](Foreign& file) { file.Add(RandomSample(3)); },  // goes back
+      [&](Foreign& file) { file.Add(kSceneTopic, "\xff\xff"); },
+      [&](Foreign& file) { file.Add(kSceneTopic, ""); },  // without a place
+      [&](Foreign& file) { file.Add(kVoxelsTopic, "\x22\x03\x0a\x01\x05"); },
+      [&](Foreign& file) {
+        file.Add(kEventTopic,
+                 ToProto(RecordedEvent{9, 1, std::string(4097, 'x')}).SerializeAsString());
+      },
+      [&](Foreign& file) { file.writer().AddMessage(60'000, 1, tick); },
+  };
+  for (const auto& attack : attacks) {
+    Foreign file;
+    file.Add(RandomSample(4));
+    file.writer().EndChunk();
+    attack(file);
+    RecordingReader reader = ReadBytes(file.End(1));
+    EXPECT_EQ(CountTrueSamples(ReadAll(reader)), 1u);
+    EXPECT_FALSE(reader.complete()) << &attack - attacks;
+    EXPECT_NE(reader.stopped_because(), "");
+  }
+  for (const auto& [ticks, lost] : {std::pair(2u, 0u), std::pair(0u, 0u)}) {
+    Foreign file;
+    file.Add(RandomSample(4));
+    RecordingReader reader = ReadBytes(file.End(ticks, lost));
+    ReadAll(reader);
+    EXPECT_FALSE(reader.complete());
   }
 }
 
-TEST(SettingsText, OfOtherVersionsIsRead) {
-  std::vector<std::string> unknown;
-  const HapticSettings read =
-      SettingsFromText("stiffness_n_per_mm=1.25\ntexture_mm=0.1\nforce_shading=on\n", unknown);
-  EXPECT_EQ(read.stiffness_n_per_mm, 1.25);
-  EXPECT_TRUE(read.force_shading);
-  EXPECT_EQ(read.magnet_range_mm, HapticSettings{}.magnet_range_mm);
-  EXPECT_EQ(unknown, std::vector<std::string>{"texture_mm"});
-  for (const char* bad :
-       {"stiffness_n_per_mm=1.25", "stiffness_n_per_mm\n", "stiffness_n_per_mm=1x\n",
-        "stiffness_n_per_mm=\n", "force_shading=1\n", "free_side=left\n", "\n"}) {
-    EXPECT_THROW(SettingsFromText(bad, unknown), DamagedBytes) << bad;
+std::string ChunkRecord(std::uint64_t unpacked_bytes, std::uint32_t crc, const std::string& packing,
+                        const std::string& packed) {
+  ByteWriter content;
+  content.Put(std::uint64_t{1});
+  content.Put(std::uint64_t{1});
+  content.Put(unpacked_bytes);
+  content.Put(crc);
+  content.PutText(packing);
+  content.Put(static_cast<std::uint64_t>(packed.size()));
+  content.PutBytes(packed);
+  return mcap::Frame(mcap::Opcode::kChunk, content.bytes());
+}
+
+TEST(ForeignRecording, ThatIsHostileCostsLittle) {
+  Foreign good;
+  good.Add(RandomSample(4));
+  good.writer().EndChunk();
+  std::string bomb(ZSTD_compressBound(mcap::kMostChunkBytes + 1), '\0');
+  const std::string zeros(mcap::kMostChunkBytes + 1, '\0');
+  bomb.resize(ZSTD_compress(bomb.data(), bomb.size(), zeros.data(), zeros.size(), 1));
+  std::string record(mcap::kRecordHeadBytes, '\x05');
+  const std::string tail[] = {
+      record,                                      // as long as 2^58
+      record.replace(1, 8, 8, '\xff'),             // 2^64 - 1
+      ChunkRecord(100, 0, "zstd", bomb),           // has more than it says
+      ChunkRecord(zeros.size(), 0, "zstd", bomb),  // too large
+      ChunkRecord(5, 1, "", "abcde"),              // another checksum
+      ChunkRecord(5, 0, "", "abc"),
+      ChunkRecord(5, 0, "lz4", "abc"),
+      ChunkRecord(5, 0, "zstd", "abc"),
+      ChunkRecord(9, 0, "", std::string("\x06") + std::string(8, '\0')),  // a chunk within a chunk
+      ChunkRecord(9, 0, "", std::string("\x05") + std::string(8, '\x7f')),
+  };
+  for (const std::string& bytes : tail) {
+    RecordingReader reader = ReadBytes(good.bytes() + bytes);
+    EXPECT_EQ(CountTrueSamples(ReadAll(reader)), 1u);
+    EXPECT_EQ(reader.stopped_because().find("was not closed"), std::string::npos)
+        << &bytes - tail << reader.stopped_because();
   }
+  Foreign many;
+  many.Add(RandomSample(4));
+  many.writer().EndChunk();
+  for (int n = 0; n < 40'000; ++n)
+    many.writer().AddChannel("/" + std::to_string(n), "palpate.v1.X", "");
+  RecordingReader reader = ReadBytes(many.End(1));
+  ReadAll(reader);
+  EXPECT_FALSE(reader.complete());
 }
 
 }  // namespace

@@ -27,14 +27,14 @@ TEST_F(RecordingListTest, RecordingsAreListedByWhatTheyAre) {
     std::filesystem::last_write_time(
         File(name), std::filesystem::file_time_type::clock::now() - std::chrono::seconds(age_s));
   };
-  record("old.palrec", 1000);
+  record("old.mcap", 1000);
   record("no suffix", 10);
   std::filesystem::copy_file(File("no suffix"), File("forbidden"));
-  std::ofstream(File("a.palrec")) << "not one, whatever its name";
-  std::ofstream(File("empty.palrec")).flush();
+  std::ofstream(File("a.mcap")) << "not one, whatever its name";
+  std::ofstream(File("empty.mcap")).flush();
   record("\xc3\xa4", 2000);
   for (const char* name : {"\xff", "\xc3", "\xed\xa0\x80", "a\nb"}) record(name, 0);
-  std::filesystem::create_directory(File("folder.palrec"));
+  std::filesystem::create_directory(File("folder.mcap"));
   std::filesystem::create_symlink("no suffix", File("link"));
   std::filesystem::create_symlink("nowhere", File("broken"));
   EXPECT_EQ(mkfifo(File("pipe").c_str(), 0600), 0);
@@ -43,7 +43,7 @@ TEST_F(RecordingListTest, RecordingsAreListedByWhatTheyAre) {
     EXPECT_EQ(listed.size_bytes, std::filesystem::file_size(listed.path));
     names.push_back(listed.path.filename());
   }
-  EXPECT_EQ(names, (std::vector<std::string>{"link", "no suffix", "old.palrec", "\xc3\xa4"}));
+  EXPECT_EQ(names, (std::vector<std::string>{"link", "no suffix", "old.mcap", "\xc3\xa4"}));
   EXPECT_EQ(control_.folder(), folder_.path());
   EXPECT_EQ(FolderForNew({}), "");
   EXPECT_EQ(FolderForNew({"/\xff", "/a"}), "");

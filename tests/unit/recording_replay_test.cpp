@@ -1,21 +1,19 @@
 // A recording holds enough: its ticks, computed again, give the same bits.
-#define XXH_INLINE_ALL
 #include <gtest/gtest.h>
-#include <xxhash.h>
 
+#include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <limits>
 #include <memory>
 #include <random>
+#include <set>
 #include <sstream>
 #include <string>
 #include <utility>
 #include <variant>
 #include <vector>
 
-#include "server/recording/chunk_frame.h"
 #include "server/recording/replayer.h"
 #include "server/servo/servo_memory.h"
 #include "server/session/series.h"
@@ -34,15 +32,15 @@ class RecordingReplay : public ::testing::Test {
  protected:
   std::unique_ptr<RecordingOutput> Output() { return std::make_unique<MemoryOutput>(bytes_); }
 
-  using Change = std::function<void(RecordedChunk&)>;
+  using Change = std::function<void(RecordedItem&)>;
 
-  // Hands over all chunks, changed by `change`.
+  // Hands over all items, changed by `change`.
   Replayer ReplayLoading(const RecordedVolumeLoader& load, const Change& change = AsItIs) {
     Replayer replayer(load);
     RecordingReader reader = testing::ReadBytes(*bytes_);
-    while (std::optional<RecordedChunk> chunk = reader.Next()) {
-      change(*chunk);
-      replayer.Take(*chunk);
+    while (std::optional<RecordedItem> item = reader.Next()) {
+      change(*item);
+      replayer.Take(*item);
     }
     EXPECT_TRUE(reader.complete()) << reader.stopped_because();
     return replayer;
@@ -51,7 +49,7 @@ class RecordingReplay : public ::testing::Test {
   Replayer Replay(std::shared_ptr<const VolumeSnapshot> volume, const Change& change = AsItIs) {
     return ReplayLoading([volume](const RecordedScene&) { return volume; }, change);
   }
-  static void AsItIs(RecordedChunk&) {}
+  static void AsItIs(RecordedItem&) {}
 
   // That of a recording which begins with it.
   RecordedScene SceneOf(const std::shared_ptr<const VolumeSnapshot>& volume) {
@@ -241,8 +239,8 @@ TEST_F(RecordingReplay, SeesWhatWasChanged) {
   rig.Record(Output());
   rig.Run(3000);
   rig.Stop();
-  const Replayer replayer = Replay(volume, [](RecordedChunk& chunk) {
-    auto* samples = std::get_if<RecordedSamples>(&chunk);
+  const Replayer replayer = Replay(volume, [](RecordedItem& item) {
+    auto* samples = std::get_if<RecordedSamples>(&item);
     if (!samples) return;
     for (TickSample& sample : *samples) {
       if (sample.tick == 1234) sample.force_n[1] = std::nextafter(sample.force_n[1], 100.0);
@@ -277,7 +275,7 @@ TEST_F(RecordingReplay, ScenesThatCannotBeAreRefused) {
   Replayer replayer([&](const RecordedScene&) { return volume; });
   replayer.Take(bad);
   EXPECT_TRUE(replayer.volume_error());
-  EXPECT_EQ(testing::Refusal([&] { replayer.Take(RecordedKeyframe{.tick = 0, .bytes = "old"}); }),
+  EXPECT_EQ(testing::Refusal([&] { replayer.Take(RecordedKeyframe{.tick = 0, .state = "old"}); }),
             ErrorKind::kConflict);
 }
 
@@ -298,47 +296,10 @@ TEST_F(RecordingReplay, GivesTheSameBitsOfAnotherDevice) {
   const Replayer replayer = Replay(volume);
   ExpectNoDifference(replayer);
   EXPECT_EQ(replayer.counts().compared, 6000u);
-  const Replayer as_omni = Replay(volume, [](RecordedChunk& chunk) {
-    if (auto* scene = std::get_if<RecordedScene>(&chunk)) scene->device = {};
+  const Replayer as_omni = Replay(volume, [](RecordedItem& item) {
+    if (auto* scene = std::get_if<RecordedScene>(&item)) scene->device = {};
   });
   EXPECT_GT(as_omni.counts().differing, 100u);
-}
-
-// Of version 2: the scenes end 151 bytes earlier, before the device; an Omni's numbers were used.
-std::string AsVersion2(const std::string& bytes) {
-  std::istringstream in(bytes);
-  RecordingHeader header = ReadHeader(in, "test");
-  header.created_monotonic_ns.reset();
-  std::string old = FrameHeader(header);
-  const std::size_t content = old.size() - sizeof(std::uint64_t);
-  old[8] = 2;
-  const std::uint64_t checksum = XXH3_64bits(old.data(), content);
-  std::memcpy(&old[content], &checksum, sizeof checksum);
-  Payload payload;
-  for (std::uint64_t number = 0; ReadChunk(in, number, payload); ++number) {
-    if (payload.type == ChunkType::kScene) {
-      payload.bytes.resize(payload.bytes.size() - 151);
-    }
-    old += FrameChunk(payload, number);
-  }
-  return old;
-}
-
-TEST_F(RecordingReplay, OlderRecordingsGiveTheSameBits) {
-  const auto volume = Gyroid();
-  SceneRig rig(volume);
-  HapticSettings settings = rig.settings();
-  settings.passivity_control = true;
-  rig.Set(0.47, settings);
-  rig.Record(Output());
-  rig.Run(1500);
-  rig.Edit(Carve(*rig.volume(), random_));
-  rig.Run(1500);
-  rig.Stop();
-  *bytes_ = AsVersion2(*bytes_);
-  const Replayer replayer = Replay(volume);
-  ExpectNoDifference(replayer);
-  EXPECT_EQ(replayer.counts().compared, 3000u);
 }
 
 std::shared_ptr<const VolumeSnapshot> NotReloadable(const VolumeSnapshot& volume) {
@@ -384,6 +345,52 @@ TEST_F(RecordingReplay, HoldsVolumesThatNoFileGives) {
   EXPECT_GT(counts.contacts, 200u);
 }
 
+// Frames that come again are stored once, and ticks say which one they felt.
+TEST_F(RecordingReplay, HoldsEachFrameOfASeriesOnce) {
+  const auto first = NotReloadable(*Gyroid());
+  const auto last = testing::MakeVolume(first->size(), [](int i, int j, int k) {
+    return std::sin(0.3 * i) * std::cos(0.2 * j) + std::sin(0.1 * k);
+  });
+  std::vector<BrickDirectory> frames = {first->bricks()};
+  for (const double share : {0.1, 0.2, 0.3}) {
+    frames.push_back(Blend(first->bricks(), last->bricks(), share));
+  }
+  SceneRig rig(first);
+  rig.Record(Output());
+  for (int n = 0; n < 20; ++n) {
+    rig.ShowFrame(n % 4, frames[n % 4]);
+    rig.Run(125);
+    if (n == 9) rig.Edit(Carve(*rig.volume(), random_));  // is no frame
+    rig.Run(125);
+  }
+  rig.Run(1000);
+  rig.Stop();
+  RecordingReader reader = testing::ReadBytes(*bytes_);
+  const std::vector<RecordedItem> items = testing::ReadAll(reader);
+  for (const TickSample& sample : testing::SamplesIn(items)) {
+    const std::uint64_t shown = std::min<std::uint64_t>(sample.tick / 250, 19);
+    EXPECT_EQ(sample.series_position_frames, static_cast<double>(shown % 4)) << sample.tick;
+  }
+  std::set<std::uint64_t> stored, known;
+  for (const RecordedEdit& edit : testing::Only<RecordedEdit>(items)) {
+    (edit.known.empty() ? stored : known).insert(edit.tick);
+  }
+  EXPECT_EQ(stored, (std::set<std::uint64_t>{0, 250, 500, 750, 9 * 250 + 125}));
+  EXPECT_EQ(known.size(), 16u);
+  const auto load = [](const RecordedScene& scene) { return WithoutVoxels(scene); };
+  const Replayer replayer = ReplayLoading(load);
+  ExpectNoDifference(replayer);
+  EXPECT_EQ(replayer.counts().compared, 6000u);
+  EXPECT_EQ(replayer.counts().edits, 21u);
+  // Without the frame that it came from, a scene has no volume.
+  const Replayer without = ReplayLoading(load, [](RecordedItem& item) {
+    auto* scene = std::get_if<RecordedScene>(&item);
+    if (scene && scene->tick < 2000) scene->series_position_frames.reset();
+  });
+  EXPECT_GT(without.counts().without_volume, 0u);
+  EXPECT_EQ(without.volume_error()->kind(), ErrorKind::kConflict);
+}
+
 TEST_F(RecordingReplay, SaysAtOnceThatAVolumeIsTooLarge) {
   const auto volume = NotReloadable(*Gyroid(264));
   SceneRig rig(volume);
@@ -427,14 +434,14 @@ TEST_F(RecordingReplay, StatesThatNoServoHasAreRefused) {
   rig.Run(3000);
   rig.Stop();
   const auto replay = [&](const std::function<void(Place&)>& attack) {
-    Replay(volume, [&](RecordedChunk& chunk) {
-      auto* keyframe = std::get_if<RecordedKeyframe>(&chunk);
+    Replay(volume, [&](RecordedItem& item) {
+      auto* keyframe = std::get_if<RecordedKeyframe>(&item);
       if (!keyframe) return;
       ServoMemory memory;
-      EXPECT_TRUE(Load(keyframe->bytes, memory));
+      EXPECT_TRUE(Load(keyframe->state, memory));
       Proxy& proxy = memory.renderer.proxy;
       if (proxy.placed && proxy.place.kind == Place::Kind::kSimplex) attack(proxy.place);
-      keyframe->bytes = Save(memory).view();
+      keyframe->state = Save(memory).view();
     });
   };
   const std::vector<std::pair<const char*, std::function<void(Place&)>>> attacks = {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "common/error/error.h"
+#include "server/recording/recorded_messages.h"
 #include "tests/support/refusal.h"
 
 namespace palpate {

@@ -20,29 +20,29 @@ TEST(ViewSessionWords, Times) {
 }
 
 TEST(ViewSessionWords, ANameIsAFileInTheDaemonsFolder) {
-  EXPECT_EQ(RecordingPath("/data", "a"), "/data/a.palrec");
-  EXPECT_EQ(RecordingPath("/", "a.palrec"), "/a.palrec");
-  EXPECT_EQ(RecordingName("/data/a b.palrec"), "a b");
+  EXPECT_EQ(RecordingPath("/data", "a"), "/data/a.mcap");
+  EXPECT_EQ(RecordingPath("/", "a.mcap"), "/a.mcap");
+  EXPECT_EQ(RecordingName("/data/a b.mcap"), "a b");
   EXPECT_EQ(RecordingName("/data/other"), "other");
-  EXPECT_EQ(RecordingName(".palrec"), ".palrec");
+  EXPECT_EQ(RecordingName(".mcap"), ".mcap");
 }
 
 TEST(ViewSessionWords, ATakenNameIsRefusedAndTheNextOneIsFree) {
   const client::RecordingList list = {
-      {{"/data/a.palrec"}, {"/data/a-2.palrec"}, {"/data/b-9.palrec"}, {"/x/c.palrec"}}, "/data"};
+      {{"/data/a.mcap"}, {"/data/a-2.mcap"}, {"/data/b-9.mcap"}, {"/x/c.mcap"}}, "/data"};
   EXPECT_EQ(FreeName("a", list), "a-3");
-  EXPECT_EQ(FreeName("a.palrec", list), "a-3");
+  EXPECT_EQ(FreeName("a.mcap", list), "a-3");
   EXPECT_EQ(FreeName("a-2", list), "a-3");
   EXPECT_EQ(FreeName("b-9", list), "b-10");
   EXPECT_EQ(FreeName("c", list), "c");
   EXPECT_NE(NameProblem("a", list), "");
-  EXPECT_NE(NameProblem("a.palrec", list), "");
+  EXPECT_NE(NameProblem("a.mcap", list), "");
   EXPECT_NE(NameProblem("", list), "");
   EXPECT_NE(NameProblem("../x", list), "");
   EXPECT_EQ(NameProblem("c", list), "");
   EXPECT_NE(NameProblem("c", {}), "");
   // Whatever is taken, there is a free one.
-  client::RecordingList many{{{"/d/-1.palrec"}, {"/d/t.palrec"}, {"/d/t-999999.palrec"}}, "/d"};
+  client::RecordingList many{{{"/d/-1.mcap"}, {"/d/t.mcap"}, {"/d/t-999999.mcap"}}, "/d"};
   for (const char* name : {"-1", "t", "t-999999"}) {
     const std::string free = FreeName(name, many);
     EXPECT_EQ(NameProblem(free, many), "") << free;

@@ -9,6 +9,7 @@
 #include "client/sdk/volume_mirror.h"
 #include "common/error/error.h"
 #include "server/streaming/overview.h"
+#include "server/volume/brick_packer.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/refusal.h"
@@ -139,7 +140,7 @@ class VolumeFeedTest : public ::testing::Test {
       counts_.bricks += bricks->numbers.size();
       counts_.tiles += bricks->tiles.size();
       EXPECT_LE(bricks->numbers.size() * kBrickVoxels * VoxelBytes(bricks->type),
-                VolumeFeed::kBytesPerMessage);
+                BrickPacker::kBytesPerMessage);
     }
     if (const auto* complete = std::get_if<VolumeComplete>(&event)) {
       ++counts_.completes;

@@ -126,13 +126,13 @@ test("guests are told of a replay, but not who replays what", async (t) => {
   await room.startGateway();
   const tab = await room.openBrowser({ width: 900, height: 600 });
   await awaitWhole(tab);
-  const file = path.join(room.folder, "patient-7.palrec");
+  const file = path.join(room.folder, "patient-7.mcap");
   await room.palpate("record", "run", file, "--seconds", "1");
   const replay = run(process.env.PALPATE, ["replay", file, "--speed", "0.001", "--socket", room.socket]);
   t.after(() => replay.end());
   const says = (words) => awaitPage(tab, `document.body.innerText.includes("${words}")`);
   await says("replay: forces are off until");
-  assert.match(await room.palpate("info"), /replay of patient-7.palrec by local socket: forces are off/);
+  assert.match(await room.palpate("info"), /replay of patient-7.mcap by local socket: forces are off/);
   const seen = await tab.evaluate(() => document.body.innerText + JSON.stringify(window.palpate.state));
   assert.doesNotMatch(seen, /patient-7|local socket/);
   await replay.end("SIGINT");

@@ -4,7 +4,7 @@
         conn.settings.isovalue = 300.0
         for poses in conn.poses(rate_hz=1000, batch=50):
             print(poses.force_n[-1])
-    recording = palpate.open_recording("trial-7.palrec")     # needs no daemon
+    recording = palpate.open_recording("trial-7.mcap")     # needs no daemon
 
 Units are in the names, shapes in the docstrings. Volumes are arrays indexed [x, y, z].
 """
@@ -27,8 +27,7 @@ from palpate._profiles import Profile, profiles
 from palpate._recording import ListedRecording, Recording, ReplayState
 from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker,
                                       RecordedScene)
-from palpate._recorded_ticks import RecordedTicks
-from palpate._recording_file import RecordingFile, open_recording
+from palpate._recording_file import RecordedTicks, RecordingFile, open_recording
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
 from palpate._value_list import (ForceStatus, LastChange, ListedDevice, RecordingState,

@@ -96,7 +96,7 @@ class Connection:
     def recording(self) -> Recording:
         """Recordings on the daemon's machine: make them, and replay them.
 
-        See help(palpate.Recording). Example: conn.recording.start("/data/trial-7.palrec")
+        See help(palpate.Recording). Example: conn.recording.start("/data/trial-7.mcap")
         """
         return self._recording
 

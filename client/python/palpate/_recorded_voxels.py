@@ -11,11 +11,9 @@ import xxhash
 
 from palpate._brick_hash import hash_of_bricks
 from palpate._errors import InvalidArgument, TooLarge
-from palpate._recorded_events import RecordedEdit, RecordedScene
-from palpate._recording_frame import Damaged
+from palpate._recorded_events import MOST_BRICKS, RecordedEdit, RecordedScene
+from palpate._mcap import Damaged
 
-# 64 MiB of voxels.
-_MOST_STORED_BRICKS = 1 << 15
 # 8 GiB.
 _MOST_VOXELS = 1 << 31
 _EDGE = 8
@@ -40,7 +38,7 @@ class _Copy:
     TooLarge."""
 
     def __init__(self, scene: RecordedScene) -> None:
-        if scene.shape is None or min(scene.shape) < 2 or scene.value_min is None:
+        if min(scene.shape) < 2:
             raise Damaged("damaged: of a volume that cannot be")
         background = scene.value_max if scene.is_level_set else scene.value_min
         a, b, c = counts = [-(-size // _EDGE) for size in scene.shape]
@@ -53,10 +51,10 @@ class _Copy:
         self._bricks = voxels.reshape(a, _EDGE, b, _EDGE, c, _EDGE).transpose(0, 2, 4, 1, 3, 5)
 
     def put(self, edit: RecordedEdit) -> None:
-        voxels = edit.voxels()
-        if edit.brick_numbers[-1] >= self.brick_count or not np.isfinite(voxels).all():
+        numbers, voxels = edit.brick_numbers, edit.voxels()
+        if numbers.max() >= self.brick_count or not np.isfinite(voxels).all():
             raise Damaged("damaged: it does not fit the volume")
-        self._bricks[np.unravel_index(edit.brick_numbers, self._bricks.shape[:3])] = voxels
+        self._bricks[np.unravel_index(numbers, self._bricks.shape[:3])] = voxels
 
     def content_hash(self) -> tuple[int, int]:
         """As in VolumeComplete."""
@@ -71,37 +69,48 @@ class _Copy:
 def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | None) -> Voxels | None:
     """Returns the voxels of the last scene; None: `loaded` is needed.
 
-    All scenes must be of one volume. Works as server/recording/volume_follower.cpp. Errors:
+    All scenes must be of one volume. Works as server/recording/recorded_volumes.cpp. Errors:
     Damaged, InvalidArgument.
     """
     copy: _Copy | None = None
     last = steps[-1].scene
-    if last.shape is None:
-        return None
-    base_revision = last.loaded_revision
     if loaded is not None:
         values = _fitting(loaded, last)
         copy = _Copy(last)
         copy.values[:] = values
-    for step in steps:
+    for step in _way_to_last(steps):
         scene = step.scene
         if scene.shape != last.shape:
             raise Damaged("damaged: it is of another volume")
         if scene.all_voxels_stored and step.edits:
             # These edits have all voxels.
-            if _brick_count(last.shape) > _MOST_STORED_BRICKS:
+            if _brick_count(last.shape) > MOST_BRICKS:
                 raise Damaged("damaged: of a volume that no recording holds")
-            copy, base_revision = _Copy(last), 0
-        if not step.edits or copy is None:
-            continue
-        leads_on = (step.edits[0].base_revision == base_revision
-                    and step.edits[0].volume_revision == scene.volume_revision)
-        if leads_on and not scene.voxels_missing:
+            copy = _Copy(last)
+        if copy is not None and not scene.voxels_missing:
             for edit in step.edits:
                 copy.put(edit)
-        base_revision = step.edits[0].volume_revision
     return None if copy is None else Voxels(np.array(copy.values, order="C"),
                                             _hash_of(copy, last))
+
+
+def _way_to_last(steps: collections.abc.Sequence[Step]) -> list[Step]:
+    """The steps that lead to the last scene's volume. A frame that comes again has the volume of the
+    scene where it came first: the way leads there at once. Errors: Damaged."""
+    first: dict[int, int] = {}
+    for n, step in enumerate(steps):
+        first.setdefault(step.scene.volume_hash, n)
+    way, n = [], len(steps) - 1
+    while n >= 0:
+        step = steps[n]
+        if any(edit.is_known for edit in step.edits):
+            if first[step.scene.volume_hash] == n:
+                raise Damaged("damaged: a frame of the series is missing")
+            n = first[step.scene.volume_hash]
+        else:
+            way.append(step)
+            n -= 1
+    return way[::-1]
 
 
 def _brick_count(shape: tuple[int, int, int]) -> int:

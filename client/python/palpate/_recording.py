@@ -71,7 +71,7 @@ class Recording:
         Errors: Conflict (the file exists, or another recording or a replay runs), NotFound (no
         such folder), PermissionDenied (a folder that the daemon does not save to), DiskFull,
         InvalidArgument, Unavailable.
-        Example: conn.recording.start("/data/trial-7.palrec")
+        Example: conn.recording.start("/data/trial-7.mcap")
         """
         request = recording_pb2.StartRecordingRequest(path=self._link.path(path),
                                                       overwrite=switch("overwrite", overwrite))
@@ -137,7 +137,7 @@ class Recording:
         Errors: InvalidArgument (not a recording, or first_tick is beyond its end), NotFound,
         PermissionDenied (a folder that the daemon does not load from), Conflict (another volume is
         loaded; a recording or a replay runs), Cancelled, Unavailable.
-        Example: conn.recording.replay("/data/trial-7.palrec", speed=2)
+        Example: conn.recording.replay("/data/trial-7.mcap", speed=2)
         """
         speed = number("speed", speed)
         # In the contract, 0 means the usual speed. A caller who gives 0 does not mean that.

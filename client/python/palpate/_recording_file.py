@@ -1,8 +1,8 @@
 """Recordings of the haptic loop as NumPy arrays, without a daemon."""
 
-import collections.abc
 import dataclasses
 import os
+import re
 import stat
 import typing
 
@@ -12,13 +12,34 @@ import numpy.typing as npt
 from palpate._errors import (Conflict, FailedPrecondition, InvalidArgument, NotFound,
                              PermissionDenied)
 from palpate._html import table
-from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker, RecordedScene,
-                                      edit_of, gap_of, marker_of, scene_of)
-from palpate._recorded_ticks import Columns, RecordedTicks, columns_of, ticks_of
+from palpate._mcap import CHANNEL, HEAD, MESSAGE, MESSAGE_HEAD, SCHEMA, Damaged, McapFile, parsed
+from palpate._pose_columns import ABOUT, RECORDED_ABOUT, RecordedColumns
+from palpate._recorded_events import (MOST_BRICKS, RecordedEdit, RecordedGap, RecordedMarker,
+                                      RecordedScene, edit_of, scene_of)
 from palpate._recorded_voxels import Step, voxels_of
-from palpate._recording_frame import (Damaged, Header, Kind, Reader, read_chunks, read_header,
-                                      unpack)
+from palpate._tables import Table, write_hdf5
+from palpate._tick_layout import TickReader
 from palpate._values import path_text
+from palpate.v1 import recorded_pb2
+
+_OLD_MAGIC = b"\x89PLPREC\n"
+_MOST_MARKER_BYTES = 4096
+# Whatever the size of the file.
+_FREE_TICKS = 1000
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class RecordedTicks(RecordedColumns, Table):
+    __doc__ = f"""n recorded ticks, oldest first; len() is n. Frames and units are as in Poses.
+
+{ABOUT}{RECORDED_ABOUT}    """
+
+    def __len__(self) -> int:
+        return len(self.tick)
+
+    def __repr__(self) -> str:
+        ticks = f", ticks {self.tick[0]} to {self.tick[-1]}" if len(self) else ""
+        return f"<palpate recorded ticks: {len(self)}{ticks}>"
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -29,8 +50,8 @@ class RecordingFile:
     program: the program that recorded it, such as "palpated 0.1.0"
     created_unix_ns: when the recording began: UTC, nanoseconds since 1970
     created_monotonic_ns: the same moment on the clock of RecordedTicks.time_ns; None: not recorded
-        (before version 6)
-    version: of the format
+        (converted from an earlier version)
+    clock: (n, 2) about once a second: the clock of RecordedTicks.time_ns, and UTC since 1970: ns
     ticks: all ticks, as arrays
     markers: in the order of their times
     scenes: settings, place and volume, each with its first tick
@@ -43,7 +64,7 @@ class RecordingFile:
     program: str
     created_unix_ns: int
     created_monotonic_ns: int | None
-    version: int
+    clock: npt.NDArray[np.int64]
     ticks: RecordedTicks
     markers: tuple[RecordedMarker, ...]
     scenes: tuple[RecordedScene, ...]
@@ -125,6 +146,24 @@ class RecordingFile:
                            f"loaded then{missing}")
         return voxels.values
 
+    def to_hdf5(self, path: str | os.PathLike[str]) -> None:
+        """Writes ticks and markers as HDF5: plain arrays, which MATLAB reads, too.
+
+        The arrays are those of `palpate-lab export --hdf5`: ticks/force_n, ticks/unix_ns,
+        markers/text ... Their attribute "unit" is that of the name. Words are their numbers; the attribute "words" names
+        them. Overwrites the file. Errors: FailedPrecondition (h5py is not installed), OSError.
+        Example: palpate.open_recording("trial-7.mcap").to_hdf5("trial-7.h5")
+        """
+        markers, ticks = self.markers, self.ticks._arrays()
+        if self.created_monotonic_ns is not None:
+            ticks["unix_ns"] = self.to_unix_ns(self.ticks.time_ns)
+        write_hdf5(path, {
+            "ticks": ticks,
+            "markers": {"tick": np.array([marker.tick for marker in markers], np.uint64),
+                        "time_ns": np.array([marker.time_ns for marker in markers], np.int64),
+                        "text": np.array([marker.text.encode() for marker in markers], "S")}
+            if markers else {}})
+
     def _step_at(self, tick: int) -> int:
         found = [n for n, step in enumerate(self._steps) if step.scene.tick <= tick]
         if not found:
@@ -146,90 +185,82 @@ class RecordingFile:
 
 
 class _Contents:
-    """Collects the chunks, which must come in the writer's order."""
+    """Collects the messages, which must come in the writer's order."""
 
-    def __init__(self) -> None:
-        self.columns: list[Columns] = []
+    def __init__(self, file: McapFile, most_ticks: int) -> None:
+        self.ticks = TickReader(most_ticks)
         self.markers: list[RecordedMarker] = []
         self.steps: list[Step] = []
         self.edits: list[RecordedEdit] = []
-        self.gaps: list[RecordedGap] = []
-        self.ticks = 0
-        self.is_closed = False
-        self._next_tick: int | None = None
+        self.clock: list[tuple[int, int]] = []
+        self._file = file
         self._parts: list[RecordedEdit] = []
+        self._bricks = 0  # of these
 
-    def take(self, kind: Kind, packed: bytes) -> None:
-        """Takes a whole chunk. Errors: Damaged; nothing of the chunk is taken then."""
-        if self.is_closed:
-            self.is_closed = False
-            raise Damaged("behind the end")
-        if kind == Kind.SAMPLES:
-            columns = columns_of(unpack(packed))
-            tick = int(columns["tick"][0])
-            self._start_at(tick)
-            self._next_tick = tick + len(columns["tick"])
-            self.columns.append(columns)
-            self.ticks += len(columns["tick"])
-        elif kind == Kind.EDIT:
-            edit = edit_of(packed)
-            self._start_at(edit.tick)
+    def take(self, chunk: bytes) -> None:
+        """Takes the records of a chunk. Errors: Damaged; nothing of that record is taken then."""
+        at = 0
+        while at < len(chunk):
+            if len(chunk) - at < HEAD.size:
+                raise Damaged("damaged: a chunk ends within a record")
+            opcode, size = HEAD.unpack_from(chunk, at)
+            begin = at + HEAD.size
+            if size > len(chunk) - begin or (opcode == MESSAGE and size < MESSAGE_HEAD.size):
+                raise Damaged("damaged: a record of another length")
+            at = begin + size
+            if opcode in (SCHEMA, CHANNEL):
+                self._file.declare(opcode, chunk[begin:at])
+            elif opcode == MESSAGE:
+                number = MESSAGE_HEAD.unpack_from(chunk, begin)[0]
+                if number not in self._file.channels:
+                    raise Damaged("damaged: a message has no channel")
+                channel = self._file.channels[number]
+                kind = _MESSAGES.get(channel.topic)
+                if kind is None or channel.schema != kind.DESCRIPTOR.full_name:
+                    continue  # of another program
+                if channel.topic == "/tick":
+                    at = self.ticks.take(chunk, begin - HEAD.size)
+                else:
+                    self._take(parsed(kind, chunk[begin + MESSAGE_HEAD.size:at]))
+
+    def _take(self, message: typing.Any) -> None:
+        if isinstance(message, recorded_pb2.RecordedClock):
+            self.clock.append((message.time_ns, message.unix_ns))
+            return
+        if isinstance(message, recorded_pb2.RecordedEvent) and not message.marker:
+            return
+        self.ticks.start_at(message.tick)
+        if isinstance(message, recorded_pb2.RecordedScene):
+            self.steps.append(Step(scene_of(message), tuple(self._parts)))
+            self._parts, self._bricks = [], 0
+        elif isinstance(message, recorded_pb2.RecordedVoxels):
+            edit = edit_of(message)
+            self._bricks += edit.brick_count
+            if self._bricks > MOST_BRICKS:
+                raise Damaged("damaged: of too many bricks")
             self.edits.append(edit)
             self._parts.append(edit)
-        else:
-            reader = Reader(unpack(packed))
-            self._take_small(kind, reader)
+        elif isinstance(message, recorded_pb2.RecordedEvent):
+            if len(message.marker.encode()) > _MOST_MARKER_BYTES:
+                raise Damaged("damaged: a marker is too long")
+            self.markers.append(RecordedMarker(message.tick, message.time_ns, message.marker))
 
-    def _take_small(self, kind: Kind, reader: Reader) -> None:
-        held: typing.Any
-        if kind == Kind.SCENE:
-            held = scene_of(reader)
-            reader.expect_end()
-            self._start_at(held.tick)
-            self.steps.append(Step(held, tuple(self._parts)))
-            self._parts = []
-        elif kind == Kind.MARKER:
-            held = marker_of(reader)
-            reader.expect_end()
-            self._start_at(held.tick)
-            self.markers.append(held)
-        elif kind == Kind.GAP:
-            held = gap_of(reader)
-            reader.expect_end()
-            self._start_at(held.first_tick)
-            self._next_tick = held.last_tick + 1
-            self.gaps.append(held)
-        elif kind == Kind.KEYFRAME:
-            # The servo's state. `palpate-lab replay` continues from it.
-            tick, = reader.get("Q")
-            reader.get_bytes(reader.get("I")[0])
-            reader.expect_end()
-            self._start_at(tick)
-        else:
-            self._end(*reader.get("QQ"))
-            reader.expect_end()
 
-    def _end(self, ticks: int, lost_ticks: int) -> None:
-        lost = sum(gap.last_tick - gap.first_tick + 1 for gap in self.gaps)
-        if (ticks, lost_ticks) != (self.ticks, lost):
-            raise Damaged("damaged: its counts do not fit")
-        self.is_closed = True
-
-    def _start_at(self, tick: int) -> None:
-        if self._next_tick is not None and tick != self._next_tick:
-            raise Damaged("damaged: ticks are missing")
-        self._next_tick = tick
+_MESSAGES: dict[str, typing.Any] = {
+    "/tick": recorded_pb2.RecordedTick, "/scene": recorded_pb2.RecordedScene,
+    "/voxels": recorded_pb2.RecordedVoxels, "/keyframe": recorded_pb2.RecordedKeyframe,
+    "/event": recorded_pb2.RecordedEvent, "/clock": recorded_pb2.RecordedClock}
 
 
 def open_recording(path: str | os.PathLike[str]) -> RecordingFile:
     """Reads a recording of palpated on this program's machine, all of it into memory.
 
-    A tick takes about 400 bytes, an hour about 1.5 GB. If the file is cut off or damaged, the
+    A tick takes about 450 bytes, an hour about 1.6 GB. If the file is cut off or damaged, the
     result has all ticks before that place, and RecordingFile.ends_early says why it ends there.
     path: of a file that Recording.start() wrote, copied here if the daemon is elsewhere.
-    Errors: NotFound, PermissionDenied, InvalidArgument (not a recording, or of another
-    version).
-    Example: print(palpate.open_recording("trial-7.palrec").ticks.force_n.max())
+    Errors: NotFound, PermissionDenied, InvalidArgument (not a recording, or of an earlier version:
+    `palpate-lab convert` makes it an MCAP file).
+    Example: print(palpate.open_recording("trial-7.mcap").ticks.force_n.max())
     """
     name = path_text(path)
     try:
@@ -237,48 +268,68 @@ def open_recording(path: str | os.PathLike[str]) -> RecordingFile:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise InvalidArgument(f"{name} is no file")
         with open(path, "rb") as stream:
-            header = read_header(stream, name)
-            contents, why = _read(stream)
+            return _read(stream, name)
     except (FileNotFoundError, NotADirectoryError):
         raise NotFound(f"there is no file {name}") from None
     except PermissionError:
         raise PermissionDenied(f"the file {name} may not be read") from None
     except OSError as failed:
         raise InvalidArgument(f"{name} cannot be read: {failed.strerror}") from None
-    early = f"{name}: {why}, after {contents.ticks} ticks" if why else ""
-    return _recording_of(name, header, contents, early)
 
 
-def _read(stream: typing.BinaryIO) -> tuple[_Contents, str]:
-    """Returns the recording, and why it ends early."""
-    contents = _Contents()
-    number = 0
-    chunks: collections.abc.Iterator[tuple[Kind, bytes]] = read_chunks(stream)
+def _read(stream: typing.BinaryIO, name: str) -> RecordingFile:
+    if stream.read(len(_OLD_MAGIC)) == _OLD_MAGIC:
+        raise InvalidArgument(f"{name} was recorded by an earlier version: `palpate-lab convert` "
+                              "makes it an MCAP file")
+    stream.seek(0)
     try:
-        for number, (kind, packed) in enumerate(chunks):
-            contents.take(kind, packed)
-            number += 1
+        size = os.fstat(stream.fileno()).st_size
+        file = McapFile(stream, size)
     except Damaged as damage:
-        return contents, f"chunk {number} is {damage}"
-    return contents, "" if contents.is_closed else "was not closed"
-
-
-def _placed(markers: collections.abc.Sequence[RecordedMarker],
-            ticks: RecordedTicks) -> tuple[RecordedMarker, ...]:
-    """Places the markers by their times. Before version 6, their stored ticks are not exact."""
-    if not len(ticks):
-        return tuple(markers)
-    times = np.array([marker.time_ns for marker in markers], np.int64)
-    rows = np.searchsorted(ticks.time_ns, times, side="right") - 1
-    return tuple(dataclasses.replace(marker, tick=int(ticks.tick[max(row, 0)]))
-                 for marker, row in zip(markers, rows))
-
-
-def _recording_of(name: str, header: Header, contents: _Contents, early: str) -> RecordingFile:
-    ticks = ticks_of(contents.columns)
+        raise InvalidArgument(f"{name} is no recording of Palpate: it is {damage}") from None
+    # The index of messages alone has 16 bytes for each tick.
+    contents, why = _Contents(file, size // 8 + _FREE_TICKS), ""
+    try:
+        for chunk in file.chunks():
+            contents.take(chunk)
+    except Damaged as damage:
+        why = f"it is {damage}"
+    header = file.metadata.get("palpate.recording")
+    if header is None:
+        raise InvalidArgument(f"{name} is no recording of Palpate, or ends within its header")
+    ticks = RecordedTicks(**contents.ticks.columns())
+    gaps = [RecordedGap(first, last) for first, last in contents.ticks.gaps]
+    why = why or _why_not_whole(file, ticks, gaps)
+    created, monotonic = (_whole(header, key) for key in ("created_unix_ns", "created_monotonic_ns"))
+    if created is None or (monotonic is None and "created_monotonic_ns" in header):
+        raise InvalidArgument(f"{name} has a damaged header")
     return RecordingFile(
-        path=name, program=header.program, created_unix_ns=header.created_unix_ns,
-        created_monotonic_ns=header.created_monotonic_ns, version=header.version, ticks=ticks,
-        markers=_placed(contents.markers, ticks), scenes=tuple(step.scene for step in contents.steps),
-        edits=tuple(contents.edits), gaps=tuple(contents.gaps), ends_early=early,
+        path=name, program=header.get("program", ""), created_unix_ns=created,
+        created_monotonic_ns=monotonic, clock=np.array(contents.clock, np.int64).reshape(-1, 2),
+        ticks=ticks, markers=tuple(contents.markers),
+        scenes=tuple(step.scene for step in contents.steps), edits=tuple(contents.edits),
+        gaps=tuple(gaps), ends_early=f"{name}: {why}, after {len(ticks)} ticks" if why else "",
         _steps=tuple(contents.steps))
+
+
+def _whole(texts: dict[str, str], key: str, most: int = (1 << 63) - 1) -> int | None:
+    """None: it is not there, or no number within the bounds."""
+    text = texts.get(key, "")
+    number = int(text) if re.fullmatch("-?[0-9]{1,20}", text, re.ASCII) else most + 1
+    return number if -most <= number <= most else None
+
+
+def _why_not_whole(file: McapFile, ticks: RecordedTicks, gaps: list[RecordedGap]) -> str:
+    """Adds the ticks that were lost at the end. Returns why the recording is not whole, or ""."""
+    end = file.metadata.get("palpate.end")
+    if not file.is_complete or end is None:
+        return "it was not closed"
+    last = int(ticks.tick[-1]) if len(ticks) else 0
+    count, lost = (_whole(end, key, (1 << 64) - 1) for key in ("ticks", "lost_ticks"))
+    missing = (lost or 0) - sum(gap.last_tick - gap.first_tick + 1 for gap in gaps)
+    if lost is None or count != len(ticks) or missing < 0 or (missing and not count) or (
+            last + missing >= (1 << 64) - 1):
+        return "it is damaged: its counts do not fit"
+    if missing:
+        gaps.append(RecordedGap(last + 1, last + missing))
+    return ""

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import os
 import typing
 
 import numpy as np
@@ -13,7 +14,7 @@ from palpate._errors import FailedPrecondition, InvalidArgument
 from palpate._html import table
 from palpate._word import Word
 
-_WORDS: dict[str, type[Word]] = {
+WORDS: dict[str, type[Word]] = {
     "mode": ProxyMode, "free_side": FreeSide, "force_state": ForceState,
     "force_reason": ForceReason, "force_command": ForceCommand, "device_status": DeviceStatus}
 _UNITS = ("mm", "n", "ns")
@@ -42,6 +43,26 @@ def _parts(name: str) -> list[str]:
     if unit in _UNITS:
         return [f"{stem}_{axis}_{unit}" for axis in "xyz"]
     return [f"{name}_{axis}" for axis in "xyz"]
+
+
+def words_of(name: str) -> str:
+    """Returns what the numbers of a field mean; empty: they are numbers."""
+    return ", ".join(f"{int(word)}: {word}" for word in WORDS.get(name, ()))
+
+
+def write_hdf5(path: str | os.PathLike[str],
+               groups: dict[str, dict[str, npt.NDArray[typing.Any]]]) -> None:
+    """Without enumerations, compounds and texts of variable length, so that MATLAB reads it."""
+    h5py = package("h5py")
+    with h5py.File(path, "w") as file:
+        for group, arrays in groups.items():
+            for name, array in arrays.items():
+                plain = array.astype(np.uint8) if array.dtype == np.bool_ else array
+                held = file.create_dataset(f"{group}/{name}", data=plain, maxshape=(
+                    None, *plain.shape[1:]), compression="gzip" if len(plain) else None)
+                for attribute, text in (("unit", unit_of(name)), ("words", words_of(name))):
+                    if text:
+                        held.attrs[attribute] = np.bytes_(text)
 
 
 T = typing.TypeVar("T", bound="Table")
@@ -101,9 +122,9 @@ class Table:
         pandas = package("pandas")
         columns: dict[str, typing.Any] = {}
         for name, array in self._arrays().items():
-            if name in _WORDS:
+            if name in WORDS:
                 # Not categories, which to_hdf does not write.
-                words = np.array([np.nan, *map(str, _WORDS[name])], dtype=object)
+                words = np.array([np.nan, *map(str, WORDS[name])], dtype=object)
                 columns[name] = words[array]
             elif array.ndim == 1:
                 columns[name] = array
@@ -128,8 +149,8 @@ class Table:
             attributes: dict[str, typing.Any] = {}
             if unit := unit_of(name):
                 attributes["units"] = unit
-            if name in _WORDS:
-                attributes["words"] = ", ".join(f"{int(word)}: {word}" for word in _WORDS[name])
+            if words := words_of(name):
+                attributes["words"] = words
             variables[name] = (("tick", *more), array, attributes)
         coordinates = {"tick": variables.pop("tick"), "axis": list("xyz"), "part": list("wxyz")}
         return xarray.Dataset(variables, coordinates)

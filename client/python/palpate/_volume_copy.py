@@ -38,6 +38,18 @@ def _dtype_of(voxel_type: voxel_type_pb2.VoxelType) -> np.dtype[typing.Any]:
     return _TYPE_OF[voxel_type]
 
 
+def values_of(message: volume_stream_pb2.VolumeBricks,
+              unpack: zstandard.ZstdDecompressor | None = None) -> Voxels:
+    """(n, 512), of one of TYPES. Errors: ValueError, ZstdError, FailedPrecondition."""
+    dtype = _dtype_of(message.voxel_type)
+    wanted = len(message.brick_numbers) * BRICK_VOXELS * dtype.itemsize
+    # zstd allocates the size in its own header, so that size must be the same as ours.
+    if zstandard.frame_content_size(message.zstd_values) != wanted:
+        raise ValueError("bricks of another size")
+    unpacked = (unpack or zstandard.ZstdDecompressor()).decompress(message.zstd_values)
+    return np.frombuffer(unpacked, dtype).reshape(-1, BRICK_VOXELS)
+
+
 class VolumeCopy:
     """The received part of one volume. ValueError for a message that makes no sense."""
 
@@ -76,13 +88,7 @@ class VolumeCopy:
             before = np.searchsorted(firsts, numbers, side="right")
             if (numbers[before > 0] < ends[before[before > 0] - 1]).any():
                 raise ValueError("a brick within a tile")
-        dtype = _dtype_of(message.voxel_type)
-        wanted = len(numbers) * BRICK_VOXELS * dtype.itemsize
-        # zstd allocates the size in its own header, so that size must be the same as ours.
-        if zstandard.frame_content_size(message.zstd_values) != wanted:
-            raise ValueError("bricks of another size")
-        values = np.frombuffer(self._unpack.decompress(message.zstd_values), dtype)
-        return numbers.astype(np.int64), values.reshape(-1, BRICK_VOXELS)
+        return numbers.astype(np.int64), values_of(message, self._unpack)
 
     def _tiles_of(self, message: volume_stream_pb2.VolumeBricks) -> collections.abc.Iterator[
             tuple[Numbers, npt.NDArray[np.float32]]]:

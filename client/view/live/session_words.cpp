@@ -9,7 +9,7 @@
 namespace palpate::view {
 namespace {
 
-constexpr std::string_view kSuffix = ".palrec";
+constexpr std::string_view kSuffix = ".mcap";
 
 bool IsTaken(const std::string& name, const client::RecordingList& list) {
   const std::string path = RecordingPath(list.folder, name);

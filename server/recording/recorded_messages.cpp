@@ -1,0 +1,211 @@
+#include "server/recording/recorded_messages.h"
+
+#include <string_view>
+#include <utility>
+
+#include "common/wire/convert.h"
+#include "common/wire/volume_message.h"
+#include "server/recording/bytes.h"
+#include "server/recording/voxel_log.h"
+#include "server/volume/brick_packer.h"
+
+namespace palpate {
+namespace {
+
+const google::protobuf::FieldDescriptor* Field(std::string_view name) {
+  return v1::RenderSettings::descriptor()->FindFieldByName(std::string(name));
+}
+
+// Settings that the message lacks keep their defaults: a program that did not know a setting
+// behaved so.
+void TakeSettings(const v1::RenderSettings& message, RecordedScene& scene) {
+  const auto& fields = *message.GetReflection();
+  const auto has = [&](std::string_view key) { return fields.HasField(message, Field(key)); };
+  scene.isovalue = message.isovalue();
+  scene.normalized_isovalue = message.normalized_isovalue();
+  for (const NumberSetting& setting : kNumberSettings) {
+    if (!has(setting.key)) continue;
+    scene.settings.*setting.member = fields.GetDouble(message, Field(setting.key));
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    if (!has(setting.key)) continue;
+    scene.settings.*setting.member = fields.GetBool(message, Field(setting.key));
+  }
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    if (!has(setting.key)) continue;
+    const int number = fields.GetEnumValue(message, Field(setting.key));
+    if (number < 1 || number > static_cast<int>(setting.words.size())) {
+      throw DamagedBytes("of a choice that this program does not know: a newer one wrote it");
+    }
+    setting.set(scene.settings, number);
+  }
+  const google::protobuf::UnknownFieldSet& unknown = fields.GetUnknownFields(message);
+  for (int n = 0; n < unknown.field_count(); ++n) {
+    scene.unknown_settings.push_back("number " + std::to_string(unknown.field(n).number()));
+  }
+}
+
+SafetyLimits SafetyOf(const v1::RecordedSafety& message) {
+  return {.max_force_n = message.max_force_n(),
+          .max_slew_n_per_s = message.max_slew_n_per_s(),
+          .ramp_in_s = message.ramp_in_s(),
+          .continuous_force_n = message.continuous_force_n(),
+          .thermal_time_s = message.thermal_time_s(),
+          .max_speed_mm_per_s = message.max_speed_mm_per_s(),
+          .max_missed_ticks = message.max_missed_ticks(),
+          .faults_stay = message.faults_stay(),
+          .starts_on = message.starts_on(),
+          .stop_buttons = message.stop_buttons()};
+}
+
+// With structured bindings, the code does not compile until a new limit is stored, too.
+void Put(const SafetyLimits& limits, v1::RecordedSafety& message) {
+  const auto& [max_force_n, max_slew, ramp_in_s, continuous_force_n, thermal_time_s, max_speed,
+               max_missed_ticks, faults_stay, starts_on, stop_buttons] = limits;
+  message.set_max_force_n(max_force_n);
+  message.set_max_slew_n_per_s(max_slew);
+  message.set_ramp_in_s(ramp_in_s);
+  message.set_continuous_force_n(continuous_force_n);
+  message.set_thermal_time_s(thermal_time_s);
+  message.set_max_speed_mm_per_s(max_speed);
+  message.set_max_missed_ticks(max_missed_ticks);
+  message.set_faults_stay(faults_stay);
+  message.set_starts_on(starts_on);
+  message.set_stop_buttons(stop_buttons);
+}
+
+}  // namespace
+
+v1::RenderSettings ToProto(const RenderSettings& settings) {
+  v1::RenderSettings out;
+  const auto& fields = *out.GetReflection();
+  for (const NumberSetting& setting : kNumberSettings) {
+    fields.SetDouble(&out, Field(setting.key), settings.haptics.*setting.member);
+  }
+  for (const FlagSetting& setting : kFlagSettings) {
+    fields.SetBool(&out, Field(setting.key), settings.haptics.*setting.member);
+  }
+  for (const ChoiceSetting& setting : kChoiceSettings) {
+    fields.SetEnumValue(&out, Field(setting.key), setting.get(settings.haptics));
+  }
+  out.set_isovalue(settings.isovalue);
+  out.set_normalized_isovalue(settings.normalized_isovalue);
+  return out;
+}
+
+v1::RecordedScene ToProto(const RecordedScene& scene) {
+  v1::RecordedScene out;
+  out.set_tick(scene.tick);
+  out.set_scene_revision(scene.scene_revision);
+  out.set_settings_revision(scene.settings_revision);
+  out.set_volume_revision(scene.volume_revision);
+  out.set_loaded_revision(scene.loaded_revision);
+  out.set_geometry_revision(scene.geometry_revision);
+  *out.mutable_settings() =
+      ToProto(RenderSettings{scene.isovalue, scene.normalized_isovalue, scene.settings});
+  *out.mutable_device_from_index() = ToProto(scene.X_DI);
+  if (scene.X_WI) *out.mutable_world_from_index() = ToProto(*scene.X_WI);
+  out.set_volume_source(scene.volume_source);
+  out.set_reloadable(scene.reloadable);
+  out.set_all_voxels_stored(scene.all_voxels_stored);
+  out.set_voxels_missing(scene.voxels_missing);
+  out.set_volume_hash_high(scene.volume_hash.high);
+  out.set_volume_hash_low(scene.volume_hash.low);
+  out.set_size_x(ToCount(scene.size.x()));
+  out.set_size_y(ToCount(scene.size.y()));
+  out.set_size_z(ToCount(scene.size.z()));
+  *out.mutable_spacing_mm() = ToProto(scene.spacing_mm);
+  out.set_value_min(scene.value_min);
+  out.set_value_max(scene.value_max);
+  out.set_is_level_set(scene.is_level_set);
+  out.set_tick_period_s(scene.tick_period_s);
+  out.set_forces_off(scene.forces_off);
+  Put(scene.safety, *out.mutable_safety());
+  out.mutable_device()->set_resolution_mm(scene.device.resolution_mm);
+  out.mutable_device()->set_max_force_n(scene.device.max_force_n);
+  out.mutable_device()->set_tick_s(scene.device.tick_s);
+  if (scene.series_position_frames) out.set_series_position_frames(*scene.series_position_frames);
+  return out;
+}
+
+RecordedScene FromProto(const v1::RecordedScene& in) {
+  RecordedScene scene{
+      .tick = in.tick(),
+      .scene_revision = in.scene_revision(),
+      .settings_revision = in.settings_revision(),
+      .volume_revision = in.volume_revision(),
+      .loaded_revision = in.loaded_revision(),
+      .geometry_revision = in.geometry_revision(),
+      .X_DI = FromProto(in.device_from_index()),
+      .volume_hash = {in.volume_hash_high(), in.volume_hash_low()},
+      .volume_source = in.volume_source(),
+      .spacing_mm = FromProto(in.spacing_mm()),
+      .voxels_missing = in.voxels_missing(),
+      .tick_period_s = in.tick_period_s(),
+      .safety = in.has_safety() ? SafetyOf(in.safety()) : SafetyLimits(),
+      .forces_off = in.forces_off(),
+      .reloadable = in.reloadable(),
+      .all_voxels_stored = in.all_voxels_stored(),
+      .size = Vec3i(FromCount(in.size_x()), FromCount(in.size_y()), FromCount(in.size_z())),
+      .value_min = in.value_min(),
+      .value_max = in.value_max(),
+      .is_level_set = in.is_level_set()};
+  if (in.has_world_from_index()) scene.X_WI = FromProto(in.world_from_index());
+  if (in.has_series_position_frames()) scene.series_position_frames = in.series_position_frames();
+  if (in.has_device()) {
+    scene.device = {in.device().resolution_mm(), in.device().max_force_n(), in.device().tick_s()};
+  }
+  if (!IsDevice(scene.device)) throw DamagedBytes("damaged: its device cannot be");
+  TakeSettings(in.settings(), scene);
+  return scene;
+}
+
+void ForEachPart(const RecordedEdit& edit,
+                 const std::function<void(const v1::RecordedVoxels&)>& take) {
+  v1::RecordedVoxels part;
+  part.set_tick(edit.tick);
+  part.set_base_revision(edit.base_revision);
+  part.set_volume_revision(edit.volume_revision);
+  if (!edit.known.empty()) {
+    for (const BrickRun& run : edit.known) {
+      v1::BrickRun& added = *part.add_known();
+      added.set_first_brick(run.first);
+      added.set_bricks(run.count);
+    }
+    return take(part);
+  }
+  BrickPacker packer;
+  const auto finish = [&] {
+    *part.mutable_bricks() = ToProto(packer.Take());
+    take(part);
+    packer = {};
+  };
+  for (const RecordedBrick& brick : edit.bricks) {
+    if (packer.Add(brick.number, *brick.values)) continue;
+    finish();
+    packer.Add(brick.number, *brick.values);
+  }
+  finish();
+}
+
+RecordedEdit FromProto(v1::RecordedVoxels&& part) {
+  RecordedEdit edit{.tick = part.tick(),
+                    .base_revision = part.base_revision(),
+                    .volume_revision = part.volume_revision()};
+  for (const v1::BrickRun& run : part.known()) {
+    edit.known.push_back({run.first_brick(), run.bricks()});
+    if (run.bricks() == 0) throw DamagedBytes("damaged: a run of no bricks");
+  }
+  if (part.has_bricks()) {
+    UnpackBricks(FromProto(std::move(*part.mutable_bricks())),
+                 [&](std::uint64_t number, LeafPtr values) {
+                   edit.bricks.push_back({number, std::move(values)});
+                 });
+  }
+  const std::uint64_t bricks = edit.BrickCount();
+  if (bricks == 0 || bricks > VoxelLog::kMaxBricksPerScene)
+    throw DamagedBytes("damaged: of too many bricks");
+  return edit;
+}
+
+}  // namespace palpate

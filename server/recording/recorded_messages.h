@@ -1,0 +1,31 @@
+// What a recording holds, as messages (palpate/v1/recorded.proto) and as values.
+//
+// Threads: pure. Not for real-time code. Errors: DamagedBytes or Error(kInvalidArgument) for a
+// message that no recorder writes.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "palpate/v1/recorded.pb.h"
+#include "palpate/v1/render.pb.h"
+#include "server/recording/recording.h"
+#include "server/scene/render_settings.h"
+
+namespace palpate {
+
+// Sets all fields.
+v1::RenderSettings ToProto(const RenderSettings& settings);
+
+v1::RecordedScene ToProto(const RecordedScene& scene);
+RecordedScene FromProto(const v1::RecordedScene& scene);
+
+// Calls `take` for each part of at most 300 KB. Numbers must be ascending.
+void ForEachPart(const RecordedEdit& edit,
+                 const std::function<void(const v1::RecordedVoxels&)>& take);
+RecordedEdit FromProto(v1::RecordedVoxels&& part);
+
+// The schema of a message for MCAP: a FileDescriptorSet with what it needs, and no more.
+std::string SchemaOf(const google::protobuf::Descriptor& message);
+
+}  // namespace palpate
