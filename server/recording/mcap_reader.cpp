@@ -11,7 +11,9 @@ namespace {
 // Schemas, channels and metadata together; each counts for its parts in memory, too.
 constexpr std::uint64_t kMostDeclaredBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kBytesPerDeclaration = 512;
-constexpr std::uint64_t kMostUselessBytes = std::uint64_t{256} << 20;
+// A small file may unpack to terabytes; recordings unpack to less than thirty times their size.
+constexpr std::uint64_t kMostUnpacked = 64;
+constexpr std::uint64_t kFreeUnpackedBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kBytesPerPart = std::uint64_t{64} << 10;
 
 std::uint64_t SizeOf(std::istream& stream) {
@@ -27,8 +29,9 @@ std::string Unpack(std::string_view packing, std::string_view packed, std::uint6
   if (packing.empty() && packed.size() == bytes) return std::string(packed);
   if (packing == "lz4") throw DamagedBytes("packed by lz4, which Palpate does not read: use zstd");
   const auto named = ZSTD_getFrameContentSize(packed.data(), packed.size());
+  const bool is_one = ZSTD_findFrameCompressedSize(packed.data(), packed.size()) == packed.size();
   std::string unpacked;
-  if (packing == kZstd && (named == bytes || named == ZSTD_CONTENTSIZE_UNKNOWN)) {
+  if (packing == kZstd && is_one && (named == bytes || named == ZSTD_CONTENTSIZE_UNKNOWN)) {
     unpacked.resize(bytes);
     const std::size_t size = ZSTD_decompress(unpacked.data(), bytes, packed.data(), packed.size());
     if (size == bytes) return unpacked;
@@ -44,7 +47,9 @@ void CheckCrc(std::uint32_t stored, std::uint32_t computed) {
 }  // namespace
 
 Reader::Reader(std::unique_ptr<std::istream> stream)
-    : stream_(std::move(stream)), left_(SizeOf(*stream_)) {
+    : stream_(std::move(stream)),
+      left_(SizeOf(*stream_)),
+      unpacked_left_(kMostUnpacked * left_ + kFreeUnpackedBytes) {
   if (left_ < kMagic.size() || ReadBytes(kMagic.size()) != kMagic) {
     throw DamagedBytes("no MCAP file");
   }
@@ -80,7 +85,7 @@ std::optional<Message> Reader::Next() {
       const auto opcode = static_cast<Opcode>(in_chunk_.Get<std::uint8_t>());
       const std::string_view content = in_chunk_.GetBytes(in_chunk_.Get<std::uint64_t>());
       if (opcode == Opcode::kChunk) throw DamagedBytes("damaged: a chunk within a chunk");
-      Take(opcode, content);
+      if (opcode != Opcode::kMetadata) Take(opcode, content);
     } else if (is_complete_ || !ReadRecord()) {
       return std::nullopt;
     }
@@ -170,8 +175,10 @@ void Reader::OpenChunk(std::string_view content) {
   const std::string packing = reader.GetText();
   const std::string_view packed = reader.GetBytes(reader.Get<std::uint64_t>());
   reader.ExpectEnd();
-  useless_bytes_ += bytes;
-  if (useless_bytes_ > kMostUselessBytes) throw DamagedBytes("no recording, as far as was read");
+  if (bytes > unpacked_left_) {
+    throw DamagedBytes("damaged: it holds more than a file of its size can");
+  }
+  unpacked_left_ -= bytes;
   chunk_ = Unpack(packing, packed, bytes);
   CheckCrc(crc, Crc(0, chunk_));
   in_chunk_ = ByteReader(chunk_);

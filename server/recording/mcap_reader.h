@@ -39,9 +39,6 @@ class Reader {
   const std::map<std::string, Texts>& metadata() const { return metadata_; }
   // The name of the message's schema; empty if it is not known, or no protobuf.
   std::string_view SchemaOf(const Message& message) const;
-  // Says that the last message was of use. Without one in 256 MiB, the rest is damaged: a small
-  // file may unpack to terabytes.
-  void WasOfUse() { useless_bytes_ = 0; }
 
  private:
   // Reads a record that is in no chunk. False at the end.
@@ -56,9 +53,9 @@ class Reader {
   void ReadParts(std::uint64_t count, const std::function<void(std::string_view)>& take);
 
   const std::unique_ptr<std::istream> stream_;
-  std::uint64_t left_ = 0;  // bytes of the file
-  std::uint32_t crc_ = 0;   // of the data so far
-  std::uint64_t useless_bytes_ = 0;
+  std::uint64_t left_ = 0;                        // bytes of the file
+  std::uint64_t unpacked_left_ = 0;               // bytes that chunks may still unpack to
+  std::uint32_t crc_ = 0;                         // of the data so far
   std::map<std::uint16_t, std::string> schemas_;  // names; of protobuf
   std::map<std::uint16_t, Channel> channels_;
   std::uint64_t declared_bytes_ = 0;

@@ -12,6 +12,11 @@
 namespace palpate {
 namespace {
 
+// A replay holds many scenes.
+constexpr int kMostUnknownSettings = 64;
+constexpr std::size_t kMostSourceBytes = std::size_t{16} << 10;
+constexpr std::uint64_t kMostBrickNumber = std::uint64_t{1} << 62;
+
 const google::protobuf::FieldDescriptor* Field(std::string_view name) {
   return v1::RenderSettings::descriptor()->FindFieldByName(std::string(name));
 }
@@ -40,6 +45,9 @@ void TakeSettings(const v1::RenderSettings& message, RecordedScene& scene) {
     setting.set(scene.settings, number);
   }
   const google::protobuf::UnknownFieldSet& unknown = fields.GetUnknownFields(message);
+  if (unknown.field_count() > kMostUnknownSettings) {
+    throw DamagedBytes("damaged: it has too many settings");
+  }
   for (int n = 0; n < unknown.field_count(); ++n) {
     scene.unknown_settings.push_back("number " + std::to_string(unknown.field(n).number()));
   }
@@ -129,6 +137,9 @@ v1::RecordedScene ToProto(const RecordedScene& scene) {
 }
 
 RecordedScene FromProto(const v1::RecordedScene& in) {
+  if (in.volume_source().size() > kMostSourceBytes) {
+    throw DamagedBytes("damaged: the name of its volume is too long");
+  }
   RecordedScene scene{
       .tick = in.tick(),
       .scene_revision = in.scene_revision(),
@@ -194,7 +205,9 @@ RecordedEdit FromProto(v1::RecordedVoxels&& part) {
                     .volume_revision = part.volume_revision()};
   for (const v1::BrickRun& run : part.known()) {
     edit.known.push_back({run.first_brick(), run.bricks()});
-    if (run.bricks() == 0) throw DamagedBytes("damaged: a run of no bricks");
+    if (run.bricks() == 0 || run.first_brick() > kMostBrickNumber) {
+      throw DamagedBytes("damaged: of bricks that no volume has");
+    }
   }
   if (part.has_bricks()) {
     UnpackBricks(FromProto(std::move(*part.mutable_bricks())),

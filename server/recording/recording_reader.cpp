@@ -173,10 +173,7 @@ std::optional<RecordedItem> RecordingReader::Read() {
 std::optional<RecordedItem> RecordingReader::ReadItem() {
   try {
     while (const std::optional<mcap::Message> next = file_->Next()) {
-      std::optional<RecordedItem> item = ItemOf(*next);
-      if (!item) continue;
-      file_->WasOfUse();
-      return item;
+      if (std::optional<RecordedItem> item = ItemOf(*next)) return item;
     }
   } catch (const Error& error) {
     throw DamagedBytes(std::string("damaged: ") + error.what());

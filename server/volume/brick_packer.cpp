@@ -89,6 +89,7 @@ void UnpackBricks(const VolumeBricks& bricks,
   });
   std::uint64_t tile_bricks = 0;
   for (const VolumeTile& tile : bricks.tiles) {
+    Require(tile.bricks.count > 0, "a tile of no bricks");
     Require(tile.bricks.count <= kTileBricksPerMessage - tile_bricks, "too many bricks in tiles");
     tile_bricks += tile.bricks.count;
     Brick brick;

@@ -357,7 +357,29 @@ class Made(unittest.TestCase):
                 expected.append(held)
             np.testing.assert_array_equal(getattr(read, name), expected, name)
 
+    def test_good_ticks_before_a_bad_one_are_kept(self):
+        for bad in (corpus_recordings.sample(60, (0, 0, 1), mode=9),
+                    corpus_recordings.sample(30, (0, 0, 1))):
+            rows = [corpus_recordings.sample(n, (0, 0, 1)) for n in range(30, 70)]
+            rows[30] = bad
+            recording = self.opened(corpus_recordings.recording(corpus_recordings.chunk(
+                *[corpus_recordings.record_of("/tick", row) for row in rows])))
+            np.testing.assert_array_equal(recording.ticks.tick, range(30, 60))
+            self.assertFalse(recording.complete)
+
+    def test_lost_ticks_at_the_end_follow_whatever_came_last(self):
+        keyframe = corpus_recordings.message({1: 10, 2: corpus_recordings.keyframe(tick=10)})
+        recording = self.opened(corpus_recordings.recording(corpus_recordings.chunk(
+            *[corpus_recordings.record_of("/tick", corpus_recordings.sample(n)) for n in range(4)],
+            corpus_recordings.record_of("/keyframe", keyframe)), corpus_recordings.end(4, 11)))
+        self.assertEqual(recording.gaps, (palpate.RecordedGap(4, 9), palpate.RecordedGap(10, 14)))
+        self.assertTrue(recording.complete)
+
     def test_small_files_do_not_become_large(self):
+        event = corpus_recordings.record_of("/event", corpus_recordings.event("a"))
+        chunk = corpus_recordings.chunk(packing="zstd", packed=zstandard.ZstdCompressor().compress(
+            event * 200_000), size=len(event) * 200_000)
+        self.assertLess(len(self.opened(corpus_recordings.recording(chunk)).markers), 100_000)
         zeros = bytes(16 << 20)
         packed = zstandard.ZstdCompressor().compress(corpus_recordings.record(99, zeros[:-9]))
         bomb = corpus_recordings.chunk(packing="zstd", packed=packed, size=len(zeros))

@@ -18,9 +18,10 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 _MOST_CHUNK_BYTES = 16 << 20
 _MOST_RECORD_BYTES = 4 << 20
 _PART_BYTES = 1 << 20
+_MOST_TEXT_BYTES = 16 << 10
 _MOST_DECLARATIONS = 4096
 _MOST_MESSAGE_BYTES = 512 << 10
-# Recordings unpack to less than ten times their size.
+# Recordings unpack to less than thirty times their size.
 _MOST_UNPACKED, _FREE_BYTES = 64, 16 << 20
 
 
@@ -45,21 +46,28 @@ class Fields:
         self._at += count
         return self._data[self._at - count:self._at]
 
-    def get_text(self) -> str:
-        return self.get_bytes(self.get("I")[0]).decode(errors="replace")
+    def get_text(self, most_bytes: int = _MOST_TEXT_BYTES) -> str:
+        size, = self.get("I")
+        if size > most_bytes:
+            raise Damaged("damaged: a text is too long")
+        return self.get_bytes(size).decode(errors="replace")
 
     def get_texts(self) -> dict[str, str]:
         fields, texts = Fields(self.get_bytes(self.get("I")[0])), {}
         while fields._at < len(fields._data):
             key = fields.get_text()
-            texts[key] = fields.get_text()
+            texts[key] = fields.get_text(_MOST_RECORD_BYTES)
         return texts
+
+    def expect_end(self) -> None:
+        if self._at < len(self._data):
+            raise Damaged("damaged: a record is too long")
 
 
 @dataclasses.dataclass(frozen=True)
 class Channel:
     topic: str
-    schema: str
+    schema: int  # 0: none of protobuf
 
 
 class McapFile:
@@ -72,7 +80,7 @@ class McapFile:
         self._stream, self._left = stream, size
         self._unpacked_left = _MOST_UNPACKED * size + _FREE_BYTES
         self._zstd = zstandard.ZstdDecompressor()
-        self._schemas: dict[int, str] = {}
+        self.schemas: dict[int, str] = {}
         self.channels: dict[int, Channel] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.is_complete = False
@@ -127,16 +135,18 @@ class McapFile:
         fields = Fields(content)
         if opcode == SCHEMA:
             number, = fields.get("H")
-            self._schemas.setdefault(number, fields.get_text())
+            if number not in self.schemas:
+                self.schemas[number] = fields.get_text()
         elif opcode == CHANNEL:
-            number, schema = fields.get("HH")
-            topic, encoding = fields.get_text(), fields.get_text()
-            self.channels.setdefault(number, Channel(
-                topic, self._schemas.get(schema, "") if encoding == "protobuf" else ""))
+            number, = fields.get("H")
+            if number not in self.channels:
+                schema, = fields.get("H")
+                topic, encoding, _ = fields.get_text(), fields.get_text(), fields.get_texts()
+                self.channels[number] = Channel(topic, schema if encoding == "protobuf" else 0)
         elif opcode == METADATA:
             name = fields.get_text()
             self.metadata[name] = fields.get_texts()
-        if len(self._schemas) + len(self.channels) + len(self.metadata) > _MOST_DECLARATIONS:
+        if len(self.schemas) + len(self.channels) + len(self.metadata) > _MOST_DECLARATIONS:
             raise Damaged("damaged: it has too many channels")
 
     def _unpack(self, content: bytes) -> bytes:
@@ -144,6 +154,7 @@ class McapFile:
         size, crc = fields.get("16xQI")
         packing = fields.get_text()
         packed = fields.get_bytes(fields.get("Q")[0])
+        fields.expect_end()
         self._unpacked_left -= size
         if size > _MOST_CHUNK_BYTES or self._unpacked_left < 0:
             raise Damaged("damaged: it holds more than a file of its size can")
@@ -155,7 +166,7 @@ class McapFile:
             try:
                 if zstandard.frame_content_size(packed) not in (size, -1):
                     raise Damaged("damaged: a chunk of another size")
-                data = self._zstd.decompress(packed, max_output_size=size)
+                data = self._zstd.decompress(packed, max_output_size=size, allow_extra_data=False)
             except zstandard.ZstdError:
                 raise Damaged("damaged: a chunk does not unpack") from None
         if len(data) != size:

@@ -201,6 +201,8 @@ def scene_of(message: recorded_pb2.RecordedScene) -> RecordedScene:
                             if message.HasField("world_from_index") else None)
     except ValueError:
         raise Damaged("damaged: a place is no place") from None
+    if max(message.size_x, message.size_y, message.size_z) >= 1 << 31:
+        raise Damaged("damaged: of a volume that cannot be")
     position = message.series_position_frames
     return RecordedScene(
         tick=message.tick, settings=settings,

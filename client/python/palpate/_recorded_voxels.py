@@ -109,7 +109,8 @@ def _way_to_last(steps: collections.abc.Sequence[Step]) -> list[Step]:
             n = first[step.scene.volume_hash]
         else:
             way.append(step)
-            n -= 1
+            # Edits of all voxels need none before them.
+            n = -1 if step.scene.all_voxels_stored and step.edits else n - 1
     return way[::-1]
 
 

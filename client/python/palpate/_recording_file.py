@@ -12,7 +12,8 @@ import numpy.typing as npt
 from palpate._errors import (Conflict, FailedPrecondition, InvalidArgument, NotFound,
                              PermissionDenied)
 from palpate._html import table
-from palpate._mcap import CHANNEL, HEAD, MESSAGE, MESSAGE_HEAD, SCHEMA, Damaged, McapFile, parsed
+from palpate._mcap import (CHANNEL, CHUNK, HEAD, MESSAGE, MESSAGE_HEAD, SCHEMA, Damaged, McapFile,
+                           parsed)
 from palpate._pose_columns import ABOUT, RECORDED_ABOUT, RecordedColumns
 from palpate._recorded_events import (MOST_BRICKS, RecordedEdit, RecordedGap, RecordedMarker,
                                       RecordedScene, edit_of, scene_of)
@@ -25,7 +26,9 @@ from palpate.v1 import recorded_pb2
 _OLD_MAGIC = b"\x89PLPREC\n"
 _MOST_MARKER_BYTES = 4096
 # Whatever the size of the file.
-_FREE_TICKS = 1000
+_FREE_TICKS, _FREE_BYTES = 1000, 64 << 20
+# Of messages that are no ticks, for each byte of the file; and what each takes besides its bytes.
+_MOST_HELD, _BYTES_PER_MESSAGE = 64, 1 << 10
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -150,8 +153,8 @@ class RecordingFile:
         """Writes ticks and markers as HDF5: plain arrays, which MATLAB reads, too.
 
         The arrays are those of `palpate-lab export --hdf5`: ticks/force_n, ticks/unix_ns,
-        markers/text ... Their attribute "unit" is that of the name. Words are their numbers; the attribute "words" names
-        them. Overwrites the file. Errors: FailedPrecondition (h5py is not installed), OSError.
+        markers/text ... Their attribute "unit" is that of the name. Words are their numbers; the
+        attribute "words" names them. Overwrites the file. Errors: FailedPrecondition (h5py is not installed), OSError.
         Example: palpate.open_recording("trial-7.mcap").to_hdf5("trial-7.h5")
         """
         markers, ticks = self.markers, self.ticks._arrays()
@@ -187,8 +190,9 @@ class RecordingFile:
 class _Contents:
     """Collects the messages, which must come in the writer's order."""
 
-    def __init__(self, file: McapFile, most_ticks: int) -> None:
-        self.ticks = TickReader(most_ticks)
+    def __init__(self, file: McapFile, size: int) -> None:
+        # The index of messages alone has 16 bytes for each tick.
+        self.ticks = TickReader(size // 8 + _FREE_TICKS)
         self.markers: list[RecordedMarker] = []
         self.steps: list[Step] = []
         self.edits: list[RecordedEdit] = []
@@ -196,6 +200,7 @@ class _Contents:
         self._file = file
         self._parts: list[RecordedEdit] = []
         self._bricks = 0  # of these
+        self._left = _MOST_HELD * size + _FREE_BYTES  # bytes of messages that are no ticks
 
     def take(self, chunk: bytes) -> None:
         """Takes the records of a chunk. Errors: Damaged; nothing of that record is taken then."""
@@ -208,6 +213,8 @@ class _Contents:
             if size > len(chunk) - begin or (opcode == MESSAGE and size < MESSAGE_HEAD.size):
                 raise Damaged("damaged: a record of another length")
             at = begin + size
+            if opcode == CHUNK:
+                raise Damaged("damaged: a chunk within a chunk")
             if opcode in (SCHEMA, CHANNEL):
                 self._file.declare(opcode, chunk[begin:at])
             elif opcode == MESSAGE:
@@ -216,33 +223,39 @@ class _Contents:
                     raise Damaged("damaged: a message has no channel")
                 channel = self._file.channels[number]
                 kind = _MESSAGES.get(channel.topic)
-                if kind is None or channel.schema != kind.DESCRIPTOR.full_name:
+                if kind is None or self._file.schemas.get(
+                        channel.schema) != kind.DESCRIPTOR.full_name:
                     continue  # of another program
                 if channel.topic == "/tick":
                     at = self.ticks.take(chunk, begin - HEAD.size)
                 else:
+                    self._left -= _BYTES_PER_MESSAGE + at - begin
+                    if self._left < 0:
+                        raise Damaged("damaged: it holds more than a file of its size can")
                     self._take(parsed(kind, chunk[begin + MESSAGE_HEAD.size:at]))
 
     def _take(self, message: typing.Any) -> None:
         if isinstance(message, recorded_pb2.RecordedClock):
             self.clock.append((message.time_ns, message.unix_ns))
-            return
-        if isinstance(message, recorded_pb2.RecordedEvent) and not message.marker:
-            return
-        self.ticks.start_at(message.tick)
-        if isinstance(message, recorded_pb2.RecordedScene):
-            self.steps.append(Step(scene_of(message), tuple(self._parts)))
+        elif isinstance(message, recorded_pb2.RecordedScene):
+            scene = scene_of(message)
+            self.ticks.start_at(message.tick)
+            self.steps.append(Step(scene, tuple(self._parts)))
             self._parts, self._bricks = [], 0
         elif isinstance(message, recorded_pb2.RecordedVoxels):
             edit = edit_of(message)
             self._bricks += edit.brick_count
             if self._bricks > MOST_BRICKS:
                 raise Damaged("damaged: of too many bricks")
+            self.ticks.start_at(message.tick)
             self.edits.append(edit)
             self._parts.append(edit)
-        elif isinstance(message, recorded_pb2.RecordedEvent):
+        elif isinstance(message, recorded_pb2.RecordedKeyframe):
+            self.ticks.start_at(message.tick)
+        elif message.marker:
             if len(message.marker.encode()) > _MOST_MARKER_BYTES:
                 raise Damaged("damaged: a marker is too long")
+            self.ticks.start_at(message.tick)
             self.markers.append(RecordedMarker(message.tick, message.time_ns, message.marker))
 
 
@@ -287,8 +300,7 @@ def _read(stream: typing.BinaryIO, name: str) -> RecordingFile:
         file = McapFile(stream, size)
     except Damaged as damage:
         raise InvalidArgument(f"{name} is no recording of Palpate: it is {damage}") from None
-    # The index of messages alone has 16 bytes for each tick.
-    contents, why = _Contents(file, size // 8 + _FREE_TICKS), ""
+    contents, why = _Contents(file, size), ""
     try:
         for chunk in file.chunks():
             contents.take(chunk)
@@ -299,8 +311,9 @@ def _read(stream: typing.BinaryIO, name: str) -> RecordingFile:
         raise InvalidArgument(f"{name} is no recording of Palpate, or ends within its header")
     ticks = RecordedTicks(**contents.ticks.columns())
     gaps = [RecordedGap(first, last) for first, last in contents.ticks.gaps]
-    why = why or _why_not_whole(file, ticks, gaps)
-    created, monotonic = (_whole(header, key) for key in ("created_unix_ns", "created_monotonic_ns"))
+    why = why or _why_not_whole(file, ticks, contents.ticks.last, gaps)
+    created, monotonic = (_whole(header, key, -1 << 63, (1 << 63) - 1)
+                          for key in ("created_unix_ns", "created_monotonic_ns"))
     if created is None or (monotonic is None and "created_monotonic_ns" in header):
         raise InvalidArgument(f"{name} has a damaged header")
     return RecordingFile(
@@ -312,24 +325,28 @@ def _read(stream: typing.BinaryIO, name: str) -> RecordingFile:
         _steps=tuple(contents.steps))
 
 
-def _whole(texts: dict[str, str], key: str, most: int = (1 << 63) - 1) -> int | None:
-    """None: it is not there, or no number within the bounds."""
+def _whole(texts: dict[str, str], key: str, least: int, most: int) -> int | None:
+    """None: it is not there, or no number from `least` to `most`."""
     text = texts.get(key, "")
-    number = int(text) if re.fullmatch("-?[0-9]{1,20}", text, re.ASCII) else most + 1
-    return number if -most <= number <= most else None
+    sign = "-?" if least < 0 else ""
+    number = int(text) if re.fullmatch(sign + "[0-9]{1,40}", text, re.ASCII) else most + 1
+    return number if least <= number <= most else None
 
 
-def _why_not_whole(file: McapFile, ticks: RecordedTicks, gaps: list[RecordedGap]) -> str:
-    """Adds the ticks that were lost at the end. Returns why the recording is not whole, or ""."""
+def _why_not_whole(file: McapFile, ticks: RecordedTicks, last: int | None,
+                   gaps: list[RecordedGap]) -> str:
+    """Adds the ticks that were lost at the end. Returns why the recording is not whole, or "".
+
+    last: tick that came, or was lost; None: none did
+    """
     end = file.metadata.get("palpate.end")
     if not file.is_complete or end is None:
         return "it was not closed"
-    last = int(ticks.tick[-1]) if len(ticks) else 0
-    count, lost = (_whole(end, key, (1 << 64) - 1) for key in ("ticks", "lost_ticks"))
+    count, lost = (_whole(end, key, 0, (1 << 64) - 1) for key in ("ticks", "lost_ticks"))
     missing = (lost or 0) - sum(gap.last_tick - gap.first_tick + 1 for gap in gaps)
-    if lost is None or count != len(ticks) or missing < 0 or (missing and not count) or (
-            last + missing >= (1 << 64) - 1):
+    if lost is None or count != len(ticks) or missing < 0 or (missing and last is None) or (
+            last is not None and last + missing >= (1 << 64) - 1):
         return "it is damaged: its counts do not fit"
-    if missing:
+    if missing and last is not None:
         gaps.append(RecordedGap(last + 1, last + missing))
     return ""

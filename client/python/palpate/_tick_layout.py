@@ -124,23 +124,23 @@ class _Walk:
 
 
 class TickReader:
-    """Collects ticks. Errors: Damaged, before any of the run is taken."""
+    """Collects ticks. Errors: Damaged, when all ticks before the damage are taken."""
 
     def __init__(self, most_ticks: int) -> None:
         self._layouts: list[_Layout] = []
         self._blocks: list[Columns] = []
         self._rows = self._used = _LEAST_BLOCK_ROWS  # of the last block, and those with ticks
-        self._last: int | None = None  # tick
+        self.last: int | None = None  # tick that came, or was lost
         self._left = most_ticks
         self.gaps: list[tuple[int, int]] = []  # the first and the last tick that are missing
 
     def start_at(self, tick: int) -> None:
         """What comes next begins with this tick. Errors: Damaged."""
-        if tick >= _NO_TICK or (self._last is not None and tick <= self._last):
+        if tick >= _NO_TICK or (self.last is not None and tick <= self.last):
             raise Damaged("damaged: its ticks go back")
-        if self._last is not None and tick > self._last + 1:
-            self.gaps.append((self._last + 1, tick - 1))
-        self._last = tick - 1
+        if self.last is not None and tick > self.last + 1:
+            self.gaps.append((self.last + 1, tick - 1))
+        self.last = tick - 1
 
     def take(self, chunk: bytes, at: int) -> int:
         """Takes the records that begin at `at`, and are like the first one. Returns their end."""
@@ -168,19 +168,36 @@ class TickReader:
         return layout
 
     def _keep(self, run: Columns, count: int) -> None:
-        ticks = run["tick"]
+        whole, why = self._whole(run, count)
+        if whole:
+            self._add({name: column[:whole] for name, column in run.items()}, whole)
+        if why:
+            raise Damaged(f"damaged: {why}")
+
+    def _whole(self, run: Columns, count: int) -> tuple[int, str]:
+        """Returns how many of the first ticks make sense, and why the next one does not, or ""."""
+        ticks, ends = run["tick"], [(count, "")]
+        if count > self._left:
+            ends.append((max(self._left, 0), "it holds more than a file of its size can"))
         self._left -= count
-        if self._left < 0:
-            raise Damaged("damaged: it holds more than a file of its size can")
-        if (ticks[1:] <= ticks[:-1]).any() or ticks[-1] >= _NO_TICK:
-            raise Damaged("damaged: its ticks go back")
+        back = (ticks[1:] <= ticks[:-1]) | (ticks[1:] >= _NO_TICK)
+        if self.last is not None and int(ticks[0]) <= self.last or int(ticks[0]) >= _NO_TICK:
+            ends.append((0, "its ticks go back"))
+        elif back.any():
+            ends.append((1 + int(np.argmax(back)), "its ticks go back"))
         for name, known in _KNOWN.items():
             if run[name].min() < 1 or run[name].max() > known:
-                raise Damaged(f"damaged: a tick has a {name} that this package does not know")
+                odd = (run[name] < 1) | (run[name] > known)
+                ends.append((int(np.argmax(odd)),
+                             f"a tick has a {name} that this package does not know"))
+        return min(ends)
+
+    def _add(self, run: Columns, count: int) -> None:
+        ticks = run["tick"]
         self.start_at(int(ticks[0]))
         for n in np.flatnonzero(ticks[1:] - ticks[:-1] > 1):
             self.gaps.append((int(ticks[n]) + 1, int(ticks[n + 1]) - 1))
-        self._last = int(ticks[-1])
+        self.last = int(ticks[-1])
         begin = 0
         while begin < count:
             if self._used == self._rows:
@@ -247,7 +264,8 @@ def _columns(layout: _Layout, rows: Bytes) -> Columns:
         elif path in layout.doubles:
             columns[name] = _view(rows, layout.doubles[path], "<f8")
         elif path in varints:
-            columns[name] = varints[path]
+            # Words have 32 bits: protobuf leaves out the others.
+            columns[name] = varints[path].astype(np.int32) if kind == np.uint8 else varints[path]
         else:
             columns[name] = np.full(len(rows), np.nan if is_optional else 0)
     return columns
