@@ -25,10 +25,9 @@ from palpate.v1 import recorded_pb2
 
 _OLD_MAGIC = b"\x89PLPREC\n"
 _MOST_MARKER_BYTES = 4096
-# Whatever the size of the file.
-_FREE_TICKS, _FREE_BYTES = 1000, 64 << 20
-# Of messages that are no ticks, for each byte of the file; and what each takes besides its bytes.
-_MOST_HELD, _BYTES_PER_MESSAGE = 64, 1 << 10
+# Of messages that are no ticks: for each byte of the file, whatever its size, and what each takes
+# besides its bytes.
+_MOST_HELD, _FREE_BYTES, _BYTES_PER_MESSAGE = 64, 64 << 20, 1 << 10
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -191,8 +190,7 @@ class _Contents:
     """Collects the messages, which must come in the writer's order."""
 
     def __init__(self, file: McapFile, size: int) -> None:
-        # The index of messages alone has 16 bytes for each tick.
-        self.ticks = TickReader(size // 8 + _FREE_TICKS)
+        self.ticks = TickReader(size)
         self.markers: list[RecordedMarker] = []
         self.steps: list[Step] = []
         self.edits: list[RecordedEdit] = []
