@@ -43,7 +43,6 @@ std::uint16_t Writer::AddChannel(const std::string& topic, const std::string& sc
   }
   const auto id = static_cast<std::uint16_t>(channels_.size());
   channels_.push_back({id, schema_id, topic, "protobuf", metadata});
-  counts_.push_back(0);
   waiting_ += Encode(channels_.back());
   return id;
 }
@@ -164,11 +163,10 @@ std::string Writer::Summary(std::uint64_t start) const {
 std::string Writer::Statistics() const {
   ByteWriter writer, counts;
   std::uint64_t all = 0;
-  for (const Channel& channel : channels_) {
-    if (counts_[channel.id] == 0) continue;
-    counts.Put(channel.id);
-    counts.Put(counts_[channel.id]);
-    all += counts_[channel.id];
+  for (const auto& [channel, count] : counts_) {
+    counts.Put(channel);
+    counts.Put(count);
+    all += count;
   }
   writer.Put(all);
   writer.Put(static_cast<std::uint16_t>(schemas_.size()));

@@ -57,7 +57,7 @@ class Writer {
   std::uint32_t data_crc_ = 0;
   std::vector<Schema> schemas_;
   std::vector<Channel> channels_;
-  std::vector<std::uint64_t> counts_;  // messages, by channel
+  std::map<std::uint16_t, std::uint64_t> counts_;  // messages, by channel
   std::vector<ChunkIndex> chunks_;
   std::string metadata_indexes_;
   std::uint32_t metadata_count_ = 0;
