@@ -1,6 +1,7 @@
 // Reads an MCAP file, message by message, in the order of the file, up to its end or its first
-// damage. Holds one chunk (16 MiB, packed and unpacked) at a time, however large the file is.
-// Indexes and attachments are skipped; the summary must be whole.
+// damage. Holds one chunk (16 MiB, packed and unpacked) at a time, however large the file is. A
+// file that unpacks to more than 64 times its size, and 16 MiB, is damaged. Indexes and attachments
+// are skipped; the summary must be whole.
 //
 // Threads: one at a time. Not for real-time code. Errors: DamagedBytes; nothing may be read
 // afterwards.

@@ -367,6 +367,13 @@ class Made(unittest.TestCase):
             np.testing.assert_array_equal(recording.ticks.tick, range(30, 60))
             self.assertFalse(recording.complete)
 
+    def test_a_word_is_its_lower_32_bits_as_in_protobuf(self):
+        rows = [corpus_recordings.sample(n, (0, 0, 1), mode=(1 << 32) + 2) for n in range(20)]
+        self.assertEqual(recorded_pb2.RecordedTick.FromString(rows[0]).pose.mode, 2)
+        recording = self.opened(corpus_recordings.recording(corpus_recordings.chunk(
+            *[corpus_recordings.record_of("/tick", row) for row in rows])))
+        np.testing.assert_array_equal(recording.ticks.mode, [2] * 20)
+
     def test_lost_ticks_at_the_end_follow_whatever_came_last(self):
         keyframe = corpus_recordings.message({1: 10, 2: corpus_recordings.keyframe(tick=10)})
         recording = self.opened(corpus_recordings.recording(corpus_recordings.chunk(

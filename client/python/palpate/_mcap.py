@@ -1,4 +1,4 @@
-"""The records of an MCAP file (https://mcap.dev/spec). server/recording/mcap_format.h has the limits."""
+"""The records of an MCAP file (https://mcap.dev/spec). The limits are those of server/recording."""
 
 import collections.abc
 import dataclasses

@@ -152,7 +152,8 @@ class TickReader:
     def take(self, chunk: bytes, at: int) -> int:
         """Takes the records that begin at `at`, and are like the first one. Returns their end."""
         size: int = HEAD.size + HEAD.unpack_from(chunk, at)[1]
-        rows = np.frombuffer(chunk, np.uint8)[at:at + (len(chunk) - at) // size * size].reshape(-1, size)
+        end = at + (len(chunk) - at) // size * size
+        rows = np.frombuffer(chunk, np.uint8)[at:end].reshape(-1, size)
         layout = self._layout_of(rows)
         count = layout.count(rows) if layout else 0
         if layout and count >= _LEAST_ROWS:
