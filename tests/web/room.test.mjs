@@ -214,7 +214,11 @@ test("a named user steers the isovalue, everyone sees who did; a guest cannot", 
   const refused = await guest.evaluate(() => window.palpate.room.steer("isovalue", 0.4).then(() => "", (error) => String(error)));
   assert.notEqual(refused, "");
   assert.equal(await revisionOfSettings(guest), before);
-  await steerer.evaluate(() => window.palpate.room.steer("isovalue", 0.4));
+  // A browser that stood for seconds has lost its connection, and comes back.
+  await until("the isovalue is taken", async () => {
+    await awaitLive(steerer);
+    return steerer.evaluate(() => window.palpate.room.steer("isovalue", 0.4).then(() => true, () => false));
+  });
   await awaitPage(guest, "Math.abs(p.state.settings.values.isovalue - 0.4) < 1e-6");
   await awaitPage(guest, "p.state.steering.changes.at(-1)?.user === 'lecturer-1'");
   await awaitPage(guest, "p.state.events.some((text) => text.includes('lecturer-1'))");
