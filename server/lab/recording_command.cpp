@@ -21,7 +21,7 @@ namespace {
 
 [[noreturn]] void ThrowNotHeld(const RecordedScene& scene) {
   throw Error(ErrorKind::kNotFound,
-              scene.volume_source +
+              (scene.volume_source.empty() ? "the volume" : scene.volume_source) +
                   " is not in the recording (it is too large, or the recording is old), and cannot "
                   "be loaded again: if it was uploaded, give the uploaded file with --volume; "
                   "ticks of series, raw voxels and single frames cannot be computed again");
@@ -32,7 +32,8 @@ RecordedVolumeLoader LoaderOf(const RecordingReplayOptions& options) {
           import_program = options.import_program](const RecordedScene& scene) mutable {
     if (scene.all_voxels_stored) return WithoutVoxels(scene);
     const std::string given = std::exchange(first, {});
-    if (given.empty() && !scene.reloadable) ThrowNotHeld(scene);
+    const bool can_be_loaded = scene.reloadable && !scene.volume_source.empty();
+    if (given.empty() && !can_be_loaded) ThrowNotHeld(scene);
     return LoadVolume(given.empty() ? scene.volume_source : given, import_program, {},
                       scene.spacing_mm);
   };

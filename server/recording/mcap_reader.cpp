@@ -137,7 +137,7 @@ void Reader::Take(Opcode opcode, std::string_view content) {
   }
 }
 
-// Chunks may declare again what is known.
+// Chunks may declare again what is known: the first holds. No schema has the number 0.
 void Reader::Declare(Opcode opcode, std::string_view content) {
   const auto id = opcode == Opcode::kMetadata ? 0 : ByteReader(content).Get<std::uint16_t>();
   if (opcode == Opcode::kSchema ? schemas_.contains(id)
@@ -147,12 +147,12 @@ void Reader::Declare(Opcode opcode, std::string_view content) {
   declared_bytes_ += kBytesPerDeclaration + 4 * content.size();
   if (declared_bytes_ > kMostDeclaredBytes) throw DamagedBytes("damaged: it has too many channels");
   if (opcode == Opcode::kSchema) {
-    schemas_.emplace(id, NameOfSchema(content));
+    if (id != 0) schemas_.emplace(id, NameOfSchema(content));
   } else if (opcode == Opcode::kChannel) {
     channels_.emplace(id, DecodeChannel(content));
   } else {
     Metadata metadata = DecodeMetadata(content);
-    metadata_[metadata.name] = std::move(metadata.texts);
+    metadata_.try_emplace(metadata.name, std::move(metadata.texts));
   }
 }
 

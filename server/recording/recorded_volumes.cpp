@@ -84,17 +84,8 @@ std::shared_ptr<const VolumeSnapshot> WithEdits(const VolumeSnapshot& volume,
                                                 revision, volume.loaded_revision());
 }
 
-void RecordedVolumes::Take(RecordedEdit edit) {
-  bricks_ += edit.BrickCount();
-  if (bricks_ > VoxelLog::kMaxBricksPerScene) {
-    throw Error(ErrorKind::kInvalidArgument, "the recording is damaged: an edit is too large");
-  }
-  edits_.push_back(std::move(edit));
-}
-
 std::shared_ptr<const VolumeSnapshot> RecordedVolumes::Follow(const RecordedScene& scene) {
   error_.reset();
-  bricks_ = 0;
   try {
     return TryFollow(scene, std::exchange(edits_, {}));
   } catch (const Error& error) {

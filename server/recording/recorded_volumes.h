@@ -32,9 +32,8 @@ class RecordedVolumes {
  public:
   explicit RecordedVolumes(RecordedVolumeLoader load) : load_(std::move(load)) {}
 
-  // Takes an edit, or a part of one, that leads to the next scene's volume. Throws Error
-  // (kInvalidArgument) if they have more bricks than a recording stores.
-  void Take(RecordedEdit edit);
+  // Takes an edit, or a part of one, that leads to the next scene's volume.
+  void Take(RecordedEdit edit) { edits_.push_back(std::move(edit)); }
 
   // Returns the scene's volume; null, and sets error(), if it cannot be rebuilt.
   std::shared_ptr<const VolumeSnapshot> Follow(const RecordedScene& scene);
@@ -52,7 +51,6 @@ class RecordedVolumes {
 
   RecordedVolumeLoader load_;
   std::vector<RecordedEdit> edits_;
-  std::uint64_t bricks_ = 0;  // of these
   std::shared_ptr<const VolumeSnapshot> volume_;
   std::optional<std::uint64_t> loaded_revision_;  // of the last load, also if it failed
   std::uint64_t base_revision_ = 0;               // base of the next edits of volume_

@@ -11,6 +11,7 @@
 #include "server/recording/bytes.h"
 #include "server/recording/recorded_messages.h"
 #include "server/recording/recorded_tick.h"
+#include "server/recording/voxel_log.h"
 
 namespace palpate {
 namespace {
@@ -187,10 +188,16 @@ std::optional<RecordedItem> RecordingReader::ItemOf(const mcap::Message& next) {
     return RecordedSamples{SampleOf(FromProto(*tick))};
   }
   if (const auto* scene = messages.Parse(*file_, next, kSceneTopic, messages.scene)) {
+    edit_bricks_ = 0;
     return FromProto(*scene);
   }
   if (auto* voxels = messages.Parse(*file_, next, kVoxelsTopic, messages.voxels)) {
-    return FromProto(std::move(*voxels));
+    RecordedEdit edit = FromProto(std::move(*voxels));
+    edit_bricks_ += edit.BrickCount();
+    if (edit_bricks_ > VoxelLog::kMaxBricksPerScene) {
+      throw DamagedBytes("damaged: of too many bricks");
+    }
+    return edit;
   }
   if (const auto* keyframe = messages.Parse(*file_, next, kKeyframeTopic, messages.keyframe)) {
     return FromProto(*keyframe);
@@ -208,7 +215,7 @@ void RecordingReader::Extend(RecordedSamples& samples) {
     while (samples.size() < kSamplesPerChunk) {
       pending_ = ReadItem();
       const auto* next = pending_ ? std::get_if<RecordedSamples>(&*pending_) : nullptr;
-      if (!next || next->front().tick != *next_tick_) break;
+      if (!next || next->front().tick != *next_tick_ || *next_tick_ == kNoTick) break;
       samples.push_back(next->front());
       pending_.reset();
       ++*next_tick_;

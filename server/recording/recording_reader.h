@@ -64,6 +64,7 @@ class RecordingReader {
   std::optional<std::uint64_t> next_tick_;
   std::uint64_t ticks_ = 0;
   std::uint64_t lost_ticks_ = 0;
+  std::uint64_t edit_bricks_ = 0;  // that lead to the next scene
   bool complete_ = false;
   std::string stopped_because_;
 };

@@ -183,15 +183,10 @@ class ViewerReplay {
     if (auto* samples = std::get_if<RecordedSamples>(&*item)) {
       for (const TickSample& sample : *samples) Place(sample);
     } else if (auto* edit = std::get_if<RecordedEdit>(&*item)) {
-      edit_bricks_ += edit->BrickCount();
-      if (edit_bricks_ > VoxelLog::kMaxBricksPerScene) {
-        throw Error(ErrorKind::kInvalidArgument, "the recording is damaged: an edit is too large");
-      }
       edits_.push_back(std::move(*edit));
     } else if (auto* scene = std::get_if<RecordedScene>(&*item)) {
       events_.push_back({.position_ms = NextMs(), .edits = std::exchange(edits_, {})});
       events_.back().scene = std::move(*scene);
-      edit_bricks_ = 0;
     } else if (auto* marker = std::get_if<RecordedEvent>(&*item)) {
       events_.push_back({.position_ms = NextMs(), .marker = std::move(marker->marker)});
     } else if (auto* gap = std::get_if<RecordedGap>(&*item)) {
@@ -295,7 +290,6 @@ class ViewerReplay {
   std::uint64_t read_ticks_ = 0;
   std::optional<std::uint64_t> missed_ticks_;
   std::vector<RecordedEdit> edits_;  // the edits before the next scene
-  std::size_t edit_bricks_ = 0;      // of these
   std::deque<Event> events_;
 
   bool started_ = false;

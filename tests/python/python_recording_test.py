@@ -302,6 +302,8 @@ class Made(unittest.TestCase):
             else:
                 with self.assertRaises(palpate.InvalidArgument):
                     recorded.to_world_mm((0, 0, 0))
+        without = self.opened(framed(("/scene", corpus_recordings.scene(more={7: b""}))))
+        self.assertIn("builtin:small", repr(without.scenes))  # of a version without settings
         recording = self.opened(framed(scene := ("/scene", corpus_recordings.scene())))
         with self.assertRaises(palpate.FailedPrecondition):
             recording.scenes[0].to_world_mm((0, 0, 0))
@@ -373,6 +375,27 @@ class Made(unittest.TestCase):
         recording = self.opened(corpus_recordings.recording(corpus_recordings.chunk(
             *[corpus_recordings.record_of("/tick", row) for row in rows])))
         np.testing.assert_array_equal(recording.ticks.mode, [2] * 20)
+        # So is a tag: this one is that of `docked`.
+        rows = [corpus_recordings.sample(n) + b"\xa0\x80\x80\x80\x10\x01" for n in range(20)]
+        recording = self.opened(corpus_recordings.recording(corpus_recordings.chunk(
+            *[corpus_recordings.record_of("/tick", row) for row in rows])))
+        self.check(recording.ticks, [recorded_pb2.RecordedTick.FromString(row) for row in rows])
+
+    def test_what_is_declared_twice_is_the_first_and_no_schema_has_the_number_0(self):
+        tick = corpus_recordings.record_of("/tick", corpus_recordings.sample(5))
+        text, record = corpus_recordings.text, corpus_recordings.record
+        again = record(12, text("palpate.recording") + corpus_recordings.texts(created_unix_ns="7"))
+        recording = self.opened(corpus_recordings.recording(again, corpus_recordings.chunk(tick)))
+        self.assertEqual(recording.created_unix_ns, 1)
+        none = record(3, struct.pack("<H", 0) + text("palpate.v1.RecordedTick") + text("protobuf") +
+                      text(""))
+        other = record(4, struct.pack("<HH", 50, 0) + text("/tick") + text("json") +
+                       corpus_recordings.texts())
+        foreign = bytearray(corpus_recordings.record_of("/tick", corpus_recordings.sample(6)))
+        struct.pack_into("<H", foreign, 9, 50)
+        recording = self.opened(corpus_recordings.recording(
+            none, other, corpus_recordings.chunk(tick, bytes(foreign))))
+        np.testing.assert_array_equal(recording.ticks.tick, [5])
 
     def test_lost_ticks_at_the_end_follow_whatever_came_last(self):
         keyframe = corpus_recordings.message({1: 10, 2: corpus_recordings.keyframe(tick=10)})

@@ -24,6 +24,7 @@
 #include "server/recording/recorded_messages.h"
 #include "server/recording/recorded_tick.h"
 #include "server/recording/tick_layout.h"
+#include "server/recording/voxel_log.h"
 #include "tests/support/recording.h"
 #include "tests/support/refusal.h"
 
@@ -400,6 +401,13 @@ TEST(ForeignRecording, ThatMakesNoSenseEndsWhereItDoesNot) {
                  ToProto(RecordedEvent{9, 1, std::string(4097, 'x')}).SerializeAsString());
       },
       [&](Foreign& file) { file.writer().AddMessage(60'000, 1, tick); },
+      [&](Foreign& file) {  // bricks without end that no scene needs
+        v1::RecordedVoxels voxels;
+        v1::VolumeTile& tile = *voxels.mutable_bricks()->add_tiles();
+        tile.set_bricks(VoxelLog::kMaxBricksPerScene);
+        voxels.mutable_bricks()->set_voxel_type(v1::VOXEL_TYPE_FLOAT32);
+        for (int n = 0; n < 2; ++n) file.Add(kVoxelsTopic, voxels.SerializeAsString());
+      },
   };
   for (const auto& attack : attacks) {
     Foreign file;
@@ -418,6 +426,17 @@ TEST(ForeignRecording, ThatMakesNoSenseEndsWhereItDoesNot) {
     ReadAll(reader);
     EXPECT_FALSE(reader.complete());
   }
+}
+
+TEST(ForeignRecording, NothingComesAfterTheGreatestTick) {
+  constexpr auto kMost = std::numeric_limits<std::uint64_t>::max();
+  Foreign file;
+  for (const std::uint64_t tick : {kMost - 2, kMost - 1, kMost, std::uint64_t{0}}) {
+    file.Add(RandomSample(tick));
+  }
+  RecordingReader reader = ReadBytes(file.End(4));
+  EXPECT_EQ(CountTrueSamples(ReadAll(reader)), 2u);
+  EXPECT_FALSE(reader.complete());
 }
 
 std::string ChunkRecord(std::uint64_t unpacked_bytes, std::uint32_t crc, const std::string& packing,

@@ -135,7 +135,7 @@ class McapFile:
         fields = Fields(content)
         if opcode == SCHEMA:
             number, = fields.get("H")
-            if number not in self.schemas:
+            if number and number not in self.schemas:
                 self.schemas[number] = fields.get_text()
         elif opcode == CHANNEL:
             number, = fields.get("H")
@@ -145,7 +145,7 @@ class McapFile:
                 self.channels[number] = Channel(topic, schema if encoding == "protobuf" else 0)
         elif opcode == METADATA:
             name = fields.get_text()
-            self.metadata[name] = fields.get_texts()
+            self.metadata.setdefault(name, fields.get_texts())
         if len(self.schemas) + len(self.channels) + len(self.metadata) > _MOST_DECLARATIONS:
             raise Damaged("damaged: it has too many channels")
 
@@ -202,6 +202,7 @@ def parsed(kind: type[T], data: bytes) -> T:
         warnings.simplefilter("error")
         try:
             message: T = kind.FromString(data)
+            message.DiscardUnknownFields()  # they take a hundred times their bytes
             return message
         except (DecodeError, RuntimeWarning, SystemError):
             raise Damaged(f"damaged: a {kind.DESCRIPTOR.name} makes no sense") from None

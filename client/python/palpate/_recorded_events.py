@@ -116,8 +116,9 @@ class RecordedScene:
         return world
 
     def __repr__(self) -> str:
+        isovalue = f", isovalue {self.settings['isovalue']:g}" if "isovalue" in self.settings else ""
         return (f"<palpate recorded scene: from tick {self.tick} on, {self.volume_source}, "
-                f"revision {self.volume_revision}, isovalue {self.settings['isovalue']:g}>")
+                f"revision {self.volume_revision}{isovalue}>")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

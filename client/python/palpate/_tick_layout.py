@@ -19,7 +19,7 @@ from palpate._tables import WORDS
 from palpate.v1 import recorded_pb2
 
 _START = HEAD.size + MESSAGE_HEAD.size
-_MOST_LAYOUTS = 64
+_MOST_LAYOUTS = 8
 # Fewer records are parsed.
 _LEAST_ROWS = 8
 _LEAST_BLOCK_ROWS = 1 << 11
@@ -120,7 +120,10 @@ class _Walk:
         if after - at > 5:
             raise _Odd
         self.mask[at:after] = 0xff
-        return sum((byte & 0x7f) << 7 * n for n, byte in enumerate(self._record[at:after])), after
+        number = sum((byte & 0x7f) << 7 * n for n, byte in enumerate(self._record[at:after]))
+        if number >> 32:  # protobuf drops the upper bits of a tag
+            raise _Odd
+        return number, after
 
     def layout(self) -> _Layout:
         return _Layout(len(self._record), self.varints, self.doubles, self.messages, self.mask,
