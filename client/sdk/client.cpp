@@ -4,12 +4,12 @@
 #include <functional>
 #include <utility>
 
+#include "client/sdk/facts_follower.h"
 #include "client/sdk/link.h"
 #include "client/sdk/monitor.h"
 #include "client/sdk/pose_follower.h"
 #include "client/sdk/server_choice.h"
 #include "client/sdk/setting_messages.h"
-#include "client/sdk/settings_follower.h"
 #include "client/sdk/volume_follower.h"
 #include "palpate/v1/render.grpc.pb.h"
 
@@ -38,8 +38,9 @@ class Client::Parts {
  public:
   Parts(Link& link_of_calls, ClientOptions options)
       : link(link_of_calls),
-        settings(link, monitor,
-                 EndingIfItThrows(std::move(options.callbacks.on_settings), monitor)),
+        facts(link, monitor,
+              {.settings = EndingIfItThrows(std::move(options.callbacks.on_settings), monitor),
+               .facts = EndingIfItThrows(std::move(options.callbacks.on_facts), monitor)}),
         poses(link, monitor, options.poses, Events(options.callbacks)) {
     if (options.follow_volume) {
       volume.emplace(link, monitor,
@@ -58,19 +59,19 @@ class Client::Parts {
     End();
     poses.End();
     if (volume) volume->End();
-    settings.End();
+    facts.End();
   }
 
   // Called last, when all members that the threads use exist.
   void Begin() {
-    settings.Begin();
+    facts.Begin();
     if (volume) volume->Begin();
     poses.Begin();
   }
 
   Link& link;
   Monitor monitor;
-  SettingsFollower settings;
+  FactsFollower facts;
   std::optional<VolumeFollower> volume;
   PoseFollower poses;
 
@@ -78,11 +79,9 @@ class Client::Parts {
   PoseFollower::Events Events(Callbacks& callbacks) {
     return {.connection = EndingIfItThrows(std::move(callbacks.on_connection), monitor),
             .poses = EndingIfItThrows(std::move(callbacks.on_poses), monitor),
-            .first_settings =
-                [this](const v1::GetSettingsResponse& response) {
-                  settings.Replace(FromProto(response.settings(), response.settings_revision()));
-                },
-            .settings_changed = [this] { settings.Ask(); }};
+            .first_settings = [this](const v1::GetSettingsResponse& response) {
+              facts.Replace(FromProto(response.settings(), response.settings_revision()));
+            }};
   }
 };
 
@@ -111,19 +110,20 @@ std::optional<Pose> Client::NewestPose() const { return parts_->poses.Newest(); 
 std::uint64_t Client::dropped_poses() const { return parts_->poses.dropped(); }
 void Client::SetPoseRate(const PoseRate& rate) { parts_->poses.SetRate(rate); }
 
-std::optional<Settings> Client::NewestSettings() const { return parts_->settings.Newest(); }
+std::optional<Settings> Client::NewestSettings() const { return parts_->facts.NewestSettings(); }
+std::shared_ptr<const Facts> Client::NewestFacts() const { return parts_->facts.Newest(); }
 
 Settings Client::GetSettings() {
   const std::uint64_t epoch = parts_->monitor.epoch();
   const Settings settings = Calls::GetSettings();
-  parts_->settings.Take(settings, epoch);
+  parts_->facts.Take(settings, epoch);
   return settings;
 }
 
 SettingsResult Client::Set(const SettingsUpdate& update) {
   const std::uint64_t epoch = parts_->monitor.epoch();
   const SettingsResult result = Calls::Set(update);
-  parts_->settings.Take(result.settings, epoch);
+  parts_->facts.Take(result.settings, epoch);
   return result;
 }
 

@@ -1,5 +1,5 @@
-// A client that follows palpated by itself: the newest pose, the settings, a copy of the volume. It
-// also has all calls of Calls.
+// A client that follows palpated by itself: the newest pose, the facts (settings, volume, device,
+// recording, people), a copy of the volume. It also has all calls of Calls.
 //
 // The client connects by itself, and again after every loss. The first pause is 0.1 s. Each later
 // pause is twice as long, up to 5 s. Each pause is shortened at random by up to a half, so that
@@ -26,6 +26,7 @@
 
 #include "client/sdk/calls.h"
 #include "client/sdk/connection.h"
+#include "client/sdk/facts.h"
 #include "client/sdk/pose.h"
 #include "client/sdk/volume_update.h"
 
@@ -39,9 +40,11 @@ struct Callbacks {
   // NewestPose does not change. A slow callback gets all waiting poses at once. Beyond 16 waiting
   // messages the oldest are lost. The last pose is always fresh.
   std::function<void(const PoseBatch&)> on_poses{};
-  // The settings thread: called when settings are new, whoever changed them, and once after every
+  // The facts thread: called when settings are new, whoever changed them, and once after every
   // connection. Changes in quick succession may arrive as one.
   std::function<void(const Settings&)> on_settings{};
+  // The facts thread: a fact is new. Gets all facts that are known.
+  std::function<void(const Facts&)> on_facts{};
   // The volume thread: TakeVolumeUpdate has something.
   std::function<void()> on_volume{};
 };
@@ -85,9 +88,12 @@ class Client : public Calls {
   // Takes effect with the next message. Errors: kInvalidArgument.
   void SetPoseRate(const PoseRate& rate);
 
-  // The newest settings known, as on_settings gets them; none before the first connection. At most
-  // about one message of poses older than the daemon's settings.
+  // The newest settings known, as on_settings gets them; none before the first connection. They
+  // come some milliseconds after a change.
   std::optional<Settings> NewestSettings() const;
+  // The newest facts received, also after a loss until there is another connection; never null.
+  // Makes no call: ask as often as you like.
+  std::shared_ptr<const Facts> NewestFacts() const;
   // As Calls::GetSettings. Afterwards NewestSettings is at least as new.
   Settings GetSettings() override;
   SettingsResult Set(const SettingsUpdate& update) override;

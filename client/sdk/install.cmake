@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 
 # None of them includes gRPC or protobuf: unit.include_layers checks it.
 target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES
-  activity.h calls.h client.h connection.h device.h download.h edit.h hand_lead.h nrrd_file.h placement.h pose.h pose_reader.h progress.h
+  activity.h calls.h client.h connection.h device.h download.h edit.h facts.h hand_lead.h nrrd_file.h placement.h pose.h pose_reader.h progress.h
   recording.h series.h server_choice.h setting.h settings.h volume.h volume_mirror.h volume_update.h words.h
   ${PROJECT_SOURCE_DIR}/common/bricks/brick.h
   ${PROJECT_SOURCE_DIR}/common/bricks/brick_map.h

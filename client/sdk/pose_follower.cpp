@@ -90,7 +90,6 @@ void PoseFollower::Follow() {
   const std::unique_ptr<v1::PoseService::Stub> stub = v1::PoseService::NewStub(link_.channel());
   events_.first_settings(AskForSettings());
   Report({ConnectionState::kConnected, {}});
-  settings_revision_.reset();
   while (!monitor_.stopping()) {
     std::unique_lock lock(mutex_);
     const PoseRate rate = rate_;
@@ -146,9 +145,6 @@ void PoseFollower::TakeAll(Call& call, v1::StreamPosesResponse& message) {
     const std::lock_guard lock(mutex_);
     newest_ = batch.poses.back();
   }
-  // Also ask after the first pose: the settings may have changed since first_settings.
-  const std::uint64_t revision = batch.poses.back().settings_revision;
-  if (std::exchange(settings_revision_, revision) != revision) events_.settings_changed();
   if (!events_.poses) return;
   events_.poses(batch);
   is_slow_ = Clock::now() - batch.received > kSlow;

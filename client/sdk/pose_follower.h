@@ -30,8 +30,6 @@ class PoseFollower {
     std::function<void(const PoseBatch&)> poses{};
     // The daemon's settings; called before `connection` reports kConnected.
     std::function<void(const v1::GetSettingsResponse&)> first_settings{};
-    // A pose was computed with other settings than the pose before.
-    std::function<void()> settings_changed{};
   };
 
   // Errors: as BatchOf.
@@ -65,7 +63,6 @@ class PoseFollower {
   Backoff backoff_;
 
   // Used by the pose thread only.
-  std::optional<std::uint64_t> settings_revision_;
   std::uint64_t dropped_before_ = 0;  // by ended streams
   bool is_slow_ = false;              // the last callback took at least kSlow
 

@@ -263,7 +263,10 @@ std::vector<Access::End> Access::MarkEnds(const Identities& judged,
   for (Admission::Running& call : running_) {
     const auto found = judged.find(call.credentials);
     if (call.ended || found == judged.end()) continue;
-    const bool holds = found->second && found->second->role >= call.rule->least;
+    const bool is_allowed = found->second && found->second->role >= call.rule->least;
+    // Who follows the facts was told its role when it began.
+    const bool holds = is_allowed && (call.rule->kind != CallKind::kFactStream ||
+                                      found->second->role == call.caller.role);
     const bool is_late = call.must_send_by_ns != 0 && now_ns > call.must_send_by_ns;
     if (holds && !is_late) continue;
     call.ended = true;
@@ -272,7 +275,9 @@ std::vector<Access::End> Access::MarkEnds(const Identities& judged,
     ends.push_back({call.context->c_call(), call.caller.name,
                     "ended " + std::string(call.rule->method) + " of " + call.caller.name + " at " +
                         call.peer + ": " +
-                        (holds ? "it sends too slowly" : "it is no longer allowed")});
+                        (holds        ? "it sends too slowly"
+                         : is_allowed ? "its caller has another role now"
+                                      : "it is no longer allowed")});
   }
   return ends;
 }

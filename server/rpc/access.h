@@ -118,6 +118,8 @@ class Access {
                   std::size_t request_bytes = 0);
 
   const Activity& activity() const { return activity_; }
+  // See Activity::SetOnChange.
+  void SetOnChange(Activity::OnChange call) { activity_.SetOnChange(std::move(call)); }
   const LimitOptions& limits() const { return options_; }
 
   // Applies from the next call on. Running calls that the new policy refuses end now. One thread at

@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <string>
@@ -48,6 +49,9 @@ class Activity {
   // over. False: there are too many callers to remember this one.
   bool Came(const Identity& identity, const std::string& peer, bool watches, std::int64_t now_ns);
   void Left(const Identity& identity, const std::string& peer, bool watches, std::int64_t now_ns);
+  // Called after each Changed, on its thread; must not wait. Set it before the first.
+  using OnChange = std::function<void(std::string_view what)>;
+  void SetOnChange(OnChange call) { on_change_ = std::move(call); }
   // The thing was changed. `what`: one of a few names.
   void Changed(std::string_view what, std::string by, std::int64_t now_ns);
 
@@ -68,7 +72,9 @@ class Activity {
 
   static bool IsGone(const Seen& seen, std::int64_t now_ns);
 
-  mutable std::mutex mutex_;
+  OnChange on_change_;
+
+  mutable std::mutex mutex_;  // guards what follows
   Callers callers_;
   std::uint64_t came_ = 0;
   std::vector<Change> changes_;  // the newest last

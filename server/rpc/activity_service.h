@@ -6,6 +6,11 @@
 
 namespace palpate {
 
+// Of now, without is_you.
+v1::GetActivityResponse ToProto(const Activity& activity);
+// Sets is_you of whoever made the admitted call.
+void MarkCaller(const Admission& you, v1::GetActivityResponse& activity);
+
 class ActivityService final : public v1::ActivityService::CallbackService {
  public:
   // Borrows it.

@@ -103,21 +103,30 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
                                 v1::GetDeviceResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/GetDevice", *request, *response,
                        [=, this](const Admission& admission) {
-                         GetDeviceResponse out = {
-                             .device = device_.spec(),
-                             .servo = Servo(),
-                             .health = device_.health(),
-                             .caller = {admission.caller().name, admission.caller().role}};
-                         const auto forces = forces_.newest();
-                         if (forces) {
-                           out.forces = ForcesNow(*forces, session_.forces_off());
-                           out.forces_set_by = SetBy(*forces);
-                         }
-                         if (hand_) out.hand_led_by = hand_->led_by();
-                         *response = ToProto(out);
+                         const HandsState now = Hands();
+                         const Hand& hand = now.hands.front();
+                         *response = ToProto(GetDeviceResponse{
+                             .device = hand.device,
+                             .servo = now.servo,
+                             .health = hand.health,
+                             .forces = hand.forces,
+                             .caller = {admission.caller().name, admission.caller().role},
+                             .forces_set_by = hand.forces_set_by,
+                             .hand_led_by = hand.led_by});
                          // Before the first tick.
-                         if (!forces) response->clear_forces();
+                         if (hand.forces.state == ForceState::kUnknown) response->clear_forces();
                        });
+}
+
+HandsState DeviceService::Hands() const {
+  Hand hand = {.device = device_.spec(), .health = device_.health()};
+  // None before the first tick.
+  if (const auto forces = forces_.newest()) {
+    hand.forces = ForcesNow(*forces, session_.forces_off());
+    hand.forces_set_by = SetBy(*forces);
+  }
+  if (hand_) hand.led_by = hand_->led_by();
+  return {.hands = {std::move(hand)}, .servo = Servo()};
 }
 
 Reply* DeviceService::ListDevices(CallContext* context, const v1::ListDevicesRequest* request,
@@ -251,13 +260,13 @@ ForceTick DeviceService::Command(ForceCommand command) {
 
 void DeviceService::Note(ForceCommand command, const Admission& by) {
   const bool is_stop = command == ForceCommand::kStop;
-  by.Changed("forces");
   {
     const std::lock_guard lock(mutex_);
     (is_stop                            ? stopped_by_
      : command == ForceCommand::kEnable ? enabled_by_
                                         : disabled_by_) = by.Who();
   }
+  by.Changed("forces");
   // No other lines of the client may hide these.
   const std::string whose = "forces, " + by.caller().name;
   LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, whose, "forces: {}, by {}",

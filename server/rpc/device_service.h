@@ -54,6 +54,9 @@ class DeviceService final : public v1::DeviceService::CallbackService {
                          v1::CalibrateDeviceResponse* response) override;
   LeadHandReactor* LeadHand(CallContext* context) override;
 
+  // How the hand and the servo are now; any thread.
+  HandsState Hands() const;
+
  private:
   void CheckName(const std::string& name) const;
   ForceTick Command(ForceCommand command);

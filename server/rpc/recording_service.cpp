@@ -9,7 +9,6 @@
 #include "server/log/log.h"
 
 namespace palpate {
-namespace {
 
 v1::RecordingState ToProto(const RecordingStatus& status) {
   return palpate::ToProto(
@@ -23,6 +22,8 @@ v1::RecordingState ToProto(const RecordingStatus& status) {
                      .replay = status.replay,
                      .disk_full = status.error && status.error->kind() == ErrorKind::kDiskFull});
 }
+
+namespace {
 
 v1::ReplayResponse ToProto(const ReplayReport& report) {
   return palpate::ToProto(ReplayResponse{.ticks = report.state.ticks,

@@ -7,6 +7,8 @@
 
 namespace palpate {
 
+v1::RecordingState ToProto(const RecordingStatus& status);
+
 class RecordingService final : public v1::RecordingService::CallbackService {
  public:
   // Borrows both.

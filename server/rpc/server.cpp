@@ -143,7 +143,8 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       device_(calls_, parts.device, parts.hand, parts.servo, parts.inbox, parts.session,
               parts.forces, parts.list_devices),
       recording_(calls_, parts.recording),
-      activity_(calls_) {}
+      activity_(calls_),
+      facts_(access_, parts.session, parts.series, parts.recording, device_) {}
 
 // gRPC lets two servers listen on one path without noticing each other, so a lock file decides. The
 // file stays when the daemon ends: if it were removed, one daemon could lock the old file and
@@ -225,7 +226,7 @@ void RpcServer::Start() {
   add_sink(grpc::InsecureServerCredentials());
   for (grpc::Service* service :
        std::initializer_list<grpc::Service*>{&poses_, &render_, &registration_, &volume_, &series_,
-                                             &device_, &recording_, &activity_}) {
+                                             &device_, &recording_, &activity_, &facts_}) {
     builder.RegisterService(service);
   }
   calls_.threads().Start();
@@ -248,6 +249,7 @@ void RpcServer::Stop() noexcept {
   if (security_files_) security_files_->Stop();
   acceptor_.Stop();
   volume_streams_.Stop();
+  facts_.Stop();
   if (server_) {
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownPatience);
     server_->Wait();

@@ -20,6 +20,7 @@
 #include "server/rpc/activity_service.h"
 #include "server/rpc/calls.h"
 #include "server/rpc/device_service.h"
+#include "server/rpc/facts_service.h"
 #include "server/rpc/pose_service.h"
 #include "server/rpc/recording_service.h"
 #include "server/rpc/registration_service.h"
@@ -107,6 +108,7 @@ class RpcServer {
   DeviceService device_;
   RecordingService recording_;
   ActivityService activity_;
+  FactsService facts_;
   // A thread that reads from connections when none of gRPC's own does. gRPC 1.51 reads on the
   // threads of its callback queue, and each of these sleeps for 100 ms after every second without
   // a call: every call would wait for up to 100 ms.

@@ -32,8 +32,10 @@ std::optional<std::string> IdentityLimits::Enter(const std::string& identity, Ca
            " MiB of requests at a time are the most for one client: wait for answers before you "
            "go on";
   }
-  if (kind == CallKind::kPoseStream && running >= options_.pose_streams) {
-    return TooMany(options_.pose_streams, "streams of poses", "pose_streams");
+  const bool is_fact_stream = kind == CallKind::kFactStream;
+  if ((kind == CallKind::kPoseStream || is_fact_stream) && running >= options_.pose_streams) {
+    return TooMany(options_.pose_streams, is_fact_stream ? "streams of facts" : "streams of poses",
+                   "pose_streams");
   }
   if (kind == CallKind::kVolumeStream && running >= options_.volume_streams) {
     return TooMany(options_.volume_streams, "streams of the volume", "volume_streams");

@@ -20,7 +20,7 @@ namespace palpate {
 // Limits per identity. All clients on the socket are one identity.
 struct LimitOptions {
   int calls_per_s = 2000;  // also the most at once
-  int pose_streams = 256;
+  int pose_streams = 256;  // and as many of facts
   // For all identities together. One identity over the network may have at most half, so that no
   // identity keeps the others out. A message costs 9 to 20 us: 64 streams at 1 kHz are too much for
   // two cores, and the thread that carries samples falls behind.
@@ -55,7 +55,7 @@ class IdentityLimits {
  private:
   struct Use {
     RateLimit calls;
-    std::array<int, 6> running{};  // by kind
+    std::array<int, 7> running{};  // by kind
     std::size_t request_bytes = 0;
     int samples_per_s = 0;
   };

@@ -16,6 +16,7 @@ constexpr auto kRules = std::to_array<MethodRule>({
     // Viewers may see all data, and may ask how it was made.
     {"/palpate.v1.PoseService/StreamPoses", kViewer, kPoseStream, kAnytime},
     {"/palpate.v1.VolumeService/StreamVolume", kViewer, kVolumeStream},
+    {"/palpate.v1.FactsService/Follow", kViewer, kFactStream, kAnytime},
     {"/palpate.v1.VolumeService/GetVolume", kViewer, kCall},
     {"/palpate.v1.RenderService/GetSettings", kViewer, kCall, kAnytime},
     {"/palpate.v1.RegistrationService/GetRegistration", kViewer, kCall},

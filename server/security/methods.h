@@ -14,8 +14,9 @@ namespace palpate {
 // The kinds of calls, counted per identity.
 enum class CallKind {
   kCall,          // answered at once; limited per second
-  kPoseStream,    // limited at a time, as are the next two
+  kPoseStream,    // limited at a time, as are the next three
   kVolumeStream,  //
+  kFactStream,    //
   kTransfer,      // loads, saves, uploads, filters, replays: take seconds to minutes
   kHand,          // leads the simulated hand; limited at a time
   kStop,          // the emergency stop: not limited

@@ -119,15 +119,15 @@ TEST_F(ViewLive, KnowsItsOwnChangesOfWhatIsForEveryone) {
   EXPECT_EQ(feed.shared().FreshLine(), "");
 }
 
-class ViewQuestions : public ViewLive {
+class ViewFacts : public ViewLive {
  protected:
   // Begins and ends a recording, and waits until the feed knows both.
   void Record(const std::string& name) {
     const std::string path = daemon_.folder() / name;
-    feed_.DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
+    feed_.StartRecording(path);
     ASSERT_TRUE(Follow(feed_, [&] { return feed_.recording() && feed_.recording()->running; }));
     EXPECT_EQ(feed_.recording()->path, path);
-    feed_.DoAndAsk("stop", [](client::Client& client) { client.StopRecording(); });
+    feed_.StopRecording();
     ASSERT_TRUE(Follow(feed_, [&] { return feed_.recording() && !feed_.recording()->running; }));
     EXPECT_EQ(feed_.commands().problem(), "");
   }
@@ -135,7 +135,7 @@ class ViewQuestions : public ViewLive {
   LiveFeed feed_{server()};
 };
 
-TEST_F(ViewQuestions, AreAnsweredInTheBackground) {
+TEST_F(ViewFacts, AreKnownWithoutAsking) {
   ASSERT_TRUE(Follow(feed_, [&] { return feed_.device() && feed_.recording(); }));
   EXPECT_EQ(feed_.device()->device.kind, "simulated");
   EXPECT_FALSE(feed_.series());
@@ -343,22 +343,6 @@ TEST_F(ViewLive, AnEmergencyStopIsSaidWhenItIsDone) {
   EXPECT_TRUE(feed.emergency_stop().line().is_bad);
   daemon_.Start();
   EXPECT_TRUE(Follow(feed, [&] { return feed.emergency_stop().line().text.empty(); }));
-}
-
-// --- What is about time
-
-class ViewQuestionsTimes : public ViewQuestions {};
-
-// Each begins when an answer has just come: the next question would come a second later.
-TEST_F(ViewQuestionsTimes, ACommandThatAsksIsAnsweredBeforeTheNextQuestion) {
-  const test::StolenShare stolen;
-  ASSERT_TRUE(Follow(feed_, [&] { return feed_.recording().has_value(); }));
-  constexpr int kRecordings = 6;
-  const auto begin = std::chrono::steady_clock::now();
-  for (int n = 0; n < kRecordings; ++n) Record(std::to_string(n) + ".mcap");
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-  std::printf("%d answers in %.2f s\n", 2 * kRecordings, took.count());
-  EXPECT_LT(took.count(), kRecordings);
 }
 
 }  // namespace

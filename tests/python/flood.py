@@ -1,5 +1,5 @@
 """flood.py PORT SECONDS [CA TOKEN_FILE]: 900 connections that make 2 000 calls a second and read no
-answer: half of the time GetDevice, then GetActivity. Prints "ready", and at the end what it sent."""
+answer: a third of the time GetDevice, then GetActivity, then Follow of the facts. Prints "ready", and at the end what it sent."""
 
 import contextlib
 import pathlib
@@ -12,7 +12,8 @@ import time
 from wire import DATA, END_STREAM, GET_DEVICE, Unreading, frame
 
 CONNECTIONS, CALLS_PER_S = 900, 2000
-GET_ACTIVITY = b"/palpate.v1.ActivityService/GetActivity"
+CALLS = ((GET_DEVICE,), (b"/palpate.v1.ActivityService/GetActivity",),
+         (b"/palpate.v1.FactsService/Follow", b"\0\0\0\0\2\x0a\0", 0))  # with its start
 # The daemon allows 100 at once on a connection.
 MOST_STREAM = 2 * 95
 
@@ -35,13 +36,13 @@ class Flooder:
                 Unreading(plain) if self._tls is None else
                 Unreading(self._tls.wrap_socket(plain, server_hostname="localhost"), self._token))
 
-    def call(self, path):
+    def call(self, path, body=bytes(5), flags=END_STREAM):
         try:
             if self._connection is None or self._stream > MOST_STREAM:
                 self.connect()
             one = self._connection
             one.begin_call(self._stream, is_whole=True, more=one.more, path=path)
-            one.send(frame(DATA, END_STREAM, self._stream, bytes(5)))
+            one.send(frame(DATA, flags, self._stream, body))
             self._stream += 2
         except (OSError, AttributeError):
             self.connect()
@@ -58,7 +59,7 @@ def main(port, seconds, ca=None, token=None):
     began, sent, seconds = time.monotonic(), 0, float(seconds)
     while (since := time.monotonic() - began) < seconds:
         while sent < since * CALLS_PER_S:
-            flooders[sent % CONNECTIONS].call(GET_DEVICE if since < seconds / 2 else GET_ACTIVITY)
+            flooders[sent % CONNECTIONS].call(*CALLS[int(since / seconds * len(CALLS))])
             sent += 1
         time.sleep(0.001)
     print(sent, "calls", flush=True)

@@ -100,7 +100,7 @@ class Guest:
     def __init__(self, gateway, **login):
         self.gateway = gateway
         self.topics, self.manifests, self.pose, self.poses = {}, [], None, 0
-        self.heard = []
+        self.heard, self._callbacks = [], {}
         status, headers, body = gateway.ask(
             "POST", "/login", json.dumps(login or {"room": gateway.room}), Origin=gateway.origin,
             Content_Type="application/json")
@@ -152,6 +152,7 @@ class Guest:
             text = json.loads(message)
             self.topics[text["type"]] = text
             self.heard.append(text)
+            self._callbacks.get(text["type"], lambda text: None)(text)
             if text["type"] == "manifest":
                 self.manifests.append(text["name"])
         elif kind == 2:
@@ -159,6 +160,13 @@ class Guest:
             self.poses += 1
             if self.poses % 8 == 0:
                 self.send({"type": "ack", "sequence": struct.unpack_from("<I", message, 4)[0]})
+
+    def on_text(self, topic, call):
+        """Calls it on the guest's thread with the topic's text now, if there is one, and with each
+        later one."""
+        self._callbacks[topic] = call
+        if topic in self.topics:
+            call(self.topics[topic])
 
     def send(self, message):
         """Up to 125 bytes of JSON, masked with zeros."""

@@ -6,6 +6,7 @@
 
 #include "palpate/v1/activity.pb.h"
 #include "palpate/v1/device.pb.h"
+#include "palpate/v1/facts.pb.h"
 #include "palpate/v1/pose.pb.h"
 #include "palpate/v1/recording.pb.h"
 #include "palpate/v1/registration.pb.h"
@@ -23,7 +24,8 @@ TEST(Methods, TheTableHasAllOfThemOnce) {
        {v1::GetDeviceRequest::descriptor(), v1::StreamPosesRequest::descriptor(),
         v1::MarkRequest::descriptor(), v1::GetRegistrationRequest::descriptor(),
         v1::GetSettingsRequest::descriptor(), v1::GetSeriesRequest::descriptor(),
-        v1::GetVolumeRequest::descriptor(), v1::GetActivityRequest::descriptor()}) {
+        v1::GetVolumeRequest::descriptor(), v1::GetActivityRequest::descriptor(),
+        v1::FollowRequest::descriptor()}) {
     const auto* file = message->file();
     for (int s = 0; s < file->service_count(); ++s) {
       for (int m = 0; m < file->service(s)->method_count(); ++m) {
@@ -64,8 +66,8 @@ TEST(Methods, EachRoleMayDoWhatItAnswersFor) {
 TEST(Methods, OnlyQuestionsAndTheStopAreForViewers) {
   for (const MethodRule& rule : MethodRules()) {
     const std::string_view name = rule.method.substr(rule.method.rfind('/') + 1);
-    const bool asks =
-        name.starts_with("Get") || name == "ListDevices" || name.starts_with("Stream");
+    const bool asks = name.starts_with("Get") || name.starts_with("Stream") ||
+                      name == "ListDevices" || name == "Follow";
     EXPECT_EQ(rule.least == Role::kViewer, asks || name == "StopForces") << name;
     EXPECT_EQ(rule.kind == CallKind::kStop, name == "StopForces") << name;
   }

@@ -88,13 +88,15 @@ void Collect(const google::protobuf::Descriptor& type, std::set<std::string>& na
 
 template <class Type>
 class ValuesTest : public ::testing::Test {};
-using Messages = ::testing::Types<
-    v1::PoseSample, v1::GetDeviceResponse, v1::ListedDevice, v1::GetActivityResponse,
-    v1::LoadSeriesResult, v1::ControlSeriesRequest, v1::RecordingState, v1::ReplayResponse,
-    v1::ListRecordingsResponse, v1::GetRegistrationResponse, v1::UpdateRegistrationRequest,
-    v1::UpdateRegistrationResponse, v1::VolumeRevision, v1::VolumeOverview, v1::VolumePlacement,
-    v1::LoadVolumeResult, v1::SaveVolumeResult, v1::EditVolumeResponse, v1::SphereShape,
-    v1::BoxShape, v1::CapsuleShape, v1::EnableForcesResponse, v1::ControlSeriesResponse>;
+using Messages =
+    ::testing::Types<v1::PoseSample, v1::GetDeviceResponse, v1::HandsState, v1::ListedDevice,
+                     v1::GetActivityResponse, v1::LoadSeriesResult, v1::ControlSeriesRequest,
+                     v1::RecordingState, v1::ReplayResponse, v1::ListRecordingsResponse,
+                     v1::GetRegistrationResponse, v1::UpdateRegistrationRequest,
+                     v1::UpdateRegistrationResponse, v1::VolumeRevision, v1::VolumeOverview,
+                     v1::VolumePlacement, v1::LoadVolumeResult, v1::SaveVolumeResult,
+                     v1::EditVolumeResponse, v1::SphereShape, v1::BoxShape, v1::CapsuleShape,
+                     v1::EnableForcesResponse, v1::ControlSeriesResponse>;
 TYPED_TEST_SUITE(ValuesTest, Messages);
 
 TYPED_TEST(ValuesTest, EveryFieldComesBack) {

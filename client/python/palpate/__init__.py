@@ -18,6 +18,7 @@ from palpate._enums import (DecompositionMethod, DeviceConnection, DeviceStatus,
                             VerificationLevel)
 from palpate._errors import (Cancelled, Conflict, DiskFull, Error, FailedPrecondition, Internal,
                              InvalidArgument, NotFound, PermissionDenied, TooLarge, Unavailable)
+from palpate._facts import Facts
 from palpate._follow import LiveVolume
 from palpate._hand import Hand
 from palpate._load_options import Raw
@@ -38,7 +39,7 @@ from palpate._voxels import Volume
 __all__ = [
     "Activity", "Applied", "Cancelled", "Conflict", "ConnectedCaller", "Connection",
     "DecompositionMethod", "Device", "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull",
-    "EditResult", "Edits", "Error", "FailedPrecondition", "ForceCommand", "ForceReason",
+    "EditResult", "Edits", "Error", "Facts", "FailedPrecondition", "ForceCommand", "ForceReason",
     "ForceState", "ForceStatus", "FreeSide", "Hand", "Internal", "InvalidArgument", "LastChange",
     "ListedDevice", "ListedRecording", "LiveVolume", "NotFound", "PermissionDenied", "Placement",
     "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit", "RecordedGap",

@@ -1,5 +1,6 @@
 """A connection to palpated."""
 
+import collections.abc
 import types
 
 from palpate._activity import Activity, activity_of
@@ -8,6 +9,7 @@ from palpate._credentials import Credentials
 from palpate._device import Device
 from palpate._edits import Edits
 from palpate._errors import Error, InvalidArgument
+from palpate._facts import Facts, follow_facts
 from palpate._html import numbers, table
 from palpate._link import Link
 from palpate._poses import PoseStream
@@ -108,6 +110,18 @@ class Connection:
         """
         return activity_of(self._link.call(self._activity.GetActivity,
                                            activity_pb2.GetActivityRequest()))
+
+    def facts(self) -> collections.abc.Iterator[Facts]:
+        """Follows what is true of the daemon, as an endless iterator of Facts.
+
+        The first has all of now. Each later one comes when something is new, at least once a
+        second, with all that is known then. A slow loop skips what was overtaken. Asks nothing
+        meanwhile.
+        Errors: in the iteration Unavailable (the daemon went away, or gives us another role),
+        TooLarge (too many streams).
+        Example: for facts in conn.facts(): print(facts.settings["isovalue"])
+        """
+        return follow_facts(self._link)
 
     def poses(self, rate_hz: float = 60.0, batch: int = 1, *, waiting: int = 1) -> PoseStream:
         """Streams what the servo computes, as an endless iterator of Poses.

@@ -41,6 +41,15 @@ class DeviceInfo(DeviceHealth, ServoDescription, DeviceDescription):
     __hash__ = object.__hash__
 
 
+def device_info_of(hand: device_pb2.Hand | device_pb2.GetDeviceResponse,
+                   servo: device_pb2.ServoDescription, caller: device_pb2.CallerDescription,
+                   led_by: str) -> DeviceInfo:
+    return DeviceInfo(
+        **held_in(hand.device), **held_in(servo), **held_in(hand.health),
+        forces=ForceStatus(**held_in(hand.forces)), forces_set_by=hand.forces_set_by,
+        hand_led_by=led_by, caller=caller.identity, role=Role(caller.role))
+
+
 class Device:
     """The device and its forces; Connection.device.
 
@@ -58,11 +67,7 @@ class Device:
         Errors: Unavailable. Example: print(conn.device.info().forces.state)
         """
         answer = self._link.call(self._stub.GetDevice, device_pb2.GetDeviceRequest())
-        return DeviceInfo(
-            **held_in(answer.device), **held_in(answer.servo), **held_in(answer.health),
-            forces=ForceStatus(**held_in(answer.forces)), forces_set_by=answer.forces_set_by,
-            hand_led_by=answer.hand_led_by, caller=answer.caller.identity,
-            role=Role(answer.caller.role))
+        return device_info_of(answer, answer.servo, answer.caller, answer.hand_led_by)
 
     def list(self) -> "list[ListedDevice]":
         """Lists the devices of the daemon's machine. Opens no device.

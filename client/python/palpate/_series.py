@@ -40,7 +40,8 @@ class SeriesState:
     applied_tick: int | None = None
 
 
-def _state_of(series: series_pb2.SeriesState, applied_tick: int | None = None) -> SeriesState:
+def series_state_of(series: series_pb2.SeriesState,
+                    applied_tick: int | None = None) -> SeriesState:
     return SeriesState(series.frames, series.position_frames, series.playing, series.rate_hz,
                        series.loop, series.interpolate, series.memory_bytes,
                        series.volume_revision, applied_tick)
@@ -80,7 +81,7 @@ class Series:
                                  spacing_mm, None, grid, component, raw, discard_edits, settings))
         events = self._link.events(self._stub.LoadSeries, request)
         result = result_of(events, progress)
-        return _state_of(result.series, result.applied_tick)
+        return series_state_of(result.series, result.applied_tick)
 
     def state(self) -> SeriesState:
         """Returns the series and its position. Errors: see help(palpate.Series).
@@ -88,7 +89,7 @@ class Series:
         Example: conn.series.state().position_frames
         """
         answer = self._link.call(self._stub.GetSeries, series_pb2.GetSeriesRequest())
-        return _state_of(answer.series)
+        return series_state_of(answer.series)
 
     @property
     def rate_hz(self) -> float:
@@ -144,4 +145,4 @@ class Series:
 
     def _control(self, request: series_pb2.ControlSeriesRequest) -> SeriesState:
         answer = self._link.call(self._stub.ControlSeries, request)
-        return _state_of(answer.series, answer.applied_tick)
+        return series_state_of(answer.series, answer.applied_tick)

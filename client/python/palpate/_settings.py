@@ -52,8 +52,7 @@ class Settings(SettingList):
         Errors: Unavailable. Example: before = conn.settings.all()
         """
         answer = self._link.call(self._stub.GetSettings, render_pb2.GetSettingsRequest())
-        return {name: setting.parse(name, getattr(answer.settings, name))
-                for name, setting in _SETTINGS.items()}
+        return values_of(answer.settings)
 
     def update(self, *, expected_revision: int | None = None, **changes: typing.Any) -> Applied:
         """Changes several settings, by name and in their units, all at one tick.
@@ -75,6 +74,12 @@ class Settings(SettingList):
 
     def __repr__(self) -> str:
         return f"<palpate settings: {', '.join(_SETTINGS)}>"
+
+
+def values_of(settings: render_pb2.RenderSettings) -> dict[str, typing.Any]:
+    """All settings by name, in the units of the attributes."""
+    return {name: setting.parse(name, getattr(settings, name))
+            for name, setting in _SETTINGS.items()}
 
 
 def put_changes(request: render_pb2.UpdateSettingsRequest | volume_pb2.LoadVolumeRequest,

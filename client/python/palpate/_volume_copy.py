@@ -181,7 +181,7 @@ def volume_call(stub: typing.Any,
 
 
 def messages_of(link: Link, call: AcknowledgedCall) -> collections.abc.Generator[
-        volume_stream_pb2.StreamVolumeResponse, None, None]:
+        typing.Any, None, None]:
     """Yields the messages of the stream, which never ends by itself. Errors: palpate.Error."""
     link.check_open()
     try:

@@ -12,7 +12,7 @@ namespace palpate::view {
 class HeldValues {
  public:
   using Clock = std::chrono::steady_clock;
-  // Longer than palpated takes to answer, and longer than between two questions about a series.
+  // Longer than palpated takes to answer, and longer than between two facts about a series.
   static constexpr std::chrono::milliseconds kPatience{1500};
 
   // Returns the value that control `id` shows while palpated's value is `told`.

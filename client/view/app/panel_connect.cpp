@@ -22,10 +22,12 @@ void ShowConnection(const Viewer& viewer) {
   if (feed.is_disconnected()) {
     WrappedText(kDim, "not connected");
   } else if (connection.state == client::ConnectionState::kConnected) {
-    const auto device = feed.device();
-    const std::string who =
-        device && !device->caller.identity.empty() ? " as " + device->caller.identity : "";
-    WrappedText(kGood, "connected to " + name + who + ", role " + std::string(NameOf(feed.role())));
+    const client::CallerDescription& we = feed.caller();
+    const std::string who = we.identity.empty() ? "" : " as " + we.identity;
+    WrappedText(kGood, "connected to " + name + who + ", role " + std::string(NameOf(we.role)));
+    if (!feed.facts_problem().empty()) {
+      WrappedText(kBad, "palpated does not tell what changes: " + feed.facts_problem());
+    }
   } else if (connection.state == client::ConnectionState::kConnecting) {
     WrappedText(kWarning, "connecting to " + name);
   } else {

@@ -57,11 +57,11 @@ void FeelPanel(Viewer& viewer) {
 
 void DevicePanel(Viewer& viewer) {
   if (!ImGui::CollapsingHeader(kDeviceHeading)) return;
-  const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
+  const client::Hand* daemon = viewer.feed().device();
   if (!daemon) return;
   ImGui::TextWrapped("%s", daemon->device.model.c_str());
-  if (!daemon->hand_led_by.empty()) {
-    ImGui::TextWrapped("in the hand of %s", OneLine(daemon->hand_led_by, 200).c_str());
+  if (!daemon->led_by.empty()) {
+    ImGui::TextWrapped("in the hand of %s", OneLine(daemon->led_by, 200).c_str());
   }
   if (!daemon->health.problem.empty()) WrappedText(kBad, daemon->health.problem);
 }

@@ -352,7 +352,7 @@ void PutMarker(Viewer& viewer) {
   const std::string text =
       session.marker.empty() ? "marker " + std::to_string(session.markers) : session.marker;
   session.marker.clear();
-  viewer.feed().DoAndAsk("mark", [text](client::Client& client) { client.Mark(text); });
+  viewer.feed().commands().Do("mark", [text](client::Client& client) { client.Mark(text); });
   viewer.Say("marked: " + OneLine(text, kLongestText));
 }
 

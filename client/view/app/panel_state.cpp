@@ -10,7 +10,7 @@
 namespace palpate::view {
 namespace {
 
-KnownState KnownOf(Viewer& viewer, const std::optional<client::DaemonInfo>& daemon) {
+KnownState KnownOf(Viewer& viewer, const client::Hand* daemon) {
   const LiveFeed& feed = viewer.feed();
   // On the start page nothing was lost yet.
   const bool is_new =
@@ -91,8 +91,7 @@ const char* LabelOf(ForceAction action, bool wide) {
   return wide ? "Disable forces" : "Disable";
 }
 
-void EditForces(Viewer& viewer, ForceAction action, const char* label,
-                const std::optional<client::DaemonInfo>& daemon) {
+void EditForces(Viewer& viewer, ForceAction action, const char* label, const client::Hand* daemon) {
   if (action == ForceAction::kDisable) {
     if (ImGui::Button(label)) viewer.feed().DisableForces();
     return;
@@ -111,7 +110,7 @@ void EditForces(Viewer& viewer, ForceAction action, const char* label,
 }  // namespace
 
 void DrawStateBar(Viewer& viewer, const Area& area, float scale) {
-  const std::optional<client::DaemonInfo> daemon = viewer.feed().device();
+  const client::Hand* daemon = viewer.feed().device();
   const StateLine state = StateOf(KnownOf(viewer, daemon));
   const ThemeScope dark(Theme::kDark);  // as the grounds are in both themes
   BeginPanel("state", area, ImGuiWindowFlags_NoScrollWithMouse);

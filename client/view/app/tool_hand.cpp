@@ -27,7 +27,7 @@ std::string Obstacle(const LiveFeed& feed) {
   if (feed.connection().state != client::ConnectionState::kConnected || !feed.pose()) {
     return "the stylus can be taken when palpated is connected";
   }
-  const auto daemon = feed.device();
+  const client::Hand* daemon = feed.device();
   if (daemon && daemon->device.kind != "simulated") {
     return "the pointer leads the simulated stylus only; this is a " + daemon->device.model;
   }

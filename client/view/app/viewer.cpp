@@ -359,7 +359,7 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
     const PatientFrame frame = PatientFrameOf(volume);
     if (frame.is_known) scene.P_from_I = frame.X_PI.linear;
   }
-  if (const auto device = feed_.device(); device && device->device.max_force_n > 0.0) {
+  if (const client::Hand* device = feed_.device(); device && device->device.max_force_n > 0.0) {
     scene.max_force_n = device->device.max_force_n;
   }
   scene.hand_target_D = hand_.target_D();

@@ -1,11 +1,8 @@
 #include "client/view/live/live_feed.h"
 
 #include <algorithm>
-#include <condition_variable>
 #include <deque>
 #include <mutex>
-#include <stop_token>
-#include <thread>
 #include <utility>
 
 namespace palpate::view {
@@ -13,63 +10,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::seconds kAskEvery{1};
 constexpr double kPoseRate_hz = 60.0;
-
-// Returns none if there is no answer, or the daemon is away.
-template <typename Ask>
-auto AnswerTo(const Ask& ask) -> std::optional<decltype(ask())> {
-  try {
-    return ask();
-  } catch (const Error&) {
-    return std::nullopt;
-  }
-}
-
-// Asks in a thread of its own for what palpated does not stream. After Client::EndCalls, the
-// destructor does not wait.
-class Questions {
- public:
-  explicit Questions(client::Client& client)
-      : client_(client), thread_([this](const std::stop_token& stop) { Run(stop); }) {}
-
-  // None: there are no newer answers since the last call.
-  std::optional<Answers> Take() {
-    const std::lock_guard lock(mutex_);
-    return std::exchange(answers_, std::nullopt);
-  }
-  // Asks at once, after the present question.
-  void Hurry() {
-    const std::lock_guard lock(mutex_);
-    hurried_ = true;
-    wake_.notify_all();
-  }
-
- private:
-  void Run(const std::stop_token& stop) {
-    std::unique_lock lock(mutex_);
-    while (!stop.stop_requested()) {
-      hurried_ = false;
-      lock.unlock();
-      Answers answers = {.device = AnswerTo([this] { return client_.GetDevice(); }),
-                         .series = AnswerTo([this] { return client_.GetSeries(); }),
-                         .recording = AnswerTo([this] { return client_.GetRecording(); }),
-                         .volume = AnswerTo([this] { return client_.GetVolume(); }),
-                         .activity = AnswerTo([this] { return client_.GetActivity(); }),
-                         .came = Clock::now()};
-      lock.lock();
-      answers_ = std::move(answers);
-      wake_.wait_for(lock, stop, kAskEvery, [this] { return hurried_; });
-    }
-  }
-
-  client::Client& client_;
-  std::mutex mutex_;
-  std::condition_variable_any wake_;
-  std::optional<Answers> answers_;
-  bool hurried_ = false;
-  std::jthread thread_;
-};
 
 // Keeps all poses that came, because frames may be slower than poses.
 class PoseInbox {
@@ -167,7 +108,6 @@ struct LiveFeed::Line {
 
   PoseInbox inbox;
   client::Client client;
-  Questions questions{client};
   SeriesControls series_controls;
   Commands commands{client};
   Denoiser denoiser{client};
@@ -194,7 +134,7 @@ void LiveFeed::Connect(const client::ServerChoice& server) {
   pose_.reset();
   settings_.reset();
   plots_ = {};
-  answers_ = {};
+  facts_ = std::make_shared<const client::Facts>();
   shared_ = {};
   was_connected_ = false;
 }
@@ -211,8 +151,6 @@ void LiveFeed::Poll() {
     volume_.Take(*std::exchange(waiting_, std::nullopt));
   }
   for (const PoseInbox::Arrived& arrived : line_->inbox.Take()) {
-    // Who replays what is known at once, too.
-    if (arrived.pose.replayed != (pose_ && pose_->replayed)) line_->questions.Hurry();
     pose_ = arrived.pose;
     pose_came_ = Clock::now();
     plots_.Add(arrived.pose, is_here() ? arrived.age_ms : -1.0);
@@ -226,13 +164,16 @@ void LiveFeed::Poll() {
   settings_ = line_->client.NewestSettings();
   // A load takes long: what counts is when it ends.
   if (line_->loader.opens()) shared_.NoteOwn("volume");
-  if (auto answers = line_->questions.Take()) {
-    answers_ = *std::move(answers);
-    shared_.Take(answers_.activity, answers_.came);
+  auto facts = connected ? line_->client.NewestFacts() : std::make_shared<const client::Facts>();
+  if (std::swap(facts, facts_); facts != facts_) {
+    shared_.Take(facts_->activity, facts_->activity_came);
   }
   polled_at_ = Clock::now();
 }
 
+const client::Hand* LiveFeed::device() const {
+  return facts_->hands && !facts_->hands->hands.empty() ? &facts_->hands->hands.front() : nullptr;
+}
 bool LiveFeed::is_stopping() const { return line_->emergency_stop.is_running(); }
 client::Connection LiveFeed::connection() const { return line_->client.connection(); }
 const std::string& LiveFeed::name() const { return line_->client.name(); }
@@ -267,21 +208,12 @@ bool LiveFeed::is_replay() const {
 const Commands& LiveFeed::commands() const { return line_->commands; }
 Commands& LiveFeed::commands() { return line_->commands; }
 
-void LiveFeed::DoAndAsk(std::string name, std::function<void(client::Client&)> command) {
-  // The commands end before the questions do.
-  line_->commands.Do(std::move(name), [&questions = line_->questions,
-                                       command = std::move(command)](client::Client& client) {
-    command(client);
-    questions.Hurry();
-  });
-}
-
 void LiveFeed::ControlSeries(const client::SeriesControl& control) {
   SeriesControls& controls = line_->series_controls;
   shared().NoteOwn("series");
   if (!controls.Put(control)) return;
-  DoAndAsk("series",
-           [&controls](client::Client& client) { client.ControlSeries(controls.Take()); });
+  commands().Do("series",
+                [&controls](client::Client& client) { client.ControlSeries(controls.Take()); });
 }
 
 void LiveFeed::EnableForces(const std::string& kind) {
@@ -299,11 +231,11 @@ void LiveFeed::StopForces() {
 
 void LiveFeed::StartRecording(const std::string& path) {
   shared().NoteOwn("recording");
-  DoAndAsk("record", [path](client::Client& client) { client.StartRecording(path); });
+  commands().Do("record", [path](client::Client& client) { client.StartRecording(path); });
 }
 void LiveFeed::StopRecording() {
   shared().NoteOwn("recording");
-  DoAndAsk("stop recording", [](client::Client& client) { client.StopRecording(); });
+  commands().Do("stop recording", [](client::Client& client) { client.StopRecording(); });
 }
 
 void LiveFeed::TakeHand() {

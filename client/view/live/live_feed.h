@@ -26,17 +26,6 @@
 
 namespace palpate::view {
 
-// What palpated does not stream. Asked for in the background about once a second. None if there is
-// no such thing, or the daemon is away.
-struct Answers {
-  std::optional<client::DaemonInfo> device{};
-  std::optional<client::SeriesState> series{};
-  std::optional<client::RecordingState> recording{};
-  std::optional<client::VolumeInfo> volume{};
-  std::optional<client::Activity> activity{};  // who is connected and who changed what
-  std::chrono::steady_clock::time_point came{};
-};
-
 class LiveFeed {
  public:
   explicit LiveFeed(const client::ServerChoice& server);
@@ -79,12 +68,16 @@ class LiveFeed {
   // The time now on the clock of Pose::time_ns; the plots end there. 0 before the first pose.
   std::int64_t plots_end_ns() const;
 
-  // As of the last Poll: see Answers.
-  const std::optional<client::DaemonInfo>& device() const { return answers_.device; }
-  const std::optional<client::SeriesState>& series() const { return answers_.series; }
-  const std::optional<client::RecordingState>& recording() const { return answers_.recording; }
-  const std::optional<client::VolumeInfo>& volume_info() const { return answers_.volume; }
-  const std::optional<client::Activity>& activity() const { return answers_.activity; }
+  // As of the last Poll; none and null: not known, or the daemon is away.
+  const client::Hand* device() const;
+  const std::optional<client::SeriesState>& series() const { return facts_->series; }
+  const std::optional<client::RecordingState>& recording() const { return facts_->recording; }
+  const std::optional<client::VolumeInfo>& volume_info() const { return facts_->volume; }
+  const std::optional<client::Activity>& activity() const { return facts_->activity; }
+  // Why palpated tells none of these; empty: it does.
+  const std::string& facts_problem() const { return facts_->problem; }
+  // Who we are at palpated.
+  const client::CallerDescription& caller() const { return facts_->caller; }
   // The newest pose is of a replay, whoever runs it; false while nothing comes.
   bool is_replay() const;
 
@@ -92,8 +85,8 @@ class LiveFeed {
   const SharedThings& shared() const { return shared_; }
   SharedThings& shared() { return shared_; }
 
-  // Our role at palpated; kUnknown until palpated has sent it.
-  client::Role role() const { return device() ? device()->caller.role : client::Role::kUnknown; }
+  // kUnknown until palpated has sent it.
+  client::Role role() const { return caller().role; }
   // False if our role is known to be less than `least`, and while disconnected.
   bool May(client::Role least) const {
     return !is_disconnected() && (role() == client::Role::kUnknown || role() >= least);
@@ -101,9 +94,6 @@ class LiveFeed {
 
   const Commands& commands() const;
   Commands& commands();
-  // As commands().Do, for commands that change series or recording. When the command is done, the
-  // state of both is asked for at once.
-  void DoAndAsk(std::string name, std::function<void(client::Client&)> command);
   // Merges the change with waiting changes, key by key: the newest position of a slider wins.
   void ControlSeries(const client::SeriesControl& control);
   // Changes for everyone. These and those below are known to shared() as ours.
@@ -143,7 +133,7 @@ class LiveFeed {
   bool awaits_whole_ = false;
   std::optional<client::VolumeUpdate> waiting_;  // that the volume has not taken
   PlotHistory plots_;
-  Answers answers_;
+  std::shared_ptr<const client::Facts> facts_ = std::make_shared<const client::Facts>();
   SharedThings shared_;
 };
 

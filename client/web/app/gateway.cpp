@@ -163,7 +163,7 @@ void RaiseFileLimit() {
   setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-// Once a second: questions to palpated, metrics, systemd's watchdog and its line of status.
+// Once a second: metrics, systemd's watchdog and its line of status.
 class Heartbeat {
  public:
   Heartbeat(boost::asio::io_context& io, const Hub& hub, Ends& ends, Metrics& metrics)

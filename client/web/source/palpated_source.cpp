@@ -26,16 +26,6 @@ bool SharesClock(const client::Client& palpated, std::int64_t age_ns) {
   return (address.host == "localhost" || IsLoopback(address)) && age_ns >= 0 && age_ns < kOldest_ns;
 }
 
-// None if palpated has no such thing or does not answer.
-template <class Ask>
-auto AnswerOf(const Ask& ask) -> std::optional<decltype(ask())> {
-  try {
-    return ask();
-  } catch (const Error&) {
-    return std::nullopt;
-  }
-}
-
 // Of a socket, this machine's name: guests need not know its path.
 std::string PlainName(const client::Client& palpated) {
   if (!palpated.shares_clock()) return palpated.name();
@@ -75,8 +65,8 @@ client::ClientOptions PalpatedSource::Options() {
     post_([this, connection] { PutConnection(connection); });
   };
   options.callbacks.on_poses = [this](const client::PoseBatch& batch) { TakePoses(batch); };
-  options.callbacks.on_settings = [this](const client::Settings& settings) {
-    post_([this, text = SettingsText(settings)] { hub_.Put(Topic::kSettings, text); });
+  options.callbacks.on_facts = [this](const client::Facts& facts) {
+    post_([this, facts] { PutFacts(facts); });
   };
   return options;
 }
@@ -111,11 +101,15 @@ void PalpatedSource::PutConnection(const client::Connection& connection) {
   connection_ = connection;
   PutConnectionText();
   const bool is_connected = connection.state == client::ConnectionState::kConnected;
-  // The last pose again, as an old one.
-  if (is_other && !is_connected && hub_.pose()) PutPose(false);
+  if (is_other && !is_connected) {
+    // palpated counts anew when it starts again: another volume may have the same revision. And
+    // nobody knows whether it still records.
+    PutFacts({});
+    // The last pose again, as an old one.
+    if (hub_.pose()) PutPose(false);
+  }
   if (is_connected) {
     options_.log("connected to palpated at " + client_->name());
-    CheckRights();
   } else if (connection.state == client::ConnectionState::kLost && is_other_why) {
     options_.log("no palpated: " + OneLine(connection.why));
   }
@@ -126,28 +120,37 @@ void PalpatedSource::PutConnectionText() {
                                               PlainName(*client_), connection_since_ms_));
 }
 
-void PalpatedSource::CheckRights() {
-  worker_->Put("rights", [this](bool is_replaced) {
-    if (is_replaced) return;
-    const auto daemon = AnswerOf([this] { return client_->GetDevice(); });
-    const std::string warning = daemon ? RightsWarning(daemon->caller.role, options_.steers) : "";
-    if (!warning.empty()) post_([this, warning] { options_.log(warning); });
-  });
+void PalpatedSource::PutFacts(const client::Facts& facts) {
+  if (facts.settings) hub_.Put(Topic::kSettings, SettingsText(*facts.settings));
+  hub_.Put(Topic::kSeries, SeriesText(facts.series));
+  hub_.Put(Topic::kRecording, RecordingText(facts.recording));
+  CheckRights(facts.caller.role);
+  if (facts.problem != std::exchange(facts_problem_, facts.problem) && !facts.problem.empty()) {
+    options_.log("palpated does not tell what changes: " + OneLine(facts.problem));
+    is_held_ = false;  // its name will not come
+  }
+  info_ = facts.volume;
+  PutVolumeInfo();
+  if (!is_held_) PutHeld();
+}
+
+void PalpatedSource::CheckRights(client::Role role) {
+  if (std::exchange(role_, role) == role) return;
+  const std::string warning = RightsWarning(role, options_.steers);
+  if (!warning.empty()) options_.log(warning);
 }
 
 void PalpatedSource::PutVolume(const VolumeNews& news) {
   if (news.lattice) {
     lattice_ = news.lattice;
-    ++volumes_;
-    has_info_ = false;
     is_held_ = true;
-    AskVolume();
   }
   if (!lattice_) {
     hub_.Put(Topic::kVolume, NoVolumeText(news.status.is_loading ? news.status.problem : ""));
   }
   if (news.placement) placement_ = PlacementText(*news.placement);
   if (news.manifest) manifest_ = ManifestText(*news.manifest);
+  PutVolumeInfo();
   if (!is_held_) PutHeld();
   hub_.Put(Topic::kCopy, CopyText(news.status.bricks_left, PlainProblem(news.status)));
   if (news.status.problem != problem_ && !news.status.problem.empty()) {
@@ -158,38 +161,10 @@ void PalpatedSource::PutVolume(const VolumeNews& news) {
     options_.log("a change of the volume waits for the next one: " + news.failure);
 }
 
-void PalpatedSource::Poll() {
-  worker_->Put("poll", [this](bool is_replaced) {
-    if (is_replaced) return;
-    const auto series = AnswerOf([this] { return client_->GetSeries(); });
-    const auto recording = AnswerOf([this] { return client_->GetRecording(); });
-    post_([this, series = SeriesText(series), recording = RecordingText(recording)] {
-      hub_.Put(Topic::kSeries, series);
-      hub_.Put(Topic::kRecording, recording);
-    });
-  });
-  if (lattice_ && !has_info_) AskVolume();
-}
-
-void PalpatedSource::AskVolume() {
-  worker_->Put("volume", [this, number = volumes_](bool is_replaced) {
-    if (is_replaced) return;
-    const auto info = AnswerOf([this] { return client_->GetVolume(); });
-    post_([this, info, number] {
-      if (number == volumes_) PutVolumeInfo(info);
-    });
-  });
-}
-
-// Of a question that was asked since this volume came: a palpated that was started anew counts
-// revisions from the beginning, so the revision alone may be that of another volume.
-void PalpatedSource::PutVolumeInfo(const std::optional<client::VolumeInfo>& info) {
-  if (info && lattice_ && lattice_->loaded_revision == info->loaded_revision) {
-    has_info_ = true;
-    hub_.Put(Topic::kVolume, VolumeText(*info, *lattice_));
-  }
+void PalpatedSource::PutVolumeInfo() {
+  if (!is_held_ || !info_ || info_->loaded_revision != lattice_->loaded_revision) return;
   is_held_ = false;
-  PutHeld();
+  hub_.Put(Topic::kVolume, VolumeText(*info_, *lattice_));
 }
 
 void PalpatedSource::PutHeld() {

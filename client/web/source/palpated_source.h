@@ -42,7 +42,6 @@ class PalpatedSource final : public Source {
   PalpatedSource(const PalpatedSource&) = delete;
   PalpatedSource& operator=(const PalpatedSource&) = delete;
 
-  void Poll() override;
   BlobPtr FindBlob(std::string_view name) const override { return volume_->Find(name); }
   // While palpated takes a change, a user's newest change of a key replaces the same user's one
   // that waits; that is done then.
@@ -56,10 +55,10 @@ class PalpatedSource final : public Source {
   void PutPose(bool is_fresh);
   void PutConnection(const client::Connection& connection);
   void PutConnectionText();
-  void CheckRights();
+  void PutFacts(const client::Facts& facts);
+  void CheckRights(client::Role role);
   void PutVolume(const VolumeNews& news);
-  void AskVolume();
-  void PutVolumeInfo(const std::optional<client::VolumeInfo>& info);
+  void PutVolumeInfo();
   void PutHeld();
   void PutSteered(const SteerRequest& request, const std::string& error);
 
@@ -69,12 +68,13 @@ class PalpatedSource final : public Source {
   client::Connection connection_;
   std::int64_t connection_since_ms_ = 0;
   std::optional<VolumeLattice> lattice_;
-  std::uint64_t volumes_ = 0;  // lattices that came
-  bool has_info_ = false;      // of this lattice's volume
-  // Until the first answer about another volume, so that its voxels do not come under the name of
-  // the last one; empty: nothing new.
+  std::optional<client::VolumeInfo> info_;  // the newest
+  // Another volume's lattice is here and its info not yet: so that its voxels do not come under the
+  // name of the last one.
   bool is_held_ = false;
-  std::string placement_, manifest_;
+  std::string placement_, manifest_;  // empty: nothing new
+  client::Role role_ = client::Role::kUnknown;
+  std::string facts_problem_;
   std::deque<SteeredChange> steered_;
   std::string problem_;
 

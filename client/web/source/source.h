@@ -35,7 +35,7 @@ class Source {
   virtual ~Source() = default;
 
   // Asks for what is not told by itself. Call it once a second.
-  virtual void Poll() = 0;
+  virtual void Poll() {}
 
   // What the hub needs; see its members of the same names. FindBlob: any thread.
   virtual BlobPtr FindBlob(std::string_view name) const = 0;
