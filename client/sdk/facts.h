@@ -33,6 +33,8 @@ struct Facts {
   std::optional<Activity> activity{};
   std::chrono::steady_clock::time_point activity_came{};  // its times are as of then
   CallerDescription caller{};                             // we
+  // The same facts as bytes of palpate.v1.Facts, for programs that relay them.
+  std::string message{};
 };
 
 }  // namespace palpate::client

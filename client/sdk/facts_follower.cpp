@@ -1,6 +1,7 @@
 #include "client/sdk/facts_follower.h"
 
 #include <utility>
+#include <vector>
 
 #include "client/sdk/acknowledged_call.h"
 #include "client/sdk/setting_messages.h"
@@ -14,6 +15,12 @@ constexpr milliseconds kFactsWait{1000};
 constexpr milliseconds kFactsPoll{50};  // how often to look for the end
 // After a refusal, such as of too many streams.
 constexpr int kPollsAfterRefusal = 20;
+
+std::vector<const google::protobuf::FieldDescriptor*> FactsIn(const v1::Facts& facts) {
+  std::vector<const google::protobuf::FieldDescriptor*> fields;
+  facts.GetReflection()->ListFields(facts, &fields);
+  return fields;
+}
 
 }  // namespace
 
@@ -73,11 +80,16 @@ void FactsFollower::Follow(std::uint64_t epoch) {
   AcknowledgedCall<v1::FollowRequest, v1::FollowResponse> call(
       start, [&](auto* context, auto* queue) { return stub->PrepareAsyncFollow(context, queue); });
   Facts facts;
+  v1::Facts all;
   v1::FollowResponse message;
   while (!monitor_.stopping() && monitor_.IsConnected(epoch)) {
     switch (call.Next(kFactsPoll, message)) {
       case CallEvent::kMessage:
         Merge(message.facts(), facts);
+        for (const auto* fact : FactsIn(message.facts())) {
+          all.GetReflection()->SwapFields(message.mutable_facts(), &all, {fact});
+        }
+        facts.message = all.SerializeAsString();
         Put(facts, epoch);
         break;
       case CallEvent::kTimeout:

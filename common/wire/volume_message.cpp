@@ -21,20 +21,6 @@ void SetSize(Message& message, const Vec3i& size) {
   message.set_size_z(ToCount(size.z()));
 }
 
-v1::VoxelType VoxelTypeOf(LeafType type) {
-  switch (type) {
-    case LeafType::kUint8:
-      return v1::VOXEL_TYPE_UINT8;
-    case LeafType::kInt16:
-      return v1::VOXEL_TYPE_INT16;
-    case LeafType::kUint16:
-      return v1::VOXEL_TYPE_UINT16;
-    case LeafType::kFloat:
-      break;
-  }
-  return v1::VOXEL_TYPE_FLOAT32;
-}
-
 LeafType LeafTypeOf(v1::VoxelType type) {
   for (const LeafType known : kLeafTypes) {
     if (VoxelTypeOf(known) == type) return known;
@@ -125,6 +111,20 @@ VolumeEvent TakeEvent(v1::StreamVolumeResponse& message) {
 }
 
 }  // namespace
+
+v1::VoxelType VoxelTypeOf(LeafType type) {
+  switch (type) {
+    case LeafType::kUint8:
+      return v1::VOXEL_TYPE_UINT8;
+    case LeafType::kInt16:
+      return v1::VOXEL_TYPE_INT16;
+    case LeafType::kUint16:
+      return v1::VOXEL_TYPE_UINT16;
+    case LeafType::kFloat:
+      break;
+  }
+  return v1::VOXEL_TYPE_FLOAT32;
+}
 
 v1::VolumeBricks ToProto(VolumeBricks bricks) {
   v1::VolumeBricks message;

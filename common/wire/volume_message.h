@@ -6,6 +6,8 @@
 
 namespace palpate {
 
+v1::VoxelType VoxelTypeOf(LeafType type);
+
 // Moves the bricks instead of copying them.
 v1::StreamVolumeResponse ToProto(VolumeMessage message);
 // Errors: kInvalidArgument for a message without an event (from another version), or with sizes

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -11,6 +12,7 @@
 #include "common/error/error.h"
 #include "common/wire/convert.h"
 #include "common/wire/values.h"
+#include "common/wire/volume_message.h"
 #include "server/rpc/render_service.h"
 
 namespace palpate {
@@ -29,6 +31,12 @@ RawVoxels RawFromProto(const v1::RawVoxels& raw) {
           .type = std::string(NameOf(type)),
           .big_endian = raw.big_endian(),
           .offset_bytes = static_cast<std::int64_t>(raw.offset_bytes())};
+}
+
+// Without the folders, which not everybody needs to know.
+std::string NameOfSource(std::filesystem::path source) {
+  if (!source.has_filename()) source = source.parent_path();
+  return source.filename().string();
 }
 
 }  // namespace
@@ -58,7 +66,11 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
       .loaded_revision = state.volume->loaded_revision(),
       .frames = static_cast<std::uint32_t>(metadata.frames),
       .device_from_world_rotation = UnalignedQuaternion(state.registration.R_DW),
-      .histogram = values.histogram};
+      .histogram = values.histogram,
+      .name = NameOfSource(metadata.source),
+      .voxel_type = EnumeratorOf<VoxelType>(VoxelTypeOf(state.volume->bricks().made_type())),
+      .window_level = metadata.window_level,
+      .window_width = metadata.window_width};
   if (values.has_padding) {
     out.warnings.push_back(
         "values below -1024 at the border are padding: for the histogram and the suggested "

@@ -104,7 +104,7 @@ class IdleFollowersTest(unittest.TestCase):
         # They follow: nobody was asked, and all know.
         with self.daemon.connect() as other:
             other.settings.stiffness_n_per_mm = 0.625
-        guest.wait_for("settings", lambda now: now["values"]["stiffness_n_per_mm"] == 0.625)
+        guest.wait_for("settings", lambda now: now.settings.stiffness_n_per_mm == 0.625)
         self.assertTrue(wait_until(
             lambda: heard[-1].settings["stiffness_n_per_mm"] == 0.625))
         self.assertEqual({name: relay.calls for name, relay in relays.items()}, before)

@@ -112,7 +112,7 @@ class Downloads(SparseTest):
         path = self.folder / "state.nrrd"
         self.daemon.palpate("save", path, "--overwrite")
         volume = json.loads(self.daemon.palpate("info", "--json").stdout)["volume"]
-        for name in ("source", "volume_revision", "loaded_revision", "memory_bytes",
+        for name in ("source", "name", "volume_revision", "loaded_revision", "memory_bytes",
                      "unsaved_edits", "suggested_isovalues"):
             del volume[name]
         return volume, path.read_bytes()

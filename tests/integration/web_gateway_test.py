@@ -6,7 +6,6 @@ import json
 import pathlib
 import resource
 import signal
-import struct
 import subprocess
 import tempfile
 import threading
@@ -15,6 +14,7 @@ import unittest
 import numpy as np
 
 from palpate._brick_hash import hash_of_bricks
+from palpate._geometry import matrix_of_map
 
 from gateway import PALPATE_WEB, Copy, Gateway, Guest
 from support import Daemon, DaemonTest, wait_until
@@ -89,7 +89,7 @@ class Volumes(WebTest):
         guest = self.guest()
         for volume, size in (("builtin:sphere:16", 16), ("builtin:gyroid:33", 33)):
             self.daemon.palpate("load", volume, "--discard")
-            guest.wait_for("volume", lambda message: message.get("name") == volume)
+            guest.wait_for("volume", lambda message: message.name == volume)
             manifest = guest.wait_for("manifest", lambda message: json.loads(
                 guest.blob(message["name"]) or b'{"lattice": {"size": []}}')["lattice"]["size"]
                 == [size] * 3)
@@ -97,10 +97,10 @@ class Volumes(WebTest):
             # The first manifest of the volume came after its name.
             said = [message for message in guest.heard if message["type"] in ("volume", "manifest")]
             named = max(place for place, message in enumerate(said)
-                        if message.get("name") == volume)
+                        if message["type"] == "volume" and message["fact"].name == volume)
             self.assertEqual([message["type"] for message in said[named + 1:]], ["manifest"])
             info = self.conn.volume.info()
-            placement = np.reshape(guest.wait_for("placement")["device_from_index"], (3, 4))
+            placement = matrix_of_map(guest.wait_for("placement").device_from_index)[:3]
             np.testing.assert_allclose(placement, info.device_from_index[:3], atol=1e-12)
         self.daemon.palpate("load", self.volume, "--discard")
 
@@ -132,7 +132,7 @@ class Steering(WebTest):
         self.assertEqual(watcher.wait_for("hello")["may_steer"], [])
         self.assertEqual(lecturer.steer("isovalue", 0.25), "")
         self.assertEqual(self.conn.settings.isovalue, 0.25)
-        watcher.wait_for("settings", lambda message: message["values"]["isovalue"] == 0.25)
+        watcher.wait_for("settings", lambda message: message.settings.isovalue == 0.25)
         change = watcher.wait_for("steering", lambda message: message["changes"])["changes"][-1]
         self.assertEqual((change["user"], change["key"], change["value"]),
                          ("lecturer-1", "isovalue", 0.25))
@@ -209,28 +209,31 @@ class Losses(unittest.TestCase):
             guest.wait_for("manifest")
             guest.wait_for("connection", lambda message: message["state"] == "connected")
             self.assertTrue(wait_until(lambda: guest.pose is not None))
-            self.assertTrue(guest.pose[1] & 16)
+            self.assertTrue(guest.pose.fresh)
+            with daemon.connect() as conn:
+                conn.recording.start(str(daemon.folder / "lost.mcap"))
+            guest.wait_for("recording", lambda recording: recording.running)
             daemon.end(signal.SIGKILL)
             guest.wait_for("connection", lambda message: message["state"] == "lost"
                            and message["why"])
             # The log says where palpated was looked for, guests are not told.
             self.assertTrue(wait_until(lambda: any(daemon.socket in line
                                                    for line in gateway.said)))
-            self.assertNotIn(daemon.socket, json.dumps(guest.topics))
-            self.assertTrue(wait_until(lambda: not guest.pose[1] & 16))
+            self.assertNotIn(daemon.socket, str(guest.topics))
+            self.assertTrue(wait_until(lambda: not guest.pose.fresh))
             self.assertEqual(gateway.ask("GET", "/health")[0], 503)
+            guest.wait_for("recording", lambda recording: not recording.running)
             # What guests saw last is still there.
             self.assertIsNotNone(guest.blob(guest.topics["manifest"]["name"]))
             daemon.start()
             guest.wait_for("connection", lambda message: message["state"] == "connected")
-            self.assertTrue(wait_until(lambda: guest.pose[1] & 16))
+            self.assertTrue(wait_until(lambda: guest.pose.fresh))
             self.assertTrue(wait_until(lambda: gateway.ask("GET", "/health")[0] == 200))
             with daemon.connect() as conn:
                 conn.edit.sphere((10, 10, 10), 3.0, "add", 0.01, frame="index")
                 revision = conn.volume.info().volume_revision
             guest.wait_for("manifest", lambda message: message["revision"] == revision)
-            tick, = struct.unpack_from("<d", guest.pose, 8)
-            self.assertGreater(tick, 0)
+            self.assertGreater(guest.pose.pose.tick, 0)
 
     def test_the_gateway_starts_without_palpated_and_ends_in_order(self):
         with Daemon("builtin:sphere:20") as daemon:
@@ -238,10 +241,11 @@ class Losses(unittest.TestCase):
             with Gateway(daemon) as gateway:
                 with Guest(gateway) as guest:
                     guest.wait_for("connection", lambda message: message["state"] == "lost")
-                    self.assertNotIn("name", guest.wait_for("volume"))
+                    self.assertEqual(guest.wait_for("volume").name, "")
+                    self.assertFalse(guest.wait_for("copy")["loading"])
                     daemon.start()
                     guest.wait_for("manifest")
-                    guest.wait_for("volume", lambda message: "name" in message)
+                    guest.wait_for("volume", lambda message: message.name)
                 self.assertEqual(gateway.end(), 0)
 
 

@@ -3,7 +3,6 @@ palpate-web -> guest. Each part by itself: web_nats_test.py, web_nats_receiver_t
 
 import json
 import signal
-import struct
 import subprocess
 import unittest
 
@@ -13,7 +12,6 @@ from gateway import PALPATE_WEB, Copy, Guest
 from room import Room, content_hash, hash_of_palpated
 from support import wait_until
 
-FRESH = 16
 
 
 def made_user(name, *keys):
@@ -44,7 +42,7 @@ class RoomTest(unittest.TestCase):
     def require_connected(self, guest):
         guest.wait_for("connection", lambda message: message["state"] == "connected")
         before = guest.poses
-        self.assertTrue(wait_until(lambda: guest.poses > before + 10 and guest.pose[1] & FRESH),
+        self.assertTrue(wait_until(lambda: guest.poses > before + 10 and guest.pose.fresh),
                         guest.topics)
 
     def test_a_guest_sees_palpateds_volume_poses_and_settings(self):
@@ -56,13 +54,12 @@ class RoomTest(unittest.TestCase):
             for _ in range(10):
                 conn.edit.sphere(tuple(random.uniform(0, 49, 3)), 4.0, "add", 0.01, frame="index")
             self.require_shown(guest, room.daemon)
-            ticks = [struct.unpack_from("<d", guest.pose, 8)[0]]
-            self.assertTrue(wait_until(
-                lambda: struct.unpack_from("<d", guest.pose, 8)[0] > ticks[0]))
+            tick = guest.pose.pose.tick
+            self.assertTrue(wait_until(lambda: guest.pose.pose.tick > tick))
             conn.settings.isovalue = 0.3
-            guest.wait_for("settings", lambda message: message["values"]["isovalue"] == 0.3)
+            guest.wait_for("settings", lambda message: message.settings.isovalue == 0.3)
             room.daemon.palpate("load", "builtin:gyroid:33", "--discard")
-            guest.wait_for("volume", lambda message: message.get("name") == "builtin:gyroid:33")
+            guest.wait_for("volume", lambda message: message.name == "builtin:gyroid:33")
             self.require_shown(guest, room.daemon)
 
     def test_a_user_of_a_site_steers_what_both_gateways_allow(self):
@@ -78,7 +75,7 @@ class RoomTest(unittest.TestCase):
                 self.assertIn("lecturer", change["changes"][-1]["user"])
                 self.assertIn(room.sites[0].name, change["changes"][-1]["user"])
                 lecturer.wait_for("settings",
-                                  lambda message: message["values"]["isovalue"] == 0.25)
+                                  lambda message: message.settings.isovalue == 0.25)
                 before = conn.settings.all()
                 for key, value in (("force_shading", 1), ("stiffness_n_per_mm", 1.0),
                                    ("isovalue", 1e9)):
@@ -103,7 +100,7 @@ class RoomTest(unittest.TestCase):
                     kill()
                     guest.wait_for("connection", lambda message: message["state"] == "lost"
                                    and message["why"])
-                    self.assertTrue(wait_until(lambda: not guest.pose[1] & FRESH))
+                    self.assertTrue(wait_until(lambda: not guest.pose.fresh))
                     # What guests saw last is still there.
                     self.assertIsNotNone(guest.blob(guest.topics["manifest"]["name"]))
                     start()

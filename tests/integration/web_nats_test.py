@@ -15,6 +15,7 @@ import xxhash
 import zstandard
 
 from palpate._brick_hash import hash_of_bricks
+from palpate.v1 import envelope_pb2
 
 import cable
 from gateway import Copy, Gateway, Guest
@@ -68,10 +69,11 @@ class Room:
     def volume(self):
         """Manifest and copy of what the volume's message names; none: it is being replaced."""
         message = self.client.kept(ROOM, "volume")
-        if message is None or not message.json["manifest"]:
+        room = envelope_pb2.RoomVolume.FromString(message.data) if message else None
+        if room is None or not room.manifest:
             return None
         found, overview = self.parted("manifest"), self.parted("overview")
-        if not found or found[0] != json.loads(message.json["manifest"])["name"]:
+        if not found or found[0] != json.loads(room.manifest)["name"]:
             return None
         manifest = json.loads(found[1])
         if not overview or overview[0] != manifest["overview"]["name"]:
@@ -104,6 +106,12 @@ class Room:
                 manifest["content_hash"]:
             raise AssertionError("the room's voxels are not the daemon's")
         return manifest
+
+
+def kept_facts(client, topic):
+    """None of them: nothing is kept there."""
+    kept = client.kept(ROOM, f"text.{topic}")
+    return envelope_pb2.Envelope.FromString(kept.data if kept else b"").facts
 
 
 class Cable:
@@ -202,13 +210,15 @@ class PublisherTest(RoomTest):
         before = room.wait_for_volume()
         after = room.wait_for_volume(self.carve())
         self.assertNotEqual(before["content_hash"], after["content_hash"])
-        self.assertEqual({len(pose.data) for pose in poses.wait(20)[:20]}, {176})
+        for pose in poses.wait(20)[:20]:
+            self.assertGreater(envelope_pb2.Envelope.FromString(pose.data).pose.tick, 0)
+            self.assertLess(len(pose.data), 400)
         beat = beats.wait(2)[0].json
-        self.assertEqual([beat["protocol"], len(beat["session"]), len(beat["machine"])], [1, 16, 32])
+        self.assertEqual([beat["protocol"], len(beat["session"]), len(beat["machine"])], [2, 16, 32])
         self.assertTrue(wait_until(lambda: beats.newest.json["kept"] == room.hashes()))
         self.assertTrue(wait_until(
             lambda: client.kept(ROOM, "text.connection").json["state"] == "connected"))
-        self.assertEqual(client.kept(ROOM, "text.settings").json["type"], "settings")
+        self.assertTrue(kept_facts(client, "settings").HasField("settings"))
         self.assertEqual(guest.wait_for("guests")["count"], 1)  # the room is none
         # Nothing more than the newest: no message of a subject is kept twice.
         state = client.stream(ROOM)["state"]
@@ -279,7 +289,7 @@ class PublisherTest(RoomTest):
         self.assertTrue(wait_until(lambda: client.kept(ROOM, "manifest.0")))
         beats.wait(len(beats.messages) + 3)
         volume = client.kept(ROOM, "volume")
-        self.assertFalse(volume and volume.json["manifest"])
+        self.assertFalse(volume and envelope_pb2.RoomVolume.FromString(volume.data).manifest)
 
     def test_what_somebody_else_wrote_is_replaced_after_a_connection(self):
         way = self.enterContext(cable.Cable(self.server.port))
@@ -298,7 +308,7 @@ class PublisherTest(RoomTest):
     def test_while_another_publishes_it_waits_and_then_publishes_everything_anew(self):
         gateway, client = self.publish(), self.join()
         Room(client).wait_for_volume()
-        other = json.dumps({"protocol": 1, "session": "0" * 16, "machine": "0" * 32})
+        other = json.dumps({"protocol": 2, "session": "0" * 16, "machine": "0" * 32})
         self.assertTrue(wait_until(lambda: client.publish(f"palpate.{ROOM}.live.beat", other) or any(
             "another gateway publishes" in line for line in gateway.said)))
         client.publish(f"palpate.{ROOM}.kept.group.3", b"the other's")
@@ -477,9 +487,8 @@ class VolumesTest(RoomTest):
         self.wait_for_line(gateway, "insufficient")
         client = self.join()
         self.conn.settings.isovalue = 77.0
-        self.assertTrue(wait_until(lambda: (
-            lambda text: text and text.json["values"]["isovalue"] == 77.0)(
-                client.kept(ROOM, "text.settings"))))
+        self.assertTrue(wait_until(
+            lambda: kept_facts(client, "settings").settings.settings.isovalue == 77.0))
         self.assertIsNone(client.kept(ROOM, "volume"))
         self.load("small")
         Room(client).wait_for_volume()
@@ -494,8 +503,8 @@ class VolumesTest(RoomTest):
         self.load("small")
         self.publish()
         volumes.wait(2)
-        self.assertEqual({json.loads(message.json["manifest"])["type"]
-                          for message in volumes.messages}, {"manifest"})
+        rooms = [envelope_pb2.RoomVolume.FromString(message.data) for message in volumes.messages]
+        self.assertEqual({json.loads(room.manifest)["type"] for room in rooms}, {"manifest"})
         Room(client).wait_for_volume()
         groups = [number for number in range(27) if client.kept(ROOM, f"group.{number}")]
         self.assertEqual(groups, [0])

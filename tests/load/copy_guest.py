@@ -11,7 +11,6 @@ import base64
 import json
 import pathlib
 import socket
-import struct
 import subprocess
 import sys
 import time
@@ -44,9 +43,10 @@ class PoseAges(Guest):
         super().__init__(*arguments)
 
     def _hear(self, kind, message):
+        before = self.poses
         super()._hear(kind, message)
-        if kind == 2:
-            self.ages.append(1e3 * time.monotonic() - struct.unpack_from("<d", message, 16)[0])
+        if self.poses > before:
+            self.ages.append(1e3 * time.monotonic() - 1e-6 * self.pose.pose.time_ns)
 
 
 class Blobs:

@@ -17,7 +17,6 @@
 #include <boost/beast/websocket/stream.hpp>
 #include <chrono>
 #include <cstdint>
-#include <cstring>
 #include <exception>
 #include <iostream>
 #include <memory>
@@ -25,6 +24,8 @@
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "palpate/v1/envelope.pb.h"
 
 namespace {
 
@@ -126,25 +127,21 @@ class LoadGuest {
   void Take() {
     const auto bytes = buffer_.data();
     counts_->bytes += bytes.size();
-    if (socket_->got_text() || bytes.size() < 40) {
+    if (socket_->got_text() ||
+        !envelope_.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())) ||
+        !envelope_.has_pose()) {
       ++counts_->texts;
       return;
     }
-    const auto* pose = static_cast<const char*>(bytes.data());
-    std::uint32_t sequence = 0;
-    double time_ms = 0.0, sent_ms = 0.0;
-    std::memcpy(&sequence, pose + 4, sizeof sequence);
-    std::memcpy(&time_ms, pose + 16, sizeof time_ms);
-    std::memcpy(&sent_ms, pose + 24, sizeof sent_ms);
     const double now = NowMs();
-    counts_->ages.push_back(now - time_ms);
-    counts_->since_sent.push_back(now - sent_ms);
+    counts_->ages.push_back(now - 1e-6 * static_cast<double>(envelope_.pose().time_ns()));
+    counts_->since_sent.push_back(now - envelope_.sent_ms());
     if (counts_->poses > 0) {
       counts_->longest_gap = std::max(counts_->longest_gap, now - counts_->last_ms);
     }
     counts_->last_ms = now;
     ++counts_->poses;
-    if (++unacknowledged_ >= 8 && !is_writing_) Acknowledge(sequence);
+    if (++unacknowledged_ >= 8 && !is_writing_) Acknowledge(envelope_.sequence());
   }
 
   void Acknowledge(std::uint32_t sequence) {
@@ -158,6 +155,7 @@ class LoadGuest {
 
   std::unique_ptr<Socket> socket_;
   boost::beast::flat_buffer buffer_;
+  palpate::v1::Envelope envelope_;  // that came last
   std::string acknowledgement_;
   int unacknowledged_ = 0;
   bool is_writing_ = false, is_lost_ = false;

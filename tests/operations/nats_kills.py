@@ -16,7 +16,6 @@ import http.client
 import json
 import random
 import signal
-import struct
 import sys
 import threading
 import time
@@ -34,7 +33,6 @@ from support import PATIENCE_S, Daemon
 EDGE = 64
 VOLUME = f"builtin:bumps:{EDGE}"
 BACK_S = 5.0
-FRESH = 16
 
 
 class States:
@@ -127,9 +125,9 @@ class Follower:
         if connection.get("state") != "connected":
             return f"connection {connection}"
         pose = guest.pose
-        if pose is None or not pose[1] & FRESH:
+        if pose is None or not pose.fresh:
             return "no fresh pose"
-        time_s = struct.unpack_from("<d", pose, 16)[0] / 1e3
+        time_s = 1e-9 * pose.pose.time_ns
         if time_s < max(since_s, time.monotonic() - 0.5):
             return f"its newest pose is {time.monotonic() - time_s:.1f} s old"
         if self.shown != self._states.now_hash:

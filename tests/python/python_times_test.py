@@ -85,7 +85,7 @@ class IsovalueInOtherClients(TimesTest):
                 for facts in follower.facts():
                     in_facts.put(facts.settings["isovalue"])
 
-        guest.on_text("settings", lambda now: in_page.put(now["values"]["isovalue"]))
+        guest.on_text("settings", lambda now: in_page.put(now.settings.isovalue))
         everywhere = (in_python, in_cpp, in_facts, in_page)
         threads = [threading.Thread(target=watch)
                    for watch in (watch_in_python, watch_in_cpp, watch_facts)]

@@ -15,6 +15,8 @@ import numpy as np
 import xxhash
 import zstandard
 
+from palpate.v1 import envelope_pb2
+
 from crash import end_in_order
 from free_port import free_port
 from support import PATIENCE_S, wait_until
@@ -94,8 +96,9 @@ class Gateway:
 
 
 class Guest:
-    """Logs in and follows /stream on a thread of its own: the newest text of each type in `topics`,
-    the newest pose, all manifests' names, and all texts."""
+    """Logs in and follows /stream on a thread of its own: in `topics` the newest text of each type
+    and the newest message of each fact; the newest pose's Envelope; all manifests' names; all texts,
+    and facts as {"type": name, "fact": message}."""
 
     def __init__(self, gateway, **login):
         self.gateway = gateway
@@ -129,7 +132,7 @@ class Guest:
             raise EOFError
         self._received += more
 
-    def _take(self, count):
+    def _take_bytes(self, count):
         while len(self._received) < count:
             self._receive()
         taken, self._received = self._received[:count], self._received[count:]
@@ -138,28 +141,36 @@ class Guest:
     def _follow(self):
         try:
             while True:
-                kind, length = self._take(2)
+                kind, length = self._take_bytes(2)
                 if length == 126:
-                    length, = struct.unpack(">H", self._take(2))
+                    length, = struct.unpack(">H", self._take_bytes(2))
                 elif length == 127:
-                    length, = struct.unpack(">Q", self._take(8))
-                self._hear(kind & 15, self._take(length))
+                    length, = struct.unpack(">Q", self._take_bytes(8))
+                self._hear(kind & 15, self._take_bytes(length))
         except (EOFError, OSError):
             self.is_open = False
 
     def _hear(self, kind, message):
         if kind == 1:
             text = json.loads(message)
-            self.topics[text["type"]] = text
-            self.heard.append(text)
-            self._callbacks.get(text["type"], lambda text: None)(text)
+            self._take(text["type"], text, text)
             if text["type"] == "manifest":
                 self.manifests.append(text["name"])
         elif kind == 2:
-            self.pose = message
+            envelope = envelope_pb2.Envelope.FromString(message)
+            for fact, told in envelope.facts.ListFields():
+                self._take(fact.name, told, {"type": fact.name, "fact": told})
+            if envelope.WhichOneof("what") != "pose":
+                return
+            self.pose = envelope
             self.poses += 1
             if self.poses % 8 == 0:
-                self.send({"type": "ack", "sequence": struct.unpack_from("<I", message, 4)[0]})
+                self.send({"type": "ack", "sequence": envelope.sequence})
+
+    def _take(self, topic, message, heard):
+        self.topics[topic] = message
+        self.heard.append(heard)
+        self._callbacks.get(topic, lambda message: None)(message)
 
     def on_text(self, topic, call):
         """Calls it on the guest's thread with the topic's text now, if there is one, and with each

@@ -18,6 +18,7 @@
 #include "client/web/volume/blob_name.h"
 #include "client/web/volume/manifest.h"
 #include "common/bricks/zstd_codec.h"
+#include "palpate/v1/envelope.pb.h"
 
 namespace palpate::web {
 
@@ -91,10 +92,11 @@ struct PlainVolumeState {
     for (const auto& [number, bytes] : groups) made.groups[number] = HashOf(HashBytes(0, bytes));
     manifest = ToJson(made);
     name = Hex(HashBytes(255, manifest));
-    message = json{{"volume", json{{"type", "volume"}, {"revision", revision}}.dump()},
-                   {"placement", R"({"type":"placement"})"},
-                   {"manifest", json{{"type", "manifest"}, {"name", name}}.dump()}}
-                  .dump();
+    v1::RoomVolume room;
+    room.mutable_facts()->mutable_volume()->set_name(std::to_string(revision));
+    room.mutable_facts()->mutable_placement()->set_settings_revision(revision);
+    room.set_manifest(json{{"type", "manifest"}, {"name", name}}.dump());
+    message = room.SerializeAsString();
   }
 };
 

@@ -13,6 +13,8 @@ import numpy as np
 import xxhash
 import zstandard
 
+from palpate.v1 import envelope_pb2
+
 from gateway import VOXEL_TYPES
 
 ROOM = "hall"
@@ -58,18 +60,24 @@ class Volume:
             self.groups = []
         self.manifest = parts_of(MANIFEST, manifest)
         self.name = hash_of(MANIFEST, manifest).hex()
-        self.message = json.dumps({
-            "volume": json.dumps({"type": "volume", "name": name, "size": voxels.shape}),
-            "placement": json.dumps({"type": "placement", "settings_revision": revision,
-                                     "device_from_index": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]}),
-            "manifest": json.dumps({"type": "manifest", "name": self.name, "revision": revision,
-                                    "complete": True})})
+        size = dict(zip(("size_x", "size_y", "size_z"), voxels.shape))
+        place = {"linear": np.eye(3).ravel()}
+        self.message = envelope_pb2.RoomVolume(
+            facts={"volume": {"name": name, "world_from_index": place, **size},
+                   "placement": {"settings_revision": revision, "device_from_index": place}},
+            manifest=json.dumps({"type": "manifest", "name": self.name, "revision": revision,
+                                 "complete": True})).SerializeToString()
+
+
+def envelope_of(fact, members):
+    """A fact as a room keeps it."""
+    return envelope_pb2.Envelope(facts={fact: members}).SerializeToString()
 
 
 class Publisher:
     """Makes the room's stream, and sends beats and poses until close()."""
 
-    def __init__(self, server, protocol=1, machine=MACHINE, **user):
+    def __init__(self, server, protocol=2, machine=MACHINE, **user):
         self.client = server.client(**user)
         self.client.request(f"$JS.API.STREAM.CREATE.PALPATE_{ROOM}", json.dumps({
             "name": f"PALPATE_{ROOM}", "subjects": [f"palpate.{ROOM}.kept.>"],
@@ -98,9 +106,11 @@ class Publisher:
     @staticmethod
     def pose(tick, age_ms=2.0):
         sent_ms = 1e3 * time.clock_gettime(time.CLOCK_MONOTONIC)
-        head = struct.pack("<BBBBIdddddd", 1, 31, 2, 4, 9, tick, sent_ms - age_ms, sent_ms, age_ms,
-                           3, 4)
-        return head + np.arange(22, dtype="<f4").tobytes() + bytes(176 - len(head) - 88)
+        there = {name: {} for name in ("scp_h_mm", "stylus_orientation", "force_n", "forces")}
+        return envelope_pb2.Envelope(
+            sequence=9, sent_ms=sent_ms, age_ms=age_ms, fresh=True,
+            pose={"tick": tick, "time_ns": int(1e6 * (sent_ms - age_ms)), "isovalue": 0.5,
+                  "hip_mm": {"x": 1, "y": 2, "z": 3}, **there}).SerializeToString()
 
     def live(self, subject, data):
         self.client.publish(f"palpate.{ROOM}.live.{subject}", data)
@@ -108,8 +118,9 @@ class Publisher:
     def keep(self, subject, data):
         subject = f"palpate.{ROOM}.kept.{subject}"
         self.client.publish(subject, data)
-        if isinstance(data, str):
-            self._hashes[subject] = hash_of(1, f"{subject}\0{data}".encode())
+        if subject.rpartition(".")[0].endswith((".kept", ".text")):
+            data = data.encode() if isinstance(data, str) else data
+            self._hashes[subject] = hash_of(1, subject.encode() + b"\0" + data)
 
     def _kept(self):
         return {subject.rpartition(".")[2]: digest.hex()
@@ -117,6 +128,12 @@ class Publisher:
 
     def text(self, topic, **members):
         self.keep(f"text.{topic}", json.dumps({"type": topic} | members))
+
+    def fact(self, name, members):
+        self.keep(f"text.{name}", envelope_of(name, members))
+
+    def settings(self, revision):
+        self.fact("settings", {"settings_revision": revision})
 
     def show(self, volume):
         for kind, parts in (("group", volume.groups), ("overview", volume.overview),

@@ -81,7 +81,7 @@ LAYERS = {
     "client/sdk/example": ["client/sdk"],
     "client/options": COMMON + ["common/arguments", "client/sdk"],
     "client/web/volume": ["common/bricks", "common/error", "common/geometry", "client/sdk"],
-    "client/web/hub": ["client/web/volume"],
+    "client/web/hub": ["common/wire", "client/web/volume"],
     "client/web/access": ["common/error", "client/sdk"],
     "client/web/http": ["common/error", "common/wire", "client/web/access", "client/web/hub",
                         "client/web/volume"],

@@ -2,6 +2,7 @@
 is refused with the place and the reason."""
 
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,8 +24,8 @@ def generate(field, *more):
         body, _, rest = tail.partition("\n}\n")
         (folder / "palpate/v1/render.proto").write_text(
             f"{head}{begin}{body}\n  {field}\n}}\n{rest}")
-        (folder / "palpate/v1/setting.proto").write_text(
-            (PROTO / "palpate/v1/setting.proto").read_text())
+        for options in ("setting.proto", "words.proto"):
+            shutil.copy(PROTO / "palpate/v1" / options, folder / "palpate/v1")
         done = subprocess.run(
             ["protoc", f"--proto_path={folder}", f"--contract_out={folder}",
              f"--plugin=protoc-gen-contract={PROTO}/generate/protoc-gen-contract",

@@ -8,6 +8,8 @@
 #include <memory>
 #include <vector>
 
+#include "common/wire/envelope.h"
+
 namespace palpate::web {
 namespace {
 
@@ -52,9 +54,9 @@ TEST(Hub, PosesAreNumbered) {
     hub.PutPose(std::string(176, 'x'));
     EXPECT_EQ(hub.pose_sequence(), n);
     std::uint32_t held = 0;
-    std::memcpy(&held, hub.pose()->data() + 4, 4);
+    std::memcpy(&held, hub.pose()->data() + kEnvelopeSequenceOffset, 4);
     EXPECT_EQ(held, n);
-    EXPECT_EQ(hub.pose()->substr(0, 4) + hub.pose()->substr(8), std::string(172, 'x'));
+    EXPECT_EQ(hub.pose()->substr(0, 1) + hub.pose()->substr(5), std::string(172, 'x'));
   }
   EXPECT_EQ(guest.poses, 3);
   hub.Unsubscribe(&guest);

@@ -160,9 +160,7 @@ class Rig {
 
   void Judge(const RoomCopy::Shown& shown) {
     ++shows_;
-    shown_ =
-        json{{"volume", shown.volume}, {"placement", shown.placement}, {"manifest", shown.manifest}}
-            .dump();
+    shown_ = RoomVolumeBytes(shown);
     const auto found = published_.find(shown_);
     ASSERT_NE(found, published_.end()) << "texts that were never published together";
     if (line_.reordered == 0 && line_.lost == 0 && !line_.two_publishers) {

@@ -23,11 +23,27 @@
 namespace palpate::web {
 namespace {
 
-std::string VolumeMessage(const std::string& name, const std::string& text) {
-  return json{{"volume", json{{"type", "volume"}, {"name", text}}.dump()},
-              {"placement", ""},
-              {"manifest", json{{"type", "manifest"}, {"name", name}}.dump()}}
-      .dump();
+std::string ManifestText(const std::string& name) {
+  return json{{"type", "manifest"}, {"name", name}}.dump();
+}
+
+// Of a volume of this name; "": there is no volume.
+std::string RoomMessage(const std::string& volume, const std::string& manifest) {
+  v1::RoomVolume room;
+  if (!volume.empty()) room.mutable_facts()->mutable_volume()->set_name(volume);
+  room.set_manifest(manifest);
+  return room.SerializeAsString();
+}
+
+std::string VolumeMessage(const std::string& name, const std::string& volume) {
+  return RoomMessage(volume, ManifestText(name));
+}
+
+// Settings of this revision, as a room keeps them.
+std::string SettingsMessage(std::uint64_t revision) {
+  v1::Envelope envelope;
+  envelope.mutable_facts()->mutable_settings()->set_settings_revision(revision);
+  return envelope.SerializeAsString();
 }
 
 class RoomCopies : public testing::Test {
@@ -115,7 +131,7 @@ TEST_F(RoomCopies, WhileGroupsAreSupersededTheNextVolumeIsCompleteWhenItComes) {
 
 TEST_F(RoomCopies, ATextThatCameLiveIsNotReplacedByAnOlderAnswer) {
   const std::string subject = subjects_.text(Topic::kSettings);
-  const std::string old = R"({"type":"settings","n":1})", next = R"({"type":"settings","n":2})";
+  const std::string old = SettingsMessage(1), next = SettingsMessage(2);
   EXPECT_TRUE(copy_.TakeAnswer(subject, old, {}).texts.empty()) << "nobody asked";
   copy_.Asks(64);
   const auto live = copy_.TakeLive(subject, next, {});
@@ -138,7 +154,7 @@ std::string NameIn(const std::string& subject, const std::string& message) {
 
 TEST_F(RoomCopies, WhatABeatNamesAndDidNotComeIsAskedForAnew) {
   const std::string settings = subjects_.text(Topic::kSettings), volume = subjects_.volume();
-  const std::string first = R"({"type":"settings","n":1})", second = R"({"type":"settings","n":2})";
+  const std::string first = SettingsMessage(1), second = SettingsMessage(2);
   Time now{std::chrono::hours(1)};
   const auto beat = [&](const Named& named) {
     return copy_.TakeBeat(named, now += std::chrono::milliseconds(500));
@@ -171,7 +187,7 @@ TEST_F(RoomCopies, WhatABeatNamesAndDidNotComeIsAskedForAnew) {
 }
 
 TEST_F(RoomCopies, WhatNeverComesIsAskedForEverMoreSeldom) {
-  const std::string settings = subjects_.text(Topic::kSettings), text = R"({"type":"settings"})";
+  const std::string settings = subjects_.text(Topic::kSettings), text = SettingsMessage(3);
   const Named lost{{"settings", NameIn(settings, text)}};
   const Time start{std::chrono::hours(1)};
   std::vector<double> waits;
@@ -186,7 +202,7 @@ TEST_F(RoomCopies, WhatNeverComesIsAskedForEverMoreSeldom) {
   // It came: the next loss is asked for soon.
   copy_.TakeLive(settings, text, now);
   EXPECT_FALSE(copy_.TakeBeat(lost, now));
-  copy_.TakeLive(settings, R"({"type":"settings","n":1})", now);
+  copy_.TakeLive(settings, SettingsMessage(1), now);
   EXPECT_FALSE(copy_.TakeBeat(lost, now));
   EXPECT_TRUE(copy_.TakeBeat(lost, last + std::chrono::seconds(2)));
 }
@@ -195,57 +211,46 @@ TEST_F(RoomCopies, AnotherTextOfTheShownManifestIsShownAtOnce) {
   const std::string name = Show();
   const auto shown = Take(VolumeMessage(name, "renamed"));
   ASSERT_TRUE(shown);
-  EXPECT_EQ(json::parse(shown->volume)["name"], "renamed");
+  v1::Envelope volume;
+  ASSERT_TRUE(volume.ParseFromString(shown->volume));
+  EXPECT_EQ(volume.facts().volume().name(), "renamed");
   EXPECT_TRUE(copy_.Find(name));
 }
 
 // Else guests read of one volume and see the voxels of another.
 TEST_F(RoomCopies, AVolumeWithoutAManifestIsDropped) {
-  json message = json::parse(VolumeMessage("", "another"));
-  message["manifest"] = "";
-  EXPECT_FALSE(Take(message.dump()));
+  const std::string message = RoomMessage("another", "");
+  EXPECT_FALSE(Take(message));
   const std::string name = Show();
-  EXPECT_FALSE(Take(message.dump()));
-  message.erase("manifest");
-  EXPECT_FALSE(Take(message.dump()));
+  EXPECT_FALSE(Take(message));
   // One that waits for its voxels still comes.
   Begin();
   EXPECT_FALSE(Take(state_.message));
-  EXPECT_FALSE(Take(message.dump()));
+  EXPECT_FALSE(Take(message));
   EXPECT_EQ(AnswerAll(copy_, kept_).size(), 1U);
   EXPECT_TRUE(copy_.Find(state_.name));
 }
 
 TEST_F(RoomCopies, BadTextsAreDropped) {
-  const json good = json::parse(VolumeMessage(Show(), "x"));
-  const auto with = [&](const char* key, const json& value) {
-    json bad = good;
-    bad[key] = value;
-    return bad.dump();
-  };
-  const std::string bad[] = {
-      "",
-      "{",
-      "[]",
-      "null",
-      "{}",
-      std::string(100000, '['),
-      with("volume", ""),
-      with("volume", 5),
-      with("volume", R"({"type":"settings"})"),
-      with("placement", R"({"type":"volume"})"),
-      with("manifest", R"({"type":"manifest"})"),
-      with("manifest", R"({"type":"manifest","name":5})"),
-      with("manifest", R"({"type":"manifest","name":"xyz"})"),
-      with("manifest", json{{"type", "manifest"}, {"name", std::string(32, '0')}}.dump()),
-      with("volume", json{{"type", "volume"}, {"a", std::string(1 << 20, 'a')}}.dump())};
+  const std::string name = Show(), good = VolumeMessage(name, "x");
+  const std::string bad[] = {"",
+                             "\xff\xfe",
+                             std::string(100000, '['),
+                             good.substr(0, good.size() - 1),
+                             RoomMessage("", ManifestText(name)),
+                             RoomMessage("x", R"({"type":"manifest"})"),
+                             RoomMessage("x", R"({"type":"manifest","name":5})"),
+                             RoomMessage("x", ManifestText("xyz")),
+                             RoomMessage("x", ManifestText(std::string(32, '0'))),
+                             RoomMessage(std::string(1 << 20, 'a'), ManifestText(name)),
+                             SettingsMessage(1)};
   for (const std::string& text : bad) {
     EXPECT_FALSE(Take(text)) << text.substr(0, 90);
     EXPECT_TRUE(copy_.TakeLive(subjects_.text(Topic::kSeries), text, {}).texts.empty());
   }
-  EXPECT_TRUE(Take(good.dump()));
+  EXPECT_TRUE(Take(good));
   EXPECT_TRUE(
-      copy_.TakeLive("palpate.other.kept.text.series", R"({"type":"series"})", {}).texts.empty());
+      copy_.TakeLive("palpate.other.kept.text.settings", SettingsMessage(1), {}).texts.empty());
 }
 
 // A frame that zstd skips.

@@ -265,8 +265,8 @@ pageTest("text from outside stays text", {}, async (page) => {
     harness.connect({ name });
     harness.receive("connection", { state: "lost", why: name, palpated: name, since_ms: 0 });
     harness.receive("steering", { changes: [{ user: name, key: "isovalue", value: 1, time_ms: 0 }] });
-    const volume = { ...harness.state.volume, unit: name, suggested: [{ name, isovalue: 1, reason: name }] };
-    harness.receive("volume", volume);
+    const volume = { ...harness.state.volume, unit: name, suggestedIsovalues: [{ name, isovalue: 1, reason: name }] };
+    harness.fact("volume", volume);
     harness.state.tell(name);
     harness.state.whyNoPicture = name;
     harness.state.emit("picture");
@@ -322,14 +322,14 @@ pageTest("a replay is no live picture, and says what is with the forces", {}, as
   await page.evaluate(() => harness.connect());
   await shown("live", {});
   const words = "replay: forces are off";
-  let mode = await shown(words, { replayed: true, forceState: "held", forceReason: "replay" });
+  let mode = await shown(words, { replayed: true, forces: { state: 4, reason: 13, limitN: 0 } });
   assert.match(mode, /replay: forces are off until/);
   assert.doesNotMatch(mode, /last known/);
   await page.evaluate(() => clearInterval(window.replaying));
   await until(page, () => document.getElementById("badge-words").textContent.endsWith("old"));
   assert.equal(await page.$("#stage[data-replay]"), null);
   await shown("live", {});
-  mode = await shown(words, { replayed: true, forceState: "stopped", forceReason: "stop-call" });
+  mode = await shown(words, { replayed: true, forces: { state: 6, reason: 11, limitN: 0 } });
   assert.match(mode, /replay: forces are off; .*emergency stop/);
 });
 
@@ -468,8 +468,8 @@ const kOblique = (() => {
 pageTest("over a slice the pointer tells value and place, and the scale bar is as long as it says", {}, async (page) => {
   await page.evaluate((map) => {
     harness.connect();
-    Object.assign(harness.state.volume, { world_from_index: map });
-    Object.assign(harness.state.placement, { device_from_index: map });
+    Object.assign(harness.state.volume, { worldFromIndex: map });
+    Object.assign(harness.state.placement, { deviceFromIndex: map });
     harness.state.emit("placement");
     harness.state.view.slices = true;
     harness.state.emit("view");
@@ -560,7 +560,7 @@ pageTest("a link shows the isovalue of its maker as the veil, for this guest alo
   await page.evaluate(() => {
     harness.state.setView({ veil: null });
     Object.assign(harness.state, { linkIsovalue: -300 });
-    harness.receive("volume", { ...harness.state.volume, name: "other" });
+    harness.fact("volume", { ...harness.state.volume, name: "other" });
   });
   assert.deepEqual(await page.evaluate(() => [harness.state.view.veil, harness.state.view.cross]), [null, null]);
 });
@@ -568,7 +568,7 @@ pageTest("a link shows the isovalue of its maker as the veil, for this guest alo
 pageTest("window and level by choice and by a finger; two fingers come closer", { isMobile: true, width: 390, height: 844 }, async (page) => {
   await page.evaluate(() => {
     harness.connect();
-    harness.receive("volume", { ...harness.state.volume, name: "other", window: { level: 700, width: 2600 } });
+    harness.fact("volume", { ...harness.state.volume, name: "other", windowLevel: 700, windowWidth: 2600 });
     harness.state.view.slices = true;
     harness.state.emit("view");
   });
@@ -756,8 +756,8 @@ test("window and page call the directions of a volume the same", async () => {
   assert.equal(lines.length, 10);
   for (const line of lines) {
     const words = line.split(/\s+/);
-    const world_from_index = [0, 1, 2].flatMap((row) => [...[0, 3, 6].map((column) => Number(words[column + row])), 0]);
-    const frame = patientFrame({ world_from_index }, { patient_axes: "LPS" });
+    const worldFromIndex = [0, 1, 2].flatMap((row) => [...[0, 3, 6].map((column) => Number(words[column + row])), 0]);
+    const frame = patientFrame({ worldFromIndex }, { patientAxes: "LPS" });
     const slices = sectionsOf(frame).flatMap(({ labels: { left, right, up, down } }) => [left, right, up, down]);
     assert.deepEqual([...faceLabels(frame).map(({ label }) => label), ...slices], words.slice(9), line);
   }

@@ -65,6 +65,7 @@ const kOthers = [
   { key: "method", label: "Method", unit: "", help: "how the proxy moves", kind: "choice", minimum: null, maximum: null, words: ["tetrahedra", "trilinear"] },
 ];
 function receive(type, members) { state.receive({ type, ...members }); }
+const fact = (name, members) => state.receiveFact({ [name]: members });
 function connect({ mayFeel = [], name = "head_ct_256.nrrd", axes = "LPS", answered = false } = {}) {
   state.link = "open";
   state.emit("link");
@@ -72,15 +73,15 @@ function connect({ mayFeel = [], name = "head_ct_256.nrrd", axes = "LPS", answer
   receive("connection", { state: "connected", why: "", palpated: "theatre-2", since_ms: 0 });
   copy.shape = { size: kSize, type: "int16", background: -1000, valueMin: -1000, valueMax: 1000 };
   const counts = Array.from({ length: 128 }, (_, n) => Math.round(90000 * Math.exp(-(((n - 20) / 9) ** 2)) + 30000 * Math.exp(-(((n - 66) / 6) ** 2)) + 6000 * Math.exp(-n / 60)));
-  receive("volume", { name, size: kSize, voxel_type: "int16", value_min: -1000, value_max: 1000, background: -1000, unit: "HU",
-    world_from_index: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1, -24], histogram: { low: -1000, high: 1000, counts },
-    suggested: [{ name: "skin", isovalue: -300, reason: "between air and soft tissue" }, { name: "bone", isovalue: 320, reason: "above soft tissue" }] });
-  receive("placement", { device_from_index: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1.4, -24], settings_revision: 1, patient_axes: axes, patient_axes_answered: answered });
-  receive("copy", { bricks_left: 0, problem: "" });
-  receive("settings", { revision: 1, values: { isovalue: 320, stiffness_n_per_mm: 0.6, friction: true, method: "trilinear" } });
+  fact("volume", { name, size: kSize, type: "int16", valueMin: -1000, valueMax: 1000, unit: "HU", windowLevel: 0, windowWidth: 0,
+    worldFromIndex: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1, -24], histogram: { low: -1000, high: 1000, counts },
+    suggestedIsovalues: [{ name: "skin", isovalue: -300, reason: "between air and soft tissue" }, { name: "bone", isovalue: 320, reason: "above soft tissue" }] });
+  fact("placement", { deviceFromIndex: [1, 0, 0, -32, 0, 1, 0, -28, 0, 0, 1.4, -24], settingsRevision: 1, patientAxes: axes, patientAxesAnswered: answered });
+  receive("copy", { bricks_left: 0, problem: "", loading: false });
+  fact("settings", { settingsRevision: 1, settings: { isovalue: 320, stiffnessNPerMm: 0.6, friction: true, method: 2 } });
   receive("steering", { changes: [{ user: "lecturer-1", key: "isovalue", value: 320, time_ms: 0 }] });
-  receive("series", { frames: 20, position_frames: 2.2, playing: true, rate_hz: 10 });
-  receive("recording", { running: true, seconds: 12.3, lost_ticks: 0 });
+  fact("series", { frames: 20, positionFrames: 2.2, playing: true, rateHz: 10 });
+  fact("recording", { running: true, ticks: 12_300, lostTicks: 0 });
   receive("guests", { count: 14 });
   state.emit("copyProgress");
 }
@@ -90,16 +91,16 @@ function pose(seconds = performance.now() / 1000, changed = {}) {
   const contact = Math.sin(seconds) > -0.4;
   const depth = contact ? 0.9 + 0.5 * Math.sin(2.3 * seconds) + 0.05 * Math.sin(31 * seconds) : 0;
   state.receivePose({
-    sequence: ++tick, tick, timeMs: 1000 * seconds, sentMs: 1000 * seconds, ageMs: 3 + 2 * Math.abs(Math.sin(7 * seconds)), contact, freeAbove: false, fresh: true,
-    mode: contact ? "constrained" : "free", forceState: "on", forceReason: "none",
-    hip: [-2 + 8 * Math.sin(seconds), 1, 2 - depth], scpH: [-2 + 8 * Math.sin(seconds), 1, 2], scpV: null, orientation: [0, 0, 0, 1],
-    force: [0, 0, depth * 0.6], forceLimit: 3.3, density: 320.4, isovalue: 320, missedTicks: 3, updateUs: 8.4, ...changed,
+    sequence: ++tick, tick, timeNs: 1e9 * seconds, sentMs: 1000 * seconds, ageMs: 3 + 2 * Math.abs(Math.sin(7 * seconds)), contact, freeSide: 1, fresh: true, replayed: false,
+    mode: contact ? 2 : 1, forces: { state: 3, reason: 1, limitN: 3.3 },
+    hipMm: [-2 + 8 * Math.sin(seconds), 1, 2 - depth], scpHMm: [-2 + 8 * Math.sin(seconds), 1, 2], stylusOrientation: [0, 0, 0, 1],
+    forceN: [0, 0, depth * 0.6], density: 320.4, isovalue: 320, missedTicks: 3, updateNs: 8400, ...changed,
   });
 }
 let timer = 0;
 function stream() { pose(); clearInterval(timer); timer = setInterval(pose, 16); }
 function fillHistory() { const end = performance.now() / 1000; for (let n = 600; n >= 0; --n) pose(end - n / 60); }
-window.harness = { state, room, copy, calls, receive, connect, pose, stream, fillHistory, pause: () => clearInterval(timer) };
+window.harness = { state, room, copy, calls, receive, fact, connect, pose, stream, fillHistory, pause: () => clearInterval(timer) };
 `;
 
 const kPolicy = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "

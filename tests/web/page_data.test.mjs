@@ -1,55 +1,55 @@
-// Poses, the manifest, and the page's copy of the volume.
+// Poses, facts, the manifest, and the page's copy of the volume.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { assertNear, modules, random, settle } from "./page_harness.mjs";
+import { assertNear, envelope, modules, random, settle, somePose } from "./page_harness.mjs";
 
-const page = await modules("wire/pose.ts", "state.ts", "volume/manifest.ts", "volume/overview_voxels.ts", "volume/copy.ts", "wire/meanwhile.ts");
-const { decodePose, kPoseBytes, State, parseManifest, groupCounts, groupNumber, groupPlace, OverviewVoxels, VolumeCopy, Meanwhile } = page;
+const page = await modules("wire/contract.ts", "state.ts", "volume/manifest.ts", "volume/overview_voxels.ts", "volume/copy.ts", "wire/meanwhile.ts");
+const { decode, isFreeAbove, memberOf, State, parseManifest, groupCounts, groupNumber, groupPlace, OverviewVoxels, VolumeCopy, Meanwhile } = page;
 
-// Bytes of the layout in client/web/source/pose_bytes.h.
-function poseBytes({ flags = 31, tick = 2 ** 40 + 1, isovalue = -300.5, reason = 12 } = {}) {
-  const bytes = Buffer.alloc(176);
-  bytes.set([1, flags, 2, 3]);
-  bytes.writeUInt32LE(4_000_000_000, 4);
-  [tick, 12.5, 13.5, 0.75, 7, 9].forEach((value, n) => bytes.writeDoubleLE(value, 8 + 8 * n));
-  for (let n = 0; n < 22; ++n) bytes.writeFloatLE(n + 0.5, 56 + 4 * n);
-  bytes.writeFloatLE(isovalue, 140);
-  bytes.writeUInt32LE(5, 144);
-  bytes.writeUInt32LE(77, 148);
-  bytes.writeFloatLE(8.25, 152);
-  bytes[156] = reason;
-  return bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + 176);
-}
+const poseOf = (members = {}) => decode(envelope({ pose: { ...somePose, ...members } })).pose;
 
 test("a pose is read from its bytes", () => {
-  assert.equal(kPoseBytes, 176);
-  assert.deepEqual(decodePose(poseBytes()), {
-    sequence: 4_000_000_000, tick: 2 ** 40 + 1, timeMs: 12.5, sentMs: 13.5, ageMs: 0.75,
-    contact: true, freeAbove: true, fresh: true, replayed: false, mode: "constrained", forceState: "on", forceReason: "stop-button",
-    hip: [0.5, 1.5, 2.5], scpH: [3.5, 4.5, 5.5], scpV: [9.5, 10.5, 11.5],
-    orientation: [12.5, 13.5, 14.5, 15.5], force: [16.5, 17.5, 18.5], forceLimit: 19.5, density: 20.5, isovalue: -300.5,
-    missedTicks: 77, updateUs: 8.25,
-  });
-  const bare = decodePose(poseBytes({ flags: 0 }));
-  assert.deepEqual([bare.contact, bare.freeAbove, bare.fresh, bare.scpV], [false, false, false, null]);
-  assert.equal(decodePose(poseBytes({ flags: 32 })).replayed, true);
-  assert.equal(decodePose(poseBytes({ reason: 13 })).forceReason, "replay");
+  const pose = poseOf({ tick: 2 ** 40 + 1, isovalue: -300.5, free_side: 2 });
+  assert.deepEqual([pose.sequence, pose.sentMs, pose.ageMs, pose.fresh], [4_000_000_000, 13.5, 0.75, true]);
+  assert.deepEqual([pose.tick, pose.timeNs, pose.isovalue, pose.missedTicks], [2 ** 40 + 1, 12_500_000, -300.5, 77]);
+  assert.deepEqual([pose.hipMm, pose.scpHMm, pose.scpVMm, pose.forceN], [[1, 2, 3], [4, 5, 6], undefined, [0, 0, 1.5]]);
+  assert.deepEqual([pose.stylusOrientation, pose.forces.limitN, isFreeAbove(pose)], [[0.1, 0.2, 0.3, 0.9], 3.25, true]);
+  assert.ok(Number.isNaN(decode(envelope({ pose: somePose, age_ms: undefined })).pose.ageMs));
 });
 
-test("other bytes are no pose", () => {
-  assert.equal(decodePose(new ArrayBuffer(175)), null);
-  assert.equal(decodePose(new ArrayBuffer(176)), null); // kind 0
+test("a field that this page does not know is no obstacle, and bytes that are no message are ignored", () => {
+  assert.equal(decode(new ArrayBuffer(5)), null);
+  assert.equal(decode(Uint8Array.of(0xff, 0xff).buffer), null);
+  assert.equal(decode(envelope({ pose: { tick: 5 } })), null); // no place
+  const known = new Uint8Array(envelope({ pose: somePose }));
+  assert.equal(decode(Uint8Array.of(...known, 0xa2, 0x3e, 1, 7).buffer).pose.missedTicks, 77); // field 996
+});
+
+test("facts are read from their bytes, one in each message", () => {
+  const { fact } = decode(envelope({ facts: { settings: { settings: { isovalue: 3, stiffness_n_per_mm: 0.5, free_side: 2 }, settings_revision: 4 } } }));
+  assert.deepEqual(Object.keys(fact), ["settings"]);
+  const state = new State();
+  state.receiveFact(fact);
+  assert.deepEqual(["isovalue", "stiffness_n_per_mm", "free_side", "method"].map((key) => state.setting(key)), [3, 0.5, 2, undefined]);
+  assert.equal(memberOf("damping_n_s_per_m"), "dampingNSPerM");
+  const linear = [1, 0, 0, 0, 2, 0, 0, 0, 3];
+  const volume = { name: "head.nrrd", size_x: 4, size_y: 5, size_z: 6, voxel_type: "VOXEL_TYPE_INT16", world_from_index: { linear, translation: { x: 7, y: 8, z: 9 } } };
+  state.receiveFact(decode(envelope({ facts: { volume } })).fact);
+  assert.deepEqual([state.volume.size, state.volume.type, state.volume.worldFromIndex], [[4, 5, 6], "int16", [1, 0, 0, 7, 0, 2, 0, 8, 0, 0, 3, 9]]);
+  state.receiveFact(decode(envelope({ facts: { volume: {} } })).fact);
+  assert.equal(state.volume, null);
+  assert.equal(state.settings.settings.isovalue, 3); // the others stay
 });
 
 test("a pose's age counts from the shortest way seen", () => {
   const state = new State();
   const now = performance.now();
-  state.receivePose({ ...decodePose(poseBytes()), sentMs: now - 1000, ageMs: 5 });
+  state.receivePose({ ...poseOf(), sentMs: now - 1000, ageMs: 5 });
   assert.ok(state.poseAgeMs() < 900);
-  state.receivePose({ ...decodePose(poseBytes()), sentMs: now - 3000, ageMs: 5 }); // 2 s late
+  state.receivePose({ ...poseOf(), sentMs: now - 3000, ageMs: 5 }); // 2 s late
   assert.ok(state.poseAgeMs() >= 2005);
-  state.receivePose({ ...decodePose(poseBytes()), sentMs: now - 1000, ageMs: NaN });
+  state.receivePose({ ...poseOf(), sentMs: now - 1000, ageMs: NaN });
   assert.ok(state.poseAgeMs() < 2000);
 });
 
@@ -257,20 +257,20 @@ test("where several blobs cannot come in one answer, they come one by one", asyn
 test("what happened meanwhile is said", () => {
   const state = new State();
   new Meanwhile(state);
-  const volume = (name) => state.receive({ type: "volume", name, size: [2, 2, 2] });
+  const volume = (name) => state.receiveFact({ volume: { name, size: [2, 2, 2] } });
   const link = (value) => { state.link = value; state.emit("link"); };
   const connection = (value) => state.receive({ type: "connection", state: value, why: value === "lost" ? "palpated is not reached" : "" });
-  const pose = (tick, isovalue) => state.receivePose(decodePose(poseBytes({ tick, isovalue })));
-  const settings = (isovalue) => state.receive({ type: "settings", revision: 1, values: { isovalue } });
+  const pose = (tick, isovalue) => state.receivePose(poseOf({ tick, isovalue }));
+  const settings = (isovalue) => state.receiveFact({ settings: { settings: { isovalue } } });
   link("open"); connection("connected"); volume("head.nrrd"); settings(10); pose(1000, 10);
   assert.deepEqual(state.events, []);
   connection("lost"); connection("connected"); pose(1010, 10);
   assert.equal(state.events.length, 1);
   assert.match(state.events[0], /^palpated/);
   link("lost"); link("open"); connection("connected"); pose(5, 0); // palpated has no volume yet
-  state.receive({ type: "volume" }); settings(0); pose(6, 0);
+  state.receiveFact({ volume: null }); settings(0); pose(6, 0);
   assert.doesNotMatch(state.events.join(), /isovalue/);
-  settings(12.7); pose(7, 0); volume("<b>lobster.nrrd"); pose(8, 0); pose(9, Math.fround(12.7));
+  settings(12.7); pose(7, 0); volume("<b>lobster.nrrd"); pose(8, 0); pose(9, 12.7);
   const told = state.events.slice(1).join("\n");
   for (const word of [/lost for \d+ s/, /restarted/, /10 to 12\.7/, /<b>lobster\.nrrd/]) assert.match(told, word);
   settings(20); pose(10, 20); // not meanwhile

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 
-import { modules } from "./page_harness.mjs";
+import { envelope, modules, somePose } from "./page_harness.mjs";
 
 const { Room, State } = await modules("wire/room.ts", "state.ts");
 
@@ -49,13 +49,6 @@ async function joined() {
   return { state, room, end: () => { room.secret = null; sockets.at(-1).lose(); } };
 }
 
-function poseBytes(sequence) {
-  const view = new DataView(new ArrayBuffer(176));
-  view.setUint8(0, 1);
-  view.setUint32(4, sequence, true);
-  return view.buffer;
-}
-
 test("a login opens the stream", async () => {
   const { state, room, end } = await joined();
   assert.deepEqual(logins, [{ room: "KEY" }]);
@@ -82,7 +75,7 @@ test("a refused login says why and is not tried again", async () => {
 
 test("every eighth pose is acknowledged; other bytes are ignored", async () => {
   const { state, end } = await joined();
-  for (let n = 1; n <= 17; ++n) sockets[0].give(poseBytes(n));
+  for (let n = 1; n <= 17; ++n) sockets[0].give(envelope({ pose: somePose, sequence: n }));
   sockets[0].give(new ArrayBuffer(5));
   assert.deepEqual(sockets[0].sent, [{ type: "ack", sequence: 8 }, { type: "ack", sequence: 16 }]);
   assert.equal(state.pose.sequence, 17);

@@ -49,7 +49,7 @@ test("maps: inverse, composition, blocks", () => {
   assert.deepEqual(boundsIn([0, -2, 0, 1, 1, 0, 0, 0, 0, 0, 1, 0], [0, 0, 0], [3, 4, 5]), { min: [-7, 0, 0], max: [1, 3, 5] });
 });
 
-const frameOf = (world_from_index, patient_axes) => patientFrame({ world_from_index }, { patient_axes });
+const frameOf = (worldFromIndex, patientAxes) => patientFrame({ worldFromIndex }, { patientAxes });
 const found = (frame) => Object.fromEntries(faceLabels(frame).map(({ label, axis, sign }) => [label, [axis, sign]]));
 
 test("letters stand at the nearest faces, whatever the order and the spacings of the axes", () => {
@@ -57,7 +57,7 @@ test("letters stand at the nearest faces, whatever the order and the spacings of
   const voxels = [0, -9, -0.3, 0, 0, 0, -1, 0, -0.2, 0, 0, 0];
   assert.deepEqual(found(frameOf(voxels, "LPS")), { L: [1, -1], R: [1, 1], P: [2, -1], A: [2, 1], S: [0, -1], I: [0, 1] });
   // Not known, not there yet, mirrored: the axes of the world.
-  for (const frame of [frameOf(voxels, ""), patientFrame({ world_from_index: voxels }, null), frameOf(voxels, "RPS")]) {
+  for (const frame of [frameOf(voxels, ""), patientFrame({ worldFromIndex: voxels }, null), frameOf(voxels, "RPS")]) {
     assert.equal(frame.isKnown, false);
     assert.deepEqual(found(frame), { "+x": [1, -1], "−x": [1, 1], "+y": [2, -1], "−y": [2, 1], "+z": [0, -1], "−z": [0, 1] });
   }

@@ -80,7 +80,7 @@ function compare({ width, height, page, viewer }, mmPerVoxel) {
 }
 
 async function voxelEdge(tab) {
-  const map = await tab.evaluate(() => window.palpate.state.placement.device_from_index);
+  const map = await tab.evaluate(() => window.palpate.state.placement.deviceFromIndex);
   const edges = [0, 1, 2].map((axis) => Math.hypot(map[axis], map[axis + 4], map[axis + 8]));
   return Math.min(...edges);
 }

@@ -78,7 +78,7 @@ test("the copy equals the daemon's volume at each manifest that is shown", async
 });
 
 const events = (tab) => tab.evaluate(() => window.palpate.state.events.join("\n"));
-const revisionOfSettings = (tab) => tab.evaluate(() => window.palpate.state.settings.revision);
+const revisionOfSettings = (tab) => tab.evaluate(() => window.palpate.state.settings.settingsRevision);
 const awaitLive = (tab) =>
   awaitPage(tab, "p.state.link === 'open' && p.state.connection?.state === 'connected' && p.state.pose?.fresh");
 
@@ -101,7 +101,7 @@ test("the gateway is killed and comes back: the page follows without a reload", 
   await room.palpate("set", "isovalue", "0.3");
   await room.startGateway();
   await awaitLive(tab);
-  await awaitPage(tab, "Math.abs(p.state.settings.values.isovalue - 0.3) < 1e-6");
+  await awaitPage(tab, "Math.abs(p.state.settings.settings.isovalue - 0.3) < 1e-6");
   assert.equal(await tab.evaluate(() => window.isTheSamePage), true);
   assert.match(await events(tab), /lost/i);
   assert.match(await events(tab), /isovalue/i);
@@ -183,7 +183,7 @@ test("the network is gone for 10 s: the page says it is old, and comes back", as
   await room.palpate("set", "isovalue", "0.35");
   cable.frozen = false;
   await awaitLive(tab);
-  await awaitPage(tab, "Math.abs(p.state.settings.values.isovalue - 0.35) < 1e-6 && p.state.poseAgeMs() < 2000");
+  await awaitPage(tab, "Math.abs(p.state.settings.settings.isovalue - 0.35) < 1e-6 && p.state.poseAgeMs() < 2000");
   assert.equal(await tab.evaluate(() => window.isTheSamePage), true);
   assert.match(await events(tab), /lost/i);
 });
@@ -219,7 +219,7 @@ test("a named user steers the isovalue, everyone sees who did; a guest cannot", 
     await awaitLive(steerer);
     return steerer.evaluate(() => window.palpate.room.steer("isovalue", 0.4).then(() => true, () => false));
   });
-  await awaitPage(guest, "Math.abs(p.state.settings.values.isovalue - 0.4) < 1e-6");
+  await awaitPage(guest, "Math.abs(p.state.settings.settings.isovalue - 0.4) < 1e-6");
   await awaitPage(guest, "p.state.steering.changes.at(-1)?.user === 'lecturer-1'");
   await awaitPage(guest, "p.state.events.some((text) => text.includes('lecturer-1'))");
   await until("a log line with the user", () => /lecturer-1/.test(room.gateway.output));

@@ -204,6 +204,7 @@ Body Guest::TakeNext(bool& is_text) {
   for (int n = 0; due_.any() && n < kTopics; ++n) {
     if (!due_[n]) continue;
     due_.reset(n);
+    is_text = !FactOf(static_cast<Topic>(n));
     return site_->hub.Newest(static_cast<Topic>(n));
   }
   if (!pose_due_) return nullptr;

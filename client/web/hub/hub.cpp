@@ -1,21 +1,23 @@
 #include "client/web/hub/hub.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <utility>
 
 namespace palpate::web {
 
-void Hub::Put(Topic topic, std::string json) {
+void Hub::Put(Topic topic, std::string message) {
   std::shared_ptr<const std::string>& newest = newest_.at(static_cast<std::size_t>(topic));
-  if (newest && *newest == json) return;
-  newest = std::make_shared<const std::string>(std::move(json));
+  if (newest && *newest == message) return;
+  newest = std::make_shared<const std::string>(std::move(message));
   Tell([topic](Subscriber& subscriber) { subscriber.OnTopic(topic); });
 }
 
 void Hub::PutPose(std::string bytes) {
+  static_assert(std::endian::native == std::endian::little, "as protobuf writes numbers");
   ++sequence_;
-  std::memcpy(&bytes.at(kPoseSequenceOffset), &sequence_, sizeof(sequence_));
+  std::memcpy(&bytes.at(kEnvelopeSequenceOffset), &sequence_, sizeof(sequence_));
   pose_ = std::make_shared<const std::string>(std::move(bytes));
   Tell([](Subscriber& subscriber) { subscriber.OnPose(); });
 }

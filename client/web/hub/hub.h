@@ -1,4 +1,5 @@
-// The newest of everything that guests are told: one text per topic, and one pose.
+// The newest of everything that guests are told: one message per topic, and one pose. Messages are
+// bytes of an Envelope (common/wire/envelope.h), or JSON of what only the gateway knows.
 //
 // A subscriber is a guest's connection. It learns that a topic or the pose is new and reads the
 // newest when it can write. So a slow guest skips values and costs no memory.
@@ -13,11 +14,13 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "client/web/volume/blob.h"
+#include "common/wire/envelope.h"
 
 namespace palpate::web {
 
@@ -34,6 +37,25 @@ enum class Topic {
   kGuests,
 };
 inline constexpr int kTopics = 10;
+
+// The fact that the topic's messages are envelopes of. None: they are JSON with the topic's name as
+// "type".
+constexpr std::optional<GuestFact> FactOf(Topic topic) {
+  switch (topic) {
+    case Topic::kVolume:
+      return GuestFact::kVolume;
+    case Topic::kPlacement:
+      return GuestFact::kPlacement;
+    case Topic::kSettings:
+      return GuestFact::kSettings;
+    case Topic::kSeries:
+      return GuestFact::kSeries;
+    case Topic::kRecording:
+      return GuestFact::kRecording;
+    default:
+      return std::nullopt;
+  }
+}
 
 // A guest's change of a setting. Flags are 0 or 1, choices the number of their word.
 struct SteerRequest {
@@ -59,9 +81,9 @@ class Hub {
   Hub(const Hub&) = delete;
   Hub& operator=(const Hub&) = delete;
 
-  // Tells subscribers if the text is another one.
-  void Put(Topic topic, std::string json);
-  // Writes the pose's sequence number into its bytes (kPoseSequenceOffset).
+  // Tells subscribers if the message is another one.
+  void Put(Topic topic, std::string message);
+  // Writes the pose's sequence number into its bytes (kEnvelopeSequenceOffset).
   void PutPose(std::string bytes);
 
   // Null before the first Put.
@@ -87,8 +109,6 @@ class Hub {
   // The text of `hello` for this user.
   std::function<std::string(const std::string& user, const std::vector<std::string>& may_steer)>
       hello;
-
-  static constexpr std::size_t kPoseSequenceOffset = 4;
 
  private:
   void Tell(const std::function<void(Subscriber&)>& call);

@@ -1,5 +1,5 @@
 // The heartbeat of a room's publisher: says that it is there, and who it is. JSON:
-//   {"protocol": 1, "session": 16 hex digits, random at each start, "machine": 32 hex digits,
+//   {"protocol": 2, "session": 16 hex digits, random at each start, "machine": 32 hex digits,
 //    "kept": {"settings": 32 hex digits, ..., "volume": ...}}
 // kept: NameOf the KeptHash of the newest messages that this session has put; a topic's name, or
 // "volume" for the volume's message. A receiver that has another one has missed it: a leaf server
@@ -18,7 +18,7 @@
 
 namespace palpate::web {
 
-inline constexpr int kRoomProtocol = 1;
+inline constexpr int kRoomProtocol = 2;
 inline constexpr std::chrono::milliseconds kBetweenBeats{500};
 inline constexpr std::chrono::seconds kBeatLife{3};  // without a beat: the publisher is away
 

@@ -9,6 +9,7 @@
 #include "client/web/nats/part.h"
 #include "client/web/volume/blob_name.h"
 #include "common/error/error.h"
+#include "common/wire/envelope.h"
 
 namespace palpate::web {
 namespace {
@@ -174,10 +175,8 @@ bool KeptPublisher::PublishVolume(const Texts& texts) {
     return false;
   }
   Put("volume", subjects_.volume(),
-      nlohmann::ordered_json{{"volume", TextIn(texts, Topic::kVolume)},
-                             {"placement", TextIn(texts, Topic::kPlacement)},
-                             {"manifest", *manifest}}
-          .dump());
+      RoomVolumeBytes(
+          {TextIn(texts, Topic::kVolume), TextIn(texts, Topic::kPlacement), *manifest}));
   return true;
 }
 

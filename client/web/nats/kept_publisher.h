@@ -1,4 +1,4 @@
-// Keeps the newest texts and the newest volume of the hub in the room's stream.
+// Keeps the newest messages of topics and the newest volume of the hub in the room's stream.
 //
 // The volume's message is published when all blobs that its manifest names are kept; while the hub
 // has no manifest, that of before stays. Only blobs that changed are published. After a loss of the
@@ -105,7 +105,7 @@ class KeptPublisher {
   bool is_new_ = false;         // texts_
   bool is_connection_ = false;  // a new one: the stream may be another one
   Texts texts_;
-  // Given, too, but read by any thread: hashes of texts and of the volume's message, by name.
+  // Given, too, but read by any thread: hashes of topics' messages and of the volume's, by name.
   std::map<std::string, std::string> put_;
   std::string problem_ = "its first copy is under way";
   std::thread thread_;

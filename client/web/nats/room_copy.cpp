@@ -8,6 +8,7 @@
 #include "client/web/volume/blob_name.h"
 #include "client/web/volume/group.h"
 #include "common/error/error.h"
+#include "common/wire/envelope.h"
 
 namespace palpate::web {
 namespace {
@@ -22,6 +23,14 @@ Json ObjectOf(std::string_view text, Topic topic) {
   Json json = Json::parse(text, nullptr, false);
   const bool is_text = json.is_object() && json.contains("type") && json["type"] == NameOf(topic);
   return is_text ? json : Json();
+}
+
+// A topic's message as guests get it. Nothing: the bytes are no message of this topic.
+std::optional<std::string> MessageOf(std::string_view bytes, Topic topic) {
+  if (const auto fact = FactOf(topic)) {
+    return bytes.size() > RoomCopy::kMostTextBytes ? std::nullopt : ForwardedFact(bytes, *fact);
+  }
+  return ObjectOf(bytes, topic).is_null() ? std::nullopt : std::optional(std::string(bytes));
 }
 
 BlobPtr BlobOf(const Part& part, std::string zstd) {
@@ -54,8 +63,9 @@ RoomCopy::News RoomCopy::Take(std::string_view subject, std::string_view bytes, 
   if (!kept) return news;
   switch (kept->kind) {
     case Kept::Kind::kText:
-      if (IsNewest(*kept, subject, bytes, is_live) && !ObjectOf(bytes, kept->topic).is_null()) {
-        news.texts.emplace_back(kept->topic, bytes);
+      if (!IsNewest(*kept, subject, bytes, is_live)) break;
+      if (auto told = MessageOf(bytes, kept->topic)) {
+        news.texts.emplace_back(kept->topic, *std::move(told));
       }
       break;
     case Kept::Kind::kVolume:
@@ -88,24 +98,14 @@ bool RoomCopy::IsNewest(const Kept& kept, std::string_view subject, std::string_
 }
 
 std::optional<RoomCopy::Volume> RoomCopy::VolumeOf(std::string_view bytes) {
-  const Json json = Json::parse(bytes, nullptr, false);
-  if (!json.is_object()) return std::nullopt;
-  const auto text = [&](const char* name) {
-    const auto found = json.find(name);
-    return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();
-  };
-  Volume volume{.texts = {text("volume"), text("placement"), text("manifest")}};
-  const Shown& texts = volume.texts;
-  if (ObjectOf(texts.volume, Topic::kVolume).is_null()) return std::nullopt;
-  if (!texts.placement.empty() && ObjectOf(texts.placement, Topic::kPlacement).is_null()) {
-    return std::nullopt;
-  }
-  const Json manifest = ObjectOf(texts.manifest, Topic::kManifest);
+  if (bytes.size() > kMostTextBytes) return std::nullopt;
+  auto parts = ParseRoomVolume(bytes);
+  if (!parts) return std::nullopt;
+  const Json manifest = ObjectOf(parts->manifest, Topic::kManifest);
   const bool is_named = manifest.contains("name") && manifest["name"].is_string();
   const auto name = is_named ? ParseName(manifest["name"].get<std::string>()) : std::nullopt;
   if (!name || *name == kNone) return std::nullopt;
-  volume.manifest = *name;
-  return volume;
+  return Volume{.texts = *std::move(parts), .manifest = *name};
 }
 
 void RoomCopy::TakeVolume(std::string_view bytes, News& news) {

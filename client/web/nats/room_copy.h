@@ -31,6 +31,7 @@
 #include "client/web/nats/subjects.h"
 #include "client/web/volume/blob_shelf.h"
 #include "client/web/volume/manifest.h"
+#include "common/wire/envelope.h"
 
 namespace palpate::web {
 
@@ -38,11 +39,9 @@ class RoomCopy {
  public:
   using Time = BlobShelf::Time;
 
-  // The texts of the topics kVolume, kPlacement and kManifest, which change together.
-  struct Shown {
-    std::string volume, placement, manifest;  // placement: may be empty
-  };
-  // What is new. Texts are JSON objects whose "type" is the topic's.
+  // The messages of the topics kVolume, kPlacement and kManifest, which change together.
+  using Shown = RoomVolumeParts;  // placement: may be empty
+  // What is new: messages of topics as guests get them.
   struct News {
     std::optional<Shown> shown;
     std::vector<std::pair<Topic, std::string>> texts;
@@ -82,7 +81,7 @@ class RoomCopy {
 
  private:
   enum class Ask : std::uint8_t { kNo, kUnderWay, kDone };  // kDone: not again until AskAnew
-  // A text or the volume's message.
+  // A topic's message or the volume's.
   struct Text {
     Kept kept;
     ContentHash hash{};  // zeros: nothing is kept

@@ -1,15 +1,14 @@
 #include "client/web/nats/room_source.h"
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "client/web/source/clock.h"
-#include "client/web/source/pose_bytes.h"
 #include "client/web/source/topic_text.h"
 #include "client/web/volume/blob_name.h"
 #include "client/web/volume/group.h"
 #include "common/error/one_line.h"
+#include "common/wire/envelope.h"
 
 namespace palpate::web {
 namespace {
@@ -30,7 +29,7 @@ RoomSource::RoomSource(RoomOptions options, Hub& hub, Post post)
       state_(ThisMachine(), steady_clock::now()),
       copy_(options_.room) {
   connection_since_ms_ = NowMs();
-  hub_.Put(Topic::kVolume, NoVolumeText(""));
+  hub_.Put(Topic::kVolume, NoFactEnvelope(GuestFact::kVolume));
   hub_.Put(Topic::kSteering, SteeringText({}));
   Listen();
   PutConnection();
@@ -53,7 +52,7 @@ void RoomSource::Listen() {
                        .lost = [=](const std::string& why) { look(), log(why); },
                        .refused = log});
   live_->Subscribe(subjects_.pose(), [this](const NatsMessage& message) {
-    if (message.bytes.size() != kPoseBytes) return;
+    if (message.bytes.size() > kMostPoseBytes) return;
     Note([&](News& news) { news.pose = message.bytes; });
   });
   live_->Subscribe(subjects_.beat(), [this](const NatsMessage& message) {
@@ -165,10 +164,7 @@ void RoomSource::Take() {
   if (news.missing_groups) missing_groups_ = *news.missing_groups;
   PutCopy();
   PutConnection();
-  if (news.pose && state_.is_published(now)) {
-    pose_ = *std::move(news.pose);
-    PutPose();
-  }
+  if (news.pose && state_.is_published(now)) PutPose(*std::move(news.pose));
 }
 
 void RoomSource::PutShown(RoomCopy::Shown shown) {
@@ -180,20 +176,18 @@ void RoomSource::PutShown(RoomCopy::Shown shown) {
 // Poses and voxels come by connections of their own, so the loss of one says nothing of the other.
 void RoomSource::PutCopy() {
   constexpr std::uint64_t kBricks = std::uint64_t{kGroupBricks} * kGroupBricks * kGroupBricks;
-  hub_.Put(Topic::kCopy,
-           CopyText(kBricks * missing_groups_, kept_->is_connected() ? "" : "NATS is not reached"));
+  hub_.Put(Topic::kCopy, CopyText(kBricks * missing_groups_,
+                                  kept_->is_connected() ? "" : "NATS is not reached", false));
 }
 
-void RoomSource::PutPose() {
+void RoomSource::PutPose(std::string sent) {
   const std::int64_t now_ns = MonotonicNs();
   const bool is_fresh = state_.is_published(steady_clock::now());
-  auto pose = ForwardedPose(pose_, {now_ns, state_.shares_clock(), is_fresh});
+  auto pose = ForwardedPose(sent, {now_ns, state_.shares_clock(), is_fresh});
   if (!pose) return;
-  const double age_ms = PoseAgeMs(*pose);
-  if (is_fresh) {
-    SetPoseTime(std::isnan(age_ms) ? now_ns : now_ns - static_cast<std::int64_t>(1e6 * age_ms));
-  }
-  hub_.PutPose(*std::move(pose));
+  pose_ = std::move(sent);
+  if (is_fresh) SetPoseTime(now_ns - static_cast<std::int64_t>(1e6 * pose->age_ms.value_or(0.0)));
+  hub_.PutPose(std::move(pose->bytes));
 }
 
 void RoomSource::PutConnection() {
@@ -207,7 +201,7 @@ void RoomSource::PutConnection() {
                  (is_connected ? "live" : OneLine(connection_.why)));
   }
   // The last pose again, as an old one.
-  if (before.state == client::ConnectionState::kConnected && !is_connected) PutPose();
+  if (before.state == client::ConnectionState::kConnected && !is_connected) PutPose(pose_);
 }
 
 void RoomSource::Poll() {

@@ -72,7 +72,7 @@ class RoomSource final : public Source {
   void Take();
   void PutShown(RoomCopy::Shown shown);
   void PutCopy();
-  void PutPose();
+  void PutPose(std::string sent);
   void PutConnection();
   void Log(const std::string& line);
   std::string AskPublisher(const SteerRequest& request);

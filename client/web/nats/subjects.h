@@ -1,10 +1,10 @@
 // The subjects of a room on a NATS server.
 //
-//   palpate.R.live.pose        a pose (pose_bytes.h)
+//   palpate.R.live.pose        a pose (common/wire/envelope.h)
 //   palpate.R.live.beat        the publisher's heartbeat
-//   palpate.R.kept.text.T      the newest text of a topic: T is connection, settings, steering,
-//                              series or recording
-//   palpate.R.kept.volume      JSON: the texts of volume, placement and manifest
+//   palpate.R.kept.text.T      the newest message of a topic: T is connection, settings, steering,
+//                              series or recording; as guests get it (hub.h)
+//   palpate.R.kept.volume      volume, placement and manifest (RoomVolume of envelope.proto)
 //   palpate.R.kept.manifest.N  part N of the manifest (part.h)
 //   palpate.R.kept.overview.N  part N of the overview
 //   palpate.R.kept.group.N     group N of the volume
@@ -29,10 +29,10 @@ bool IsRoom(std::string_view name);
 // 1 to 64 of letters, digits, '_' and '-': one token of a subject.
 bool IsNatsUser(std::string_view name);
 
-// The topics whose texts a room keeps each on a subject of its own.
+// The topics whose messages a room keeps each on a subject of its own.
 inline constexpr Topic kTextTopics[] = {Topic::kConnection, Topic::kSettings, Topic::kSteering,
                                         Topic::kSeries, Topic::kRecording};
-// "connection", "volume", ...: the "type" of the topic's text.
+// "connection", "volume", ...: the topic's name.
 std::string_view NameOf(Topic topic);
 
 // What a kept subject stands for.

@@ -21,11 +21,20 @@ function packagesOf(metafile) {
   return [...folders].sort();
 }
 
-async function licenceOf(folder) {
-  const { name, version } = JSON.parse(await readFile(join(folder, "package.json"), "utf8"));
+// Of a package without a file for it: what its bundled files begin with, and the Apache License, which is ours, too.
+async function licenceInFiles(folder, licence, metafile) {
+  if (!/Apache-2\.0/.test(licence)) throw new Error(`${folder}: no licence file`);
+  const inputs = Object.keys(metafile.inputs).map((input) => join(page, input)).filter((input) => input.startsWith(`${folder}/`));
+  const heads = (await Promise.all(inputs.map((input) => readFile(input, "utf8")))).map((text) => /^(\/\/.*\n)*/.exec(text)[0]);
+  const own = await readFile(resolve(page, "../../../LICENSE"), "utf8");
+  return [...new Set(heads.filter((head) => head.includes("Copyright"))), own].join("\n");
+}
+
+async function licenceOf(folder, metafile) {
+  const { name, version, license } = JSON.parse(await readFile(join(folder, "package.json"), "utf8"));
   const file = (await readdir(folder)).find((entry) => /^licen[cs]e/i.test(entry));
-  if (!file) throw new Error(`${name}: no licence file`);
-  return `${name} ${version}\n\n${(await readFile(join(folder, file), "utf8")).trim()}\n`;
+  const text = file ? await readFile(join(folder, file), "utf8") : await licenceInFiles(folder, license, metafile);
+  return `${name} ${version}\n\n${text.trim()}\n`;
 }
 
 await mkdir(output, { recursive: true });
@@ -47,5 +56,5 @@ const { metafile } = await build({
 for (const file of ["index.html", "style.css"]) {
   await copyFile(join(page, file), join(output, file));
 }
-const licences = await Promise.all(packagesOf(metafile).map(licenceOf));
+const licences = await Promise.all(packagesOf(metafile).map((folder) => licenceOf(folder, metafile)));
 await writeFile(join(output, "licenses.txt"), licences.join(`\n${"-".repeat(80)}\n\n`));

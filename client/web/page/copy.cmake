@@ -3,5 +3,6 @@
 file(REMOVE_RECURSE ${COPY}/client ${COPY}/tests)
 file(COPY ${SOURCE}/client/web/page DESTINATION ${COPY}/client/web
   PATTERN node_modules EXCLUDE PATTERN dist EXCLUDE)
+file(COPY ${SOURCE}/LICENSE DESTINATION ${COPY})
 file(COPY ${SOURCE}/client/shading DESTINATION ${COPY}/client FILES_MATCHING PATTERN "*.glsl")
 file(COPY ${SOURCE}/tests/web DESTINATION ${COPY}/tests)

@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "client/web/source/clock.h"
-#include "client/web/source/pose_bytes.h"
 #include "client/web/source/rights.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"
 #include "common/wire/address.h"
+#include "common/wire/envelope.h"
 
 namespace palpate::web {
 namespace {
@@ -42,7 +42,8 @@ PalpatedSource::PalpatedSource(PalpatedOptions options, Hub& hub, Post post)
       hub_(hub),
       post_(std::move(post)) {
   connection_since_ms_ = NowMs();
-  hub_.Put(Topic::kVolume, NoVolumeText(""));
+  hub_.Put(Topic::kVolume, NoFactEnvelope(GuestFact::kVolume));
+  hub_.Put(Topic::kCopy, CopyText(0, "", false));
   hub_.Put(Topic::kSteering, SteeringText(steered_));
   client_ = std::make_unique<client::Client>(Options());
   client_->SetOnLoading([](const std::string&) { return false; });
@@ -91,7 +92,7 @@ void PalpatedSource::PutPose(bool is_fresh) {
   const std::int64_t now_ns = MonotonicNs();
   const bool shares_clock = SharesClock(*client_, now_ns - pose.time_ns);
   if (is_fresh) SetPoseTime(shares_clock ? pose.time_ns : now_ns);
-  hub_.PutPose(EncodePose(pose, {now_ns, shares_clock, is_fresh}));
+  hub_.PutPose(PoseEnvelope(pose, {now_ns, shares_clock, is_fresh}));
 }
 
 void PalpatedSource::PutConnection(const client::Connection& connection) {
@@ -121,15 +122,18 @@ void PalpatedSource::PutConnectionText() {
 }
 
 void PalpatedSource::PutFacts(const client::Facts& facts) {
-  if (facts.settings) hub_.Put(Topic::kSettings, SettingsText(*facts.settings));
-  hub_.Put(Topic::kSeries, SeriesText(facts.series));
-  hub_.Put(Topic::kRecording, RecordingText(facts.recording));
+  const auto told = [&](GuestFact fact) { return FactEnvelope(facts.message, fact); };
+  if (auto settings = told(GuestFact::kSettings)) hub_.Put(Topic::kSettings, *std::move(settings));
+  for (const Topic topic : {Topic::kSeries, Topic::kRecording}) {
+    hub_.Put(topic, told(*FactOf(topic)).value_or(NoFactEnvelope(*FactOf(topic))));
+  }
   CheckRights(facts.caller.role);
   if (facts.problem != std::exchange(facts_problem_, facts.problem) && !facts.problem.empty()) {
     options_.log("palpated does not tell what changes: " + OneLine(facts.problem));
     is_held_ = false;  // its name will not come
   }
-  info_ = facts.volume;
+  info_ = FactEnvelope(facts.message, GuestFact::kVolume);
+  info_revision_ = facts.volume ? facts.volume->loaded_revision : 0;
   PutVolumeInfo();
   if (!is_held_) PutHeld();
 }
@@ -145,14 +149,12 @@ void PalpatedSource::PutVolume(const VolumeNews& news) {
     lattice_ = news.lattice;
     is_held_ = true;
   }
-  if (!lattice_) {
-    hub_.Put(Topic::kVolume, NoVolumeText(news.status.is_loading ? news.status.problem : ""));
-  }
-  if (news.placement) placement_ = PlacementText(*news.placement);
+  if (news.placement) placement_ = PlacementEnvelope(*news.placement);
   if (news.manifest) manifest_ = ManifestText(*news.manifest);
   PutVolumeInfo();
   if (!is_held_) PutHeld();
-  hub_.Put(Topic::kCopy, CopyText(news.status.bricks_left, PlainProblem(news.status)));
+  hub_.Put(Topic::kCopy,
+           CopyText(news.status.bricks_left, PlainProblem(news.status), news.status.is_loading));
   if (news.status.problem != problem_ && !news.status.problem.empty()) {
     options_.log("no voxels: " + OneLine(news.status.problem));
   }
@@ -162,9 +164,9 @@ void PalpatedSource::PutVolume(const VolumeNews& news) {
 }
 
 void PalpatedSource::PutVolumeInfo() {
-  if (!is_held_ || !info_ || info_->loaded_revision != lattice_->loaded_revision) return;
+  if (!is_held_ || !info_ || info_revision_ != lattice_->loaded_revision) return;
   is_held_ = false;
-  hub_.Put(Topic::kVolume, VolumeText(*info_, *lattice_));
+  hub_.Put(Topic::kVolume, *info_);
 }
 
 void PalpatedSource::PutHeld() {

@@ -68,7 +68,8 @@ class PalpatedSource final : public Source {
   client::Connection connection_;
   std::int64_t connection_since_ms_ = 0;
   std::optional<VolumeLattice> lattice_;
-  std::optional<client::VolumeInfo> info_;  // the newest
+  std::optional<std::string> info_;  // the newest volume's, as guests get it
+  std::uint64_t info_revision_ = 0;  // its loaded_revision
   // Another volume's lattice is here and its info not yet: so that its voxels do not come under the
   // name of the last one.
   bool is_held_ = false;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <variant>
 
@@ -16,15 +15,6 @@ using client::Setting;
 
 std::string Dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
-Json Rows(const AffineMap& map) {
-  Json rows = Json::array();
-  for (Eigen::Index row = 0; row < 3; ++row) {
-    for (Eigen::Index column = 0; column < 3; ++column) rows.push_back(map.linear(row, column));
-    rows.push_back(map.translation[row]);
-  }
-  return rows;
 }
 
 Json ToJson(const Setting& setting) {
@@ -41,15 +31,6 @@ Json ToJson(const Setting& setting) {
   }
   return json;
 }
-
-struct ValueToJson {
-  const client::Settings& settings;
-  Json operator()(const client::NumberSetting& number) const { return settings.*number.member; }
-  Json operator()(const client::FlagSetting& flag) const { return settings.*flag.member; }
-  Json operator()(const client::ChoiceSetting& choice) const {
-    return choice.words[choice.get(settings)];
-  }
-};
 
 // Stores a value in an update. Returns false if it is none of the setting's.
 struct Store {
@@ -96,7 +77,7 @@ std::string HelloText(const HelloInfo& info) {
     if (may || setting.key == client::kIsovalue.key) settings.push_back(ToJson(setting));
   }
   return Dump({{"type", "hello"},
-               {"protocol", 1},
+               {"protocol", 2},
                {"version", info.version},
                {"user", info.user},
                {"may_steer", info.may_steer},
@@ -143,51 +124,11 @@ std::string ConnectionText(client::ConnectionState state, const std::string& why
                {"since_ms", since_ms}});
 }
 
-std::string NoVolumeText(const std::string& loading) {
-  Json json{{"type", "volume"}};
-  if (!loading.empty()) json["loading"] = OneLine(loading);
-  return Dump(json);
-}
-
-std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& lattice) {
-  Json suggested = Json::array();
-  for (const client::SuggestedIsovalue& one : info.suggested_isovalues) {
-    suggested.push_back(
-        {{"name", OneLine(one.name)}, {"isovalue", one.isovalue}, {"reason", OneLine(one.reason)}});
-  }
-  const client::ValueHistogram& histogram = info.histogram;
-  const Vec3i& size = lattice.size;
-  std::filesystem::path source = info.source;
-  if (!source.has_filename()) source = source.parent_path();
-  Json json{{"type", "volume"},
-            // Of a path no more than the file: guests need not know the daemon's folders.
-            {"name", OneLine(source.filename().string())},
-            {"size", {size.x(), size.y(), size.z()}},
-            {"voxel_type", Name(lattice.type)},
-            {"value_min", info.value_min},
-            {"value_max", info.value_max},
-            {"background", lattice.Background()},
-            {"unit", OneLine(info.unit)},
-            {"world_from_index", Rows(lattice.X_WI)},
-            {"histogram",
-             {{"low", histogram.low}, {"high", histogram.high}, {"counts", histogram.counts}}},
-            {"suggested", suggested}};
-  if (lattice.window_width > 0.0) {
-    json["window"] = {{"level", lattice.window_level}, {"width", lattice.window_width}};
-  }
-  return Dump(json);
-}
-
-std::string PlacementText(const VolumePlacement& placement) {
-  return Dump({{"type", "placement"},
-               {"device_from_index", Rows(placement.device_from_index)},
-               {"settings_revision", placement.settings_revision},
-               {"patient_axes", OneLine(placement.patient_axes)},
-               {"patient_axes_answered", placement.patient_axes_answered}});
-}
-
-std::string CopyText(std::uint64_t bricks_left, const std::string& problem) {
-  return Dump({{"type", "copy"}, {"bricks_left", bricks_left}, {"problem", OneLine(problem)}});
+std::string CopyText(std::uint64_t bricks_left, const std::string& problem, bool is_loading) {
+  return Dump({{"type", "copy"},
+               {"bricks_left", bricks_left},
+               {"problem", OneLine(problem)},
+               {"loading", is_loading}});
 }
 
 std::string ManifestText(const ManifestInfo& manifest) {
@@ -195,16 +136,6 @@ std::string ManifestText(const ManifestInfo& manifest) {
                {"name", manifest.name},
                {"revision", manifest.revision.volume_revision},
                {"complete", true}});
-}
-
-std::string SettingsText(const client::Settings& settings) {
-  Json values = Json::object();
-  for (const Setting& setting : client::kSettings) {
-    const bool is_known = client::IsKnown(settings, setting);
-    values[std::string(setting.key)] =
-        is_known ? std::visit(ValueToJson{settings}, setting.kind) : Json();
-  }
-  return Dump({{"type", "settings"}, {"revision", settings.revision}, {"values", values}});
 }
 
 std::string SteeringText(const std::deque<SteeredChange>& changes) {
@@ -216,24 +147,6 @@ std::string SteeringText(const std::deque<SteeredChange>& changes) {
                     {"time_ms", change.time_ms}});
   }
   return Dump({{"type", "steering"}, {"changes", list}});
-}
-
-std::string SeriesText(const std::optional<client::SeriesState>& series) {
-  const client::SeriesState state = series.value_or(client::SeriesState{});
-  return Dump({{"type", "series"},
-               {"frames", state.frames},
-               {"position_frames", state.position_frames},
-               {"playing", state.playing},
-               {"rate_hz", state.rate_hz}});
-}
-
-std::string RecordingText(const std::optional<client::RecordingState>& recording) {
-  constexpr double kTicksPerS = 1000.0;
-  const client::RecordingState state = recording.value_or(client::RecordingState{});
-  return Dump({{"type", "recording"},
-               {"running", state.running},
-               {"seconds", static_cast<double>(state.ticks) / kTicksPerS},
-               {"lost_ticks", state.lost_ticks}});
 }
 
 std::optional<client::SettingsUpdate> UpdateOf(const std::string& key, double value) {

@@ -1,4 +1,4 @@
-// The topics as browsers get them: JSON with the topic's name as "type". The page's
+// What only the gateway knows, as browsers get it: JSON with the topic's name as "type". The page's
 // wire/messages.ts has their members.
 //
 // Text of other machines (names, reasons) is without control characters and valid UTF-8. Numbers
@@ -13,8 +13,6 @@
 
 #include "client/sdk/connection.h"
 #include "client/sdk/placement.h"
-#include "client/sdk/recording.h"
-#include "client/sdk/series.h"
 #include "client/sdk/settings.h"
 #include "client/sdk/volume.h"
 #include "client/sdk/volume_update.h"
@@ -41,14 +39,9 @@ std::string PlainRefusal(const Error& refusal);  // of a change of a setting
 std::string ConnectionText(client::ConnectionState state, const std::string& why,
                            const std::string& palpated, std::int64_t since_ms);
 
-// `loading`: how far palpated's first volume is; empty: none loads.
-std::string NoVolumeText(const std::string& loading);
-std::string VolumeText(const client::VolumeInfo& info, const VolumeLattice& lattice);
-std::string PlacementText(const VolumePlacement& placement);
-std::string CopyText(std::uint64_t bricks_left, const std::string& problem);
+// `is_loading`: `problem` says how far palpated's first volume is.
+std::string CopyText(std::uint64_t bricks_left, const std::string& problem, bool is_loading);
 std::string ManifestText(const ManifestInfo& manifest);
-
-std::string SettingsText(const client::Settings& settings);
 
 struct SteeredChange {
   std::string user;
@@ -57,11 +50,6 @@ struct SteeredChange {
   std::int64_t time_ms = 0;
 };
 std::string SteeringText(const std::deque<SteeredChange>& changes);
-
-// None: no series.
-std::string SeriesText(const std::optional<client::SeriesState>& series);
-// None: unknown.
-std::string RecordingText(const std::optional<client::RecordingState>& recording);
 
 // None if there is no such setting, or if it does not take the value: flags are 0 or 1, choices the
 // number of a word. The daemon checks the ranges of numbers.

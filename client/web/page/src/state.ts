@@ -1,15 +1,16 @@
 // What the page knows: the newest message of each topic, the newest poses, the link and the view. Whoever
 // changes a member emits its topic, and whoever shows it listens.
 import { norm, subtract } from "./view/geometry";
+import { kFacts, memberOf } from "./wire/contract";
+import type { GuestFacts, NewFact, Pose } from "./wire/contract";
 import { kTopics } from "./wire/messages";
 import type * as wire from "./wire/messages";
-import type { Pose } from "./wire/pose";
 
 export type Link = "login" | "connecting" | "open" | "lost"; // to the gateway
 export type Theme = "system" | "dark" | "light";
 
 // Topics of messages, and the page's own.
-type StateTopic = wire.Topic | "pose" | "link" | "events" | "view" | "copyProgress" | "copyShown" | "picture";
+type StateTopic = wire.Topic | keyof GuestFacts | "pose" | "link" | "events" | "view" | "copyProgress" | "copyShown" | "picture";
 
 export class View {
   azimuthDeg = 30;
@@ -35,8 +36,8 @@ export const kHistoryMs = 10_000;
 const kClockDrift = 1e-4; // clocks of two machines may drift apart this much
 const kMaxEvents = 50;
 
-// The newest message of each topic; null: none yet.
-type Newest = { [T in wire.Topic]: wire.Messages[T] | null };
+// The newest of each topic and of each fact; null: none yet.
+type Newest = { [T in wire.Topic]: wire.Messages[T] | null } & { [F in keyof GuestFacts]: GuestFacts[F] | null };
 export interface State extends Newest {}
 
 export class State {
@@ -62,7 +63,7 @@ export class State {
   private offsetTakenMs = 0;
 
   constructor() {
-    for (const topic of kTopics) this[topic] = null;
+    for (const name of [...kTopics, ...kFacts]) this[name] = null;
   }
 
   on(topics: StateTopic | StateTopic[], listener: () => void): void {
@@ -93,6 +94,14 @@ export class State {
     return true;
   }
 
+  receiveFact(fact: NewFact): void {
+    for (const name of kFacts) {
+      if (fact[name] === undefined) continue;
+      Object.assign(this, { [name]: fact[name] });
+      this.emit(name);
+    }
+  }
+
   receivePose(pose: Pose): void {
     const now = performance.now();
     const drift = kClockDrift * (now - this.offsetTakenMs);
@@ -103,11 +112,12 @@ export class State {
     this.emit("pose");
   }
 
-  private addSample({ timeMs, force, contact, hip, scpH }: Pose): void {
+  private addSample({ timeNs, forceN, contact, hipMm, scpHMm }: Pose): void {
     const { samples } = this;
+    const timeMs = 1e-6 * timeNs;
     if (samples.length > 0 && timeMs < samples.at(-1)!.timeMs) samples.length = 0; // another clock
-    const penetrationMm = contact ? norm(subtract(hip, scpH)) : 0;
-    samples.push({ timeMs, forceN: norm(force), penetrationMm, ageMs: this.poseAgeMs() });
+    const penetrationMm = contact ? norm(subtract(hipMm, scpHMm)) : 0;
+    samples.push({ timeMs, forceN: norm(forceN), penetrationMm, ageMs: this.poseAgeMs() });
     while (samples[0].timeMs < timeMs - kHistoryMs) samples.shift();
   }
 
@@ -126,8 +136,14 @@ export class State {
 
   // Everybody's. Null: not known.
   isovalue(): number | null {
-    const value = this.settings?.values["isovalue"];
-    return typeof value === "number" ? value : (this.pose?.isovalue ?? null);
+    return this.settings?.settings.isovalue ?? this.pose?.isovalue ?? null;
+  }
+
+  // Everybody's value of a setting, by its name in palpate/v1: a choice's number begins at 1. Undefined: not known.
+  setting(key: string): number | boolean | undefined {
+    const settings: Partial<Record<string, unknown>> = this.settings?.settings ?? {};
+    const value = settings[memberOf(key)];
+    return typeof value === "number" || typeof value === "boolean" ? value : undefined;
   }
 
   tell(event: string): void {

@@ -6,7 +6,7 @@ import { find, make, setText } from "./dom";
 import { Steered } from "./steered";
 import { lastChangeText } from "./words";
 
-type Value = number | boolean | string;
+type Value = number | boolean;
 
 interface Control {
   parts: (Node | string)[];
@@ -48,7 +48,7 @@ const choiceControl: Builder = ({ label, words }, id, set) => {
   select.addEventListener("change", () => set(select.selectedIndex));
   return {
     parts: [make("label", { for: id }, label), select],
-    show: (value) => (select.selectedIndex = typeof value === "string" ? words.indexOf(value) : Number(value)),
+    show: (value) => (select.selectedIndex = Number(value)),
   };
 };
 
@@ -69,8 +69,9 @@ function addControl(body: HTMLElement, setting: SettingInfo, state: State, room:
   input.setAttribute("aria-describedby", helpText.id);
   input.addEventListener("blur", () => update()); // palpated's value is back if it refused the typed one
   const update = () => {
-    const value = state.settings?.values[key];
-    if (value !== undefined && steered.own === null) control.show(value);
+    const value = state.setting(key);
+    // Choices are steered by the numbers of their words, from 0.
+    if (value !== undefined && steered.own === null) control.show(kind === "choice" ? Number(value) - 1 : value);
     const change = lastChangeText(state.steering, key);
     setText(who, change && ` · ${change}`);
   };

@@ -10,8 +10,8 @@ const kDirections = ["+x", "−x", "+y", "−y", "+z", "−z"];
 // "": nothing to ask. Built-in shapes have no face.
 function lineOf({ volume, placement }: State): string {
   if (!volume?.name || !placement) return "";
-  if (placement.patient_axes_answered) return "Sides as answered";
-  return placement.patient_axes === "" && !volume.name.startsWith("builtin:") ? "Which way does it face?" : "";
+  if (placement.patientAxesAnswered) return "Sides as answered";
+  return placement.patientAxes === "" && !volume.name.startsWith("builtin:") ? "Which way does it face?" : "";
 }
 
 export function showFacing(state: State, room: Room): void {

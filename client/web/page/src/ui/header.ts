@@ -2,6 +2,7 @@
 import type { State } from "../state";
 import { find, make, setText } from "./dom";
 import { kFacingKey } from "./facing";
+import { kTicksPerS } from "./words";
 
 export function showHeader(state: State): void {
   const name = find("volume-name");
@@ -12,7 +13,7 @@ export function showHeader(state: State): void {
     const { volume } = state;
     setText(name, volume?.name || "Palpate");
     name.title = volume?.name ?? "";
-    setText(facts, volume?.size ? `${volume.size.join(" × ")} · ${volume.voxel_type ?? ""}` : "");
+    setText(facts, volume ? `${volume.size.join(" × ")} · ${volume.type}` : "");
     document.title = volume?.name ? `${volume.name} – Palpate` : "Palpate";
   });
   state.on("guests", () => {
@@ -22,7 +23,7 @@ export function showHeader(state: State): void {
   });
   state.on("recording", () => {
     recording.hidden = !state.recording?.running;
-    setText(recording, `● REC ${Math.round(state.recording?.seconds ?? 0)} s`);
+    setText(recording, `● REC ${Math.round((state.recording?.ticks ?? 0) / kTicksPerS)} s`);
     recording.title = "palpated records";
   });
   const server = find("server");

@@ -2,7 +2,8 @@
 // steer the isovalue drag its mark.
 import type { State } from "../state";
 import { clamp } from "../view/geometry";
-import type { SuggestedIsovalue } from "../wire/messages";
+import { isFreeAbove } from "../wire/contract";
+import type { SuggestedIsovalue } from "../wire/contract";
 import type { Room } from "../wire/room";
 import { make, makeSvg, setAttribute, setText } from "./dom";
 import { niceStep } from "./plots";
@@ -40,12 +41,12 @@ function makeMark(name: "isovalue" | "veil", label: string, move: (value: number
 
 function scaleOf(state: State): Scale | null {
   const { volume } = state;
-  if (volume?.value_min === undefined || volume.value_max === undefined) return null;
+  if (!volume) return null;
   return {
-    low: volume.histogram?.low ?? volume.value_min,
-    high: volume.histogram?.high ?? volume.value_max,
-    isWhole: volume.voxel_type !== "float32" && volume.value_max - volume.value_min >= 20,
-    unit: volume.unit ?? "",
+    low: volume.histogram?.low ?? volume.valueMin,
+    high: volume.histogram?.high ?? volume.valueMax,
+    isWhole: volume.type !== "float32" && volume.valueMax - volume.valueMin >= 20,
+    unit: volume.unit,
   };
 }
 
@@ -75,7 +76,7 @@ function axisOf(scale: Scale, suggested: SuggestedIsovalue[]): HTMLElement[] {
 function initialVeil(state: State, scale: Scale): number {
   const isovalue = state.isovalue() ?? scale.high;
   const beside = 0.01 * (scale.high - scale.low);
-  const below = (state.volume?.suggested ?? []).map((s) => s.isovalue).filter((v) => v < isovalue - beside);
+  const below = (state.volume?.suggestedIsovalues ?? []).map((s) => s.isovalue).filter((v) => v < isovalue - beside);
   const value = below.length > 0 ? Math.min(...below) : (scale.low + isovalue) / 2;
   return scale.isWhole ? Math.round(value) : value;
 }
@@ -142,7 +143,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     const share = `${100 * (isovalue === null ? 0 : shareOf(scale, isovalue))}%`;
     line.hidden = isovalue === null;
     line.style.left = share;
-    const isAbove = state.pose?.freeAbove ?? false;
+    const isAbove = isFreeAbove(state.pose);
     split.forEach((stop, n) => {
       stop.setAttribute("offset", share);
       stop.setAttribute("class", isovalue !== null && (n === 1) !== isAbove ? "material" : "air");
@@ -157,7 +158,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
       made.addEventListener("click", () => (maySteer() ? setIsovalue(isovalue) : setVeil(isovalue)));
       return make("p", { class: "reading" }, made, make("span", { class: "note" }, reason));
     };
-    const { suggested = [], histogram } = state.volume ?? {};
+    const { suggestedIsovalues: suggested = [], histogram } = state.volume ?? {};
     suggestions.replaceChildren(...suggested.map(suggestion));
     const scale = scaleOf(state);
     drawing.setAttribute("viewBox", `0 0 ${histogram?.counts.length || 1} 1`);
@@ -174,7 +175,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   opacity.addEventListener("input", () => state.setView({ veilOpacity: opacity.valueAsNumber }));
   let seen = "";
   state.on("pose", () => {
-    const now = `${state.isovalue()} ${state.pose?.freeAbove}`;
+    const now = `${state.isovalue()} ${isFreeAbove(state.pose)}`;
     if (now !== seen) update();
     seen = now;
   });

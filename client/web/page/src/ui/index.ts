@@ -53,12 +53,12 @@ async function share(link: string, say: (text: string) => void): Promise<void> {
 function keepLink(state: State, say: (text: string) => void): void {
   const keep = () => {
     const { volume } = state;
-    if (volume?.size && volume.name !== state.linkVolume) {
+    if (volume && volume.name !== state.linkVolume) {
       if (state.linkVolume !== null) state.view.cross = state.linkIsovalue = null;
-      state.linkVolume = volume.name ?? null;
+      state.linkVolume = volume.name;
     }
     const [was, is] = [state.linkIsovalue, state.isovalue()];
-    if (was === null || is === null || !volume?.size) return;
+    if (was === null || is === null || !volume) return;
     state.linkIsovalue = null;
     if (Math.abs(was - is) <= 1e-5 * Math.abs(was)) return; // the link's digits
     const veil = state.view.veil === null ? ` The veil shows ${valueText(was)}.` : "";

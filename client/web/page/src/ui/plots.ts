@@ -81,7 +81,7 @@ export function showPlots(state: State): () => void {
   const request = paced(20, () => {
     if (!section.open) return;
     const { samples } = state;
-    const nowMs = (state.pose?.timeMs ?? 0) + state.poseAgeMs();
+    const nowMs = 1e-6 * (state.pose?.timeNs ?? 0) + state.poseAgeMs();
     for (const plot of plots) plot.draw(samples, nowMs);
     if (performance.now() - describedMs < 500) return;
     describedMs = performance.now();

@@ -18,8 +18,7 @@ function timeLeft({ fetching, groupsLeft }: VolumeCopy): string {
 // Words, "" if everything is shown; and how much is here, if it comes.
 function progressOf(state: State, copy: VolumeCopy): [string, number?] {
   const { volume } = state;
-  if (volume?.loading) return [`palpated loads: ${volume.loading}`];
-  if (volume && volume.size === undefined) return ["no volume yet"];
+  if (!volume && state.copy) return [state.copy.loading ? `palpated loads: ${state.copy.problem}` : "no volume yet"];
   // The badge says what is lost.
   const problem = state.connection?.state === "connected" ? (state.copy?.problem ?? "") : "";
   if (problem) return [`the volume does not follow: ${problem}`];

@@ -173,7 +173,7 @@ class SliceView {
 
   // In CSS pixels of the canvas.
   private frame(): Frame {
-    const map = this.state.placement?.device_from_index;
+    const map = this.state.placement?.deviceFromIndex;
     const voxelMm = this.axes().map(({ axis }) => (map ? norm(column(map, axis)) : 1));
     const sizeMm = this.axes().map(({ axis }, n) => this.size(axis) * voxelMm[n]);
     const edges = [this.canvas.clientWidth, this.canvas.clientHeight];
@@ -217,7 +217,7 @@ class SliceView {
     const [x, y] = this.axes().map((axis, n) => begin[n] + scale[n] * (this.toVoxel(axis, this.toBlock(axis.axis)) + 0.5));
     drawCross(context, x, y);
     drawLabels(context, this.section.labels);
-    const map = this.state.volume?.world_from_index;
+    const map = this.state.volume?.worldFromIndex;
     if (map) drawScaleBar(context, scale[0] / (norm(column(map, this.section.right.axis)) * this.copy.factor));
   }
 
@@ -240,7 +240,7 @@ class SliceView {
   // Indices of the whole volume, also for the overview.
   private describe(index: number): void {
     const { across: { axis }, name } = this.section;
-    const place = `${this.toWhole(index)} of ${(this.state.volume?.size?.[axis] ?? 1) - 1}`;
+    const place = `${this.toWhole(index)} of ${(this.state.volume?.size[axis] ?? 1) - 1}`;
     setText(this.name, name);
     setText(this.place, `${"xyz"[axis]} ${place}`);
     setAttribute(this.canvas, "aria-label", `Slice ${name} at voxel ${place}`);
@@ -283,7 +283,7 @@ export function showSlices(state: State, copy: VolumeCopy): void {
     const { volume } = state;
     const { shape, factor } = copy;
     // The copy may still be that of the volume before.
-    if (!shape || !volume?.size || volume.size.some((n, axis) => Math.ceil(n / factor) !== shape.size[axis])) return;
+    if (!shape || !volume || volume.size.some((n, axis) => Math.ceil(n / factor) !== shape.size[axis])) return;
     const name = JSON.stringify([volume.name, volume.size, volume.unit, shape.valueMin, shape.valueMax]);
     if (begun === name) return;
     begun = name;
@@ -295,8 +295,8 @@ export function showSlices(state: State, copy: VolumeCopy): void {
     if (section.hidden || !copy.shape) return;
     begin();
     showWindow();
-    const map = state.placement?.device_from_index;
-    if (follow.checked && state.pose && map) shared.position = apply(inverse(map), state.pose.scpH);
+    const map = state.placement?.deviceFromIndex;
+    if (follow.checked && state.pose && map) shared.position = apply(inverse(map), state.pose.scpHMm);
     for (const view of views) view.draw(version);
   });
   const keepCross = () => state.setView({ cross: follow.checked ? null : [...shared.position] });

@@ -1,6 +1,7 @@
 // The values that slices show from black to white (client/view/scene/value_window.h).
 import { clamp } from "../view/geometry";
-import type { ValueWindow, VolumeMessage } from "../wire/messages";
+import type { Volume } from "../wire/contract";
+import type { ValueWindow } from "../wire/messages";
 
 export interface NamedWindow {
   name: string;
@@ -15,21 +16,21 @@ const kOfHounsfieldUnits: NamedWindow[] = [
   { name: "Brain", window: { level: 40, width: 80 } },
 ];
 
-function wholeRange({ value_min: min = 0, value_max: max = 0 }: VolumeMessage): ValueWindow {
+function wholeRange({ valueMin: min, valueMax: max }: Volume): ValueWindow {
   return { level: (min + max) / 2, width: max - min || 1 };
 }
 
 // The file says so, or states no unit and has the values of air and of bone.
-function hasHounsfieldUnits({ unit, voxel_type, value_min = 0, value_max = 0 }: VolumeMessage): boolean {
+function hasHounsfieldUnits({ unit, type, valueMin, valueMax }: Volume): boolean {
   if (unit) return unit === "HU";
-  return voxel_type === "int16" && value_min <= -900 && value_min >= -4096 && value_max >= 300;
+  return type === "int16" && valueMin <= -900 && valueMin >= -4096 && valueMax >= 300;
 }
 
 // A volume begins with the first: the file's, if it proposes one that shows anything.
-export function windowsOf(volume: VolumeMessage): NamedWindow[] {
+export function windowsOf(volume: Volume): NamedWindow[] {
   const whole = wholeRange(volume);
-  const { window } = volume;
-  const isUseful = window && window.width > 0 && Math.abs(window.level - whole.level) < (window.width + whole.width) / 2;
+  const window = { level: volume.windowLevel, width: volume.windowWidth };
+  const isUseful = window.width > 0 && Math.abs(window.level - whole.level) < (window.width + whole.width) / 2;
   return [
     ...(isUseful ? [{ name: "As in the file", window }] : []),
     ...(hasHounsfieldUnits(volume) ? kOfHounsfieldUnits : []),
@@ -38,7 +39,7 @@ export function windowsOf(volume: VolumeMessage): NamedWindow[] {
 }
 
 // A drag to the right widens, up raises the level, by the width over a quarter of the picture.
-export function dragged(volume: VolumeMessage, window: ValueWindow, right: number, down: number, picturePx: number): ValueWindow {
+export function dragged(volume: Volume, window: ValueWindow, right: number, down: number, picturePx: number): ValueWindow {
   const whole = wholeRange(volume);
   const widthsPerPx = 4 / Math.max(picturePx, 1);
   return {

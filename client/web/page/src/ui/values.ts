@@ -3,24 +3,25 @@ import type { State } from "../state";
 import { norm, subtract } from "../view/geometry";
 import type { VolumeCopy } from "../volume/copy";
 import { kProxyMode } from "../wire/words";
-import type { Pose } from "../wire/pose";
+import { nameOf } from "../wire/contract";
+import type { Pose } from "../wire/contract";
 import { badgeOf } from "./badge";
 import { find, make, setText } from "./dom";
-import { bytesText, fixed, forcesText, grouped, kReplay, valueText } from "./words";
+import { bytesText, fixed, forcesText, grouped, kReplay, kTicksPerS, valueText } from "./words";
 
 function seriesText(state: State): string {
   const { series } = state;
   if (!series?.frames) return "";
-  const frame = Math.min(series.frames, Math.floor(series.position_frames) + 1);
-  const motion = series.playing ? `playing at ${fixed(series.rate_hz, 1, "Hz")}` : "paused";
+  const frame = Math.min(series.frames, Math.floor(series.positionFrames) + 1);
+  const motion = series.playing ? `playing at ${fixed(series.rateHz, 1, "Hz")}` : "paused";
   return `frame ${frame} of ${series.frames}, ${motion}`;
 }
 
 function recordingText(state: State): string {
   const { recording } = state;
   if (!recording?.running) return "";
-  const lost = recording.lost_ticks > 0 ? `, ${grouped(recording.lost_ticks)} ticks lost` : "";
-  return `running for ${fixed(recording.seconds, 0, "s")}${lost}`;
+  const lost = recording.lostTicks > 0 ? `, ${grouped(recording.lostTicks)} ticks lost` : "";
+  return `running for ${fixed(recording.ticks / kTicksPerS, 0, "s")}${lost}`;
 }
 
 function userText(state: State): string {
@@ -33,15 +34,15 @@ function userText(state: State): string {
 // A label, what it means, and the text; none: there is nothing to say.
 const kRows: [string, string, (pose: Pose | null, state: State, copy: VolumeCopy) => string | null][] = [
   ["Stream", "Whether what you see is now", (_, state) => badgeOf(state).words],
-  ["Stylus", "What the haptic loop does with the proxy", (pose) => pose && kProxyMode[pose.mode]],
+  ["Stylus", "What the haptic loop does with the proxy", (pose) => pose && kProxyMode[nameOf(kProxyMode, pose.mode)]],
   ["Force", "On the hand, and the most that the device gives now",
-    (pose) => pose && `${fixed(norm(pose.force), 2, "N")} of ${fixed(pose.forceLimit, 1, "N")}`],
+    (pose) => pose && `${fixed(norm(pose.forceN), 2, "N")} of ${fixed(pose.forces.limitN, 1, "N")}`],
   ["Forces", "Whether the device may push", (pose) => pose && forcesText(pose)],
   ["Penetration", "From the stylus tip to the proxy, in contact",
-    (pose) => pose && (pose.contact ? fixed(norm(subtract(pose.hip, pose.scpH)), 2, "mm") : "no contact")],
+    (pose) => pose && (pose.contact ? fixed(norm(subtract(pose.hipMm, pose.scpHMm)), 2, "mm") : "no contact")],
   ["Value at the proxy", "The volume's value at SCP_H", (pose, state) => pose && valueText(pose.density, state.volume?.unit)],
   ["Missed ticks", "Ticks that the haptic loop missed since palpated started", (pose) => pose && grouped(pose.missedTicks)],
-  ["Haptic update", "Time that the newest tick took", (pose) => pose && fixed(pose.updateUs, 1, "µs")],
+  ["Haptic update", "Time that the newest tick took", (pose) => pose && fixed(1e-3 * pose.updateNs, 1, "µs")],
   ["Series", "Volumes that follow each other in time", (_, state) => seriesText(state)],
   ["Recording", "palpated records what happens", (_, state) => recordingText(state)],
   ["Volume here", "How much memory of this page and of its graphics card the volume takes",
@@ -69,7 +70,7 @@ export function showValues(state: State, copy: VolumeCopy): () => void {
     if (!pose) return;
     const { kind } = badgeOf(state);
     const last = kind === "live" || kind === kReplay ? "" : "last known: ";
-    setText(mode, `${last}${kProxyMode[pose.mode]} · ${forcesText(pose)}`);
-    setText(touch, `${last}${pose.contact ? `contact ${fixed(norm(pose.force), 2, "N")}` : "no contact"}`);
+    setText(mode, `${last}${kProxyMode[nameOf(kProxyMode, pose.mode)]} · ${forcesText(pose)}`);
+    setText(touch, `${last}${pose.contact ? `contact ${fixed(norm(pose.forceN), 2, "N")}` : "no contact"}`);
   };
 }

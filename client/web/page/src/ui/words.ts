@@ -1,8 +1,10 @@
 // Numbers and states in words.
 import type { SteeringMessage } from "../wire/messages";
-import type { Pose } from "../wire/pose";
+import { nameOf } from "../wire/contract";
+import type { Pose } from "../wire/contract";
 import { kForceReason, kForceState } from "../wire/words";
 
+export const kTicksPerS = 1000; // of the haptic loop
 const kThinSpace = "\u202f";
 
 // 4096: "4 096".
@@ -33,10 +35,11 @@ export function bytesText(bytes: number): string {
 export const kReplay = "replay: forces are off";
 
 export function forcesText(pose: Pose): string {
-  const why = pose.forceState === "on" ? "" : kForceReason[pose.forceReason];
-  const text = why ? `${kForceState[pose.forceState]}: ${why}` : kForceState[pose.forceState];
+  const [state, reason] = [nameOf(kForceState, pose.forces.state), nameOf(kForceReason, pose.forces.reason)];
+  const why = state === "on" ? "" : kForceReason[reason];
+  const text = why ? `${kForceState[state]}: ${why}` : kForceState[state];
   if (!pose.replayed) return text;
-  return pose.forceReason === "replay" ? `${kReplay} ${why}` : `${kReplay}; ${text}`;
+  return reason === "replay" ? `${kReplay} ${why}` : `${kReplay}; ${text}`;
 }
 
 // Who set this setting last, or "" if no guest did.

@@ -2,7 +2,8 @@
 //
 // Frames: D, U, V of camera.ts; P of patient_axes.ts.
 import type { State } from "../state";
-import type { PlacementMessage, Vec3, VolumeMessage } from "../wire/messages";
+import type { Placement, Volume } from "../wire/contract";
+import type { Vec3 } from "../wire/messages";
 import { Camera, uprightPatient } from "./camera";
 import { column, compose, cross, dot, fromColumns, inverse, normalized, scale } from "./geometry";
 import type { AffineMap } from "./geometry";
@@ -15,12 +16,12 @@ export interface Sides {
 }
 
 // Null: there is no volume, or it has no place.
-export function sidesOf(volume: VolumeMessage | null, placement: PlacementMessage | null): Sides | null {
+export function sidesOf(volume: Volume | null, placement: Placement | null): Sides | null {
   const frame = patientFrame(volume, placement);
   if (!frame || !placement) return null;
-  const deviceFromPatient = compose(placement.device_from_index, inverse(frame.fromIndex));
+  const deviceFromPatient = compose(placement.deviceFromIndex, inverse(frame.fromIndex));
   if (frame.isKnown) {
-    return { deviceFromPatient, ofPatient: true, upright: uprightPatient(placement.device_from_index, frame.fromIndex) };
+    return { deviceFromPatient, ofPatient: true, upright: uprightPatient(placement.deviceFromIndex, frame.fromIndex) };
   }
   // The axes of D that are nearest to the world's.
   const nearest = nearestAxes(deviceFromPatient);

@@ -1,7 +1,8 @@
 // The patient's axes in a volume (client/view/scene/patient_axes.h). P is the patient's frame, LPS: x to the
 // patient's left, y to posterior, z to superior. Where it is not known, the axes of the world W stand in for it,
 // without letters.
-import type { PlacementMessage, Vec3, VolumeMessage } from "../wire/messages";
+import type { Placement, Volume } from "../wire/contract";
+import type { Vec3 } from "../wire/messages";
 import { column, compose, cross, dot, fromColumns, normalized, scale } from "./geometry";
 import type { AffineMap } from "./geometry";
 
@@ -61,7 +62,7 @@ export function lettersOf(direction: Vec3): string {
     .map((axis) => letterOf({ axis, sign: unit[axis] < 0 ? -1 : 1 })).join("");
 }
 
-// The turn from W to P; null if `axes` (PlacementMessage.patient_axes) is "" or mirrors.
+// The turn from W to P; null if `axes` (patient_axes of VolumePlacement) is "" or mirrors.
 function patientFromWorld(axes: string): AffineMap | null {
   const columns = [...axes].map((letter) => {
     const part = (axis: number) => Number(letter === "LPS"[axis]) - Number(letter === "RAI"[axis]);
@@ -72,10 +73,10 @@ function patientFromWorld(axes: string): AffineMap | null {
 }
 
 // Null: there is no volume.
-export function patientFrame(volume: VolumeMessage | null, placement: PlacementMessage | null): PatientFrame | null {
-  if (!volume?.world_from_index) return null;
-  const turn = patientFromWorld(placement?.patient_axes ?? "");
-  return { isKnown: turn !== null, fromIndex: turn ? compose(turn, volume.world_from_index) : volume.world_from_index };
+export function patientFrame(volume: Volume | null, placement: Placement | null): PatientFrame | null {
+  if (!volume) return null;
+  const turn = patientFromWorld(placement?.patientAxes ?? "");
+  return { isKnown: turn !== null, fromIndex: turn ? compose(turn, volume.worldFromIndex) : volume.worldFromIndex };
 }
 
 // The axes of the voxels along the x, y and z of P. Each axis of P gets the one that is nearest to it.

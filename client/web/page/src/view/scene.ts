@@ -4,7 +4,7 @@
 import * as three from "three";
 
 import type { Vec3 } from "../wire/messages";
-import type { Pose } from "../wire/pose";
+import type { Pose } from "../wire/contract";
 import { halfView } from "./camera";
 import type { Camera, Size } from "./camera";
 import { add, column, compose, dot, fromColumns, matrixOf, norm, normalized, scale, subtract } from "./geometry";
@@ -135,22 +135,23 @@ export class PalpationScene {
       mesh.position.set(...p);
       mesh.scale.setScalar(kPointRadius * pixelAt(p));
     };
+    const { hipMm: hip, scpHMm: scpH, scpVMm: scpV = null } = pose;
     // In free motion HIP and SCP_H are the same point.
-    const apart = pose.contact && norm(subtract(pose.hip, pose.scpH)) > 0;
-    pointAt(this.hip, pose.hip);
-    pointAt(this.scpH, apart ? pose.scpH : null);
-    pointAt(this.scpV, pose.scpV);
-    this.span(this.spring, pose.hip, apart ? pose.scpH : null, kLinkRadius * pixelAt(pose.hip));
-    this.span(this.gap, pose.scpH, pose.scpV, kLinkRadius * pixelAt(pose.scpH));
-    const pixel = pixelAt(pose.scpH);
-    const force = norm(pose.force);
-    const lengthPx = pose.forceLimit > 0 ? (kGreatestForce * force) / pose.forceLimit : 0;
+    const apart = pose.contact && norm(subtract(hip, scpH)) > 0;
+    pointAt(this.hip, hip);
+    pointAt(this.scpH, apart ? scpH : null);
+    pointAt(this.scpV, scpV);
+    this.span(this.spring, hip, apart ? scpH : null, kLinkRadius * pixelAt(hip));
+    this.span(this.gap, scpH, scpV, kLinkRadius * pixelAt(scpH));
+    const pixel = pixelAt(scpH);
+    const force = norm(pose.forceN);
+    const lengthPx = pose.forces.limitN > 0 ? (kGreatestForce * force) / pose.forces.limitN : 0;
     const headPx = Math.min(16, lengthPx);
-    const at = (px: number) => (lengthPx > 1 ? add(pose.scpH, scale((px * pixel) / force, pose.force)) : null);
-    this.span(this.shaft, pose.scpH, at(lengthPx - headPx), 2.2 * pixel);
-    this.span(this.head, at(lengthPx - headPx) ?? pose.scpH, at(lengthPx), 6 * pixel);
-    this.stylus.position.set(...pose.hip);
-    this.stylus.quaternion.copy(new three.Quaternion(...pose.orientation).normalize());
+    const at = (px: number) => (lengthPx > 1 ? add(scpH, scale((px * pixel) / force, pose.forceN)) : null);
+    this.span(this.shaft, scpH, at(lengthPx - headPx), 2.2 * pixel);
+    this.span(this.head, at(lengthPx - headPx) ?? scpH, at(lengthPx), 6 * pixel);
+    this.stylus.position.set(...hip);
+    this.stylus.quaternion.copy(new three.Quaternion(...pose.stylusOrientation).normalize());
   }
 
   // Stretches a body that is 1 long between two points.

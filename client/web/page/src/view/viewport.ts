@@ -8,7 +8,8 @@ import { VolumeTexture } from "../render/volume_texture";
 import type { State } from "../state";
 import type { VolumeShape, Voxels } from "../volume/manifest";
 import type { Vec3 } from "../wire/messages";
-import type { Pose } from "../wire/pose";
+import { isFreeAbove } from "../wire/contract";
+import type { Pose } from "../wire/contract";
 import { boundsIn } from "./camera";
 import type { Bounds, Size } from "./camera";
 import { add, compose, indexFromBlocks, norm, scale, subtract } from "./geometry";
@@ -32,7 +33,7 @@ const kRestShare = 1e-3; // of the distance: a target that is this near is reach
 
 // What is drawn of a pose.
 function looksOf(pose: Pose | null): string {
-  return pose ? [pose.hip, pose.scpH, pose.scpV, pose.orientation, pose.force].join() : "";
+  return pose ? [pose.hipMm, pose.scpHMm, pose.scpVMm, pose.stylusOrientation, pose.forceN].join() : "";
 }
 
 export class Viewport {
@@ -149,7 +150,7 @@ export class Viewport {
 
   // What is to be cast; null: nothing yet.
   private request(shape = this.shown?.shape): CastRequest | null {
-    const map = this.state.placement?.device_from_index;
+    const map = this.state.placement?.deviceFromIndex;
     const bounds = this.volumeBounds(1);
     const isovalue = this.state.isovalue();
     if (!shape || !map || !bounds || isovalue === null) return null;
@@ -162,7 +163,7 @@ export class Viewport {
       clipFromD: camera.clipFromD(size, bounds),
       deviceFromIndex: compose(map, indexFromBlocks(shape.factor)),
       isovalue,
-      materialAbove: !(this.state.pose?.freeAbove ?? false),
+      materialAbove: !isFreeAbove(this.state.pose),
       color: kSurfaceColor,
       veil: veil === null ? null : { isovalue: veil, opacity: veilOpacity, color: kVeilColor },
     };
@@ -171,17 +172,17 @@ export class Viewport {
   // Of all voxels and so many beyond them on every side, in D.
   private volumeBounds(beyond: number): Bounds | null {
     const size = this.state.volume?.size;
-    const map = this.state.placement?.device_from_index;
+    const map = this.state.placement?.deviceFromIndex;
     if (!size || !map) return null;
     return boundsIn(map, [-beyond, -beyond, -beyond], size.map((edge) => edge - 1 + beyond) as Vec3);
   }
 
   private takePlace(): void {
     const { volume, placement } = this.state;
-    if (!volume?.size || !placement) return;
+    if (!volume || !placement) return;
     this.stage = ""; // the box is another one
     this.isDirty = true;
-    const place = `${volume.name} ${volume.size.join()} ${placement.patient_axes}`;
+    const place = `${volume.name} ${volume.size.join()} ${placement.patientAxes}`;
     if (this.aimedAt !== place && !(this.aimedAt === "" && this.keepView)) this.resetView();
     this.aimedAt = place;
   }
@@ -194,8 +195,8 @@ export class Viewport {
     this.stage = stage;
     const { volume, placement } = this.state;
     const frame = patientFrame(volume, placement);
-    if (volume?.size && placement && frame) {
-      this.scene.setBox(placement.device_from_index, volume.size, faceLabels(frame), style.getPropertyValue("--text"));
+    if (volume && placement && frame) {
+      this.scene.setBox(placement.deviceFromIndex, volume.size, faceLabels(frame), style.getPropertyValue("--text"));
     }
   }
 
@@ -246,7 +247,7 @@ export class Viewport {
   private followStylus(seconds: number): void {
     const { view, pose } = this.state;
     if (!view.follow || !pose) return;
-    const way = subtract(pose.scpH, view.target);
+    const way = subtract(pose.scpHMm, view.target);
     if (norm(way) < kRestShare * view.distanceMm) return;
     this.state.setView({ target: add(view.target, scale(1 - Math.exp(-seconds / kFollowS), way)) });
   }

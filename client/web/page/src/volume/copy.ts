@@ -228,7 +228,7 @@ export class VolumeCopy {
 
   private sortByDistance(names: string[], numbers: Map<string, number[]>): void {
     const { counts } = this.front!;
-    const map = this.state.placement?.device_from_index;
+    const map = this.state.placement?.deviceFromIndex;
     const eye = cameraOf(this.state).eye();
     if (!map) return;
     const distances = new Map<string, number>();

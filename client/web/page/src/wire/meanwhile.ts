@@ -27,8 +27,7 @@ export class Meanwhile {
   }
 
   private isovalue(): number | null {
-    const isovalue = this.state.settings?.values["isovalue"];
-    return typeof isovalue === "number" ? isovalue : null;
+    return this.state.settings?.settings.isovalue ?? null;
   }
 
   private look(): void {
@@ -62,8 +61,8 @@ export class Meanwhile {
   // from before until it sends its own: both are right where they agree.
   private compareIsovalue(): void {
     const [before, now] = [this.isovalueBefore, this.isovalue()];
-    if (before === null || now === null || !this.state.volume?.size) return;
-    if (Math.fround(now) !== this.state.pose?.isovalue) return;
+    if (before === null || now === null || !this.state.volume) return;
+    if (now !== this.state.pose?.isovalue) return;
     this.isovalueBefore = null;
     if (now !== before) this.state.tell(`isovalue changed from ${valueText(before)} to ${valueText(now)}`);
   }
@@ -71,7 +70,7 @@ export class Meanwhile {
   private lookAtVolume(): void {
     const name = this.state.volume?.name;
     if (name === undefined || this.away) return;
-    const known = `${name} ${this.state.volume?.size?.join("×")}`;
+    const known = `${name} ${this.state.volume?.size.join("×")}`;
     if (this.volume !== null && this.volume !== known) this.state.tell(`a new volume: ${name}`);
     this.volume = known;
   }

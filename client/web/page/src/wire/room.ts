@@ -1,6 +1,6 @@
 // The connection to the gateway: logs in, follows the stream, and comes back by itself when it is lost.
 import type { State } from "../state";
-import { decodePose } from "./pose";
+import { decode } from "./contract";
 
 export type Secret = { room: string } | { token: string };
 
@@ -133,7 +133,7 @@ export class Room {
       socket.onmessage = (event) => {
         heardMs = performance.now();
         if (typeof event.data === "string") this.receive(event.data);
-        else this.receivePose(event.data);
+        else this.receiveBytes(event.data);
       };
     });
   }
@@ -163,9 +163,11 @@ export class Room {
     this.pending.delete(id);
   }
 
-  private receivePose(bytes: ArrayBuffer): void {
-    const pose = decodePose(bytes);
-    if (!pose) return;
+  private receiveBytes(bytes: ArrayBuffer): void {
+    const received = decode(bytes);
+    if (!received) return;
+    if ("fact" in received) return this.state.receiveFact(received.fact);
+    const { pose } = received;
     if (++this.posesSinceAck >= kPosesPerAck) {
       this.posesSinceAck = 0;
       this.socket?.send(JSON.stringify({ type: "ack", sequence: pose.sequence }));
