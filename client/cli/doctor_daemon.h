@@ -7,6 +7,7 @@
 
 #include "client/doctor/checks.h"
 #include "client/sdk/device.h"
+#include "client/sdk/pose.h"
 
 namespace palpate::cli {
 

@@ -139,7 +139,7 @@ class Tables {
   template <class Value>
   void Add(const Value& value) {
     VisitFields(value, [this](std::string_view name, const auto& field) {
-      AddField(std::string(name), field);
+      this->AddField(std::string(name), field);
     });
   }
 

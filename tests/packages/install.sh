@@ -108,6 +108,7 @@ main_pid() { in_jail systemctl show --value --property MainPID "$1"; }
 check_upgrade() {
   local config=$jail/etc/palpate/$2.toml before='' after
   next_version "$1" "$2"
+  echo '# Edited here.' >>"$config"
   cp "$config" "$work/edited.toml"
   if with_systemd; then before=$(main_pid "$2"); fi
   apt_in_jail install "/opt/test/next-$2.deb"
