@@ -4,12 +4,12 @@
 // functions.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "client/cli/invocation.h"
+#include "common/fields/json.h"
 
 namespace palpate::cli {
 

@@ -53,8 +53,8 @@ class Led:
         with self.conn.poses() as stream:
             return next(stream)
 
-    def touch(self, place):
-        """The pose when the hand rests in contact with the pointer there."""
+    def touch(self, place, last_mm=np.inf):
+        """The pose when the hand rests in contact with the pointer there, away from the last place."""
         self.window.do("mousemove", *(int(number) for number in place))
         seen = {}
 
@@ -64,7 +64,9 @@ class Led:
             if now.tick[-1] < before.tick[-1] + 100:
                 return False
             seen["before"] = now
+            # A loaded machine may take its time until the hand leaves the last place.
             return (before.contact[-1] and now.contact[-1] and
+                    np.linalg.norm(now.hip_mm[-1] - last_mm) > LEAST_MM and
                     np.linalg.norm(now.hip_mm[-1] - before.hip_mm[-1]) < 0.02)
 
         self.assertTrue(wait_until(rests), f"the hand does not come to rest at {place}")
@@ -74,8 +76,10 @@ class Led:
         """Poses of all ticks while the pointer goes across the volume, and where it rested."""
         rests = []
         with self.conn.poses(rate_hz=1000, batch=50, waiting=1000) as stream:
+            last_mm = self.pose().hip_mm[-1]
             for step in (-1, 0, 1):
-                rests.append(self.touch(MIDDLE + (step * WAY_PX, 0)))
+                rests.append(self.touch(MIDDLE + (step * WAY_PX, 0), last_mm))
+                last_mm = rests[-1].hip_mm[-1]
             last = rests[-1].tick[-1]
             batches = []
             for batch in stream:
@@ -104,10 +108,14 @@ class Led:
         inside = side * (column("density") - column("isovalue"))
         info = self.conn.volume.info()
         self.assertLess(inside.max(), 1e-6 * (info.value_max - info.value_min))
-        # At each rest: a mean over the way would depend on how long the machine takes for it. More
-        # than the step of a coarse encoder makes.
+        # How deep the hand rests depends on its way: a head has many hollows. The force is that of
+        # the spring wherever it rests, and somewhere more than the step of a coarse encoder makes.
         for rest in rests:
-            self.assertGreater(np.linalg.norm(rest.force_n[-1]), 0.03)
+            spring = rest.scp_h_mm[-1] - rest.hip_mm[-1]
+            along = np.dot(rest.force_n[-1], spring)
+            self.assertGreater(along, 0.99 * np.linalg.norm(rest.force_n[-1]) *
+                               np.linalg.norm(spring))
+        self.assertGreater(np.linalg.norm(column("force_n"), axis=1).max(), 0.03)
 
     def replay(self, path):
         ran = subprocess.run([PALPATE_LAB, "replay", "--recording", path], capture_output=True,
