@@ -1,0 +1,47 @@
+"""The renderer's instructions per tick on fixed slides of 10 000 ticks, counted by callgrind.
+
+They hardly depend on the machine, and not at all on its load. README.md has their history.
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SLIDE_TICKS = sys.argv.pop(1)
+
+# Instructions per tick that were reached. What needs less lowers them.
+REACHED = {
+    "gyroid_fine_50": 33_524,
+    "gyroid_coarse_10": 4_551,
+    "bumps_fine_50": 32_839,
+    "bumps_coarse_10": 4_472,
+}
+MOST = 1.05  # of them
+
+
+def instructions_per_tick(slide):
+    with tempfile.NamedTemporaryFile() as profile:
+        run = subprocess.run(
+            ["valgrind", "--tool=callgrind", f"--callgrind-out-file={profile.name}",
+             "--collect-atstart=no", "--toggle-collect=palpate::CountedTicks*", SLIDE_TICKS, slide],
+            check=True, capture_output=True, text=True)
+    ticks = int(re.search(r"(\d+) ticks", run.stdout)[1])
+    return int(re.search(r"Collected : (\d+)", run.stderr)[1]) / ticks
+
+
+class Instructions(unittest.TestCase):
+    def test_are_not_more_than_were_reached(self):
+        for slide, reached in REACHED.items():
+            with self.subTest(slide):
+                count = instructions_per_tick(slide)
+                print(f"{slide}: {count:.0f} instructions per tick, {count / reached:.3f} of what "
+                      "was reached")
+                # Nothing counted would be few, too.
+                self.assertGreater(count, 0.5 * reached)
+                self.assertLess(count, MOST * reached)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
