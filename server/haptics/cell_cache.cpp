@@ -52,13 +52,14 @@ void HapticCell::FillGradients(int tetrahedron) noexcept {
   const Vec3 a = vertex_mm[v[1]] - o, b = vertex_mm[v[2]] - o, c = vertex_mm[v[3]] - o;
   const Vec3 bc = b.cross(c);
   const double inverse_det = 1.0 / a.dot(bc);
-  g.weight[1] = bc * inverse_det;
-  g.weight[2] = c.cross(a) * inverse_det;
-  g.weight[3] = a.cross(b) * inverse_det;
-  g.weight[0] = -(g.weight[1] + g.weight[2] + g.weight[3]);
+  auto& w = g.weight;
+  w[1] = HalfSpace(bc * inverse_det);
+  w[2] = HalfSpace(c.cross(a) * inverse_det);
+  w[3] = HalfSpace(a.cross(b) * inverse_det);
+  w[0] = HalfSpace(-(w[1].normal + w[2].normal + w[3].normal));
   const auto& d = parts.density;
-  g.density = (d[v[1]] - d[v[0]]) * g.weight[1] + (d[v[2]] - d[v[0]]) * g.weight[2] +
-              (d[v[3]] - d[v[0]]) * g.weight[3];
+  g.fall = HalfSpace(-((d[v[1]] - d[v[0]]) * w[1].normal + (d[v[2]] - d[v[0]]) * w[2].normal +
+                       (d[v[3]] - d[v[0]]) * w[3].normal));
 }
 
 HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell) noexcept {

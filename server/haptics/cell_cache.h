@@ -8,14 +8,17 @@
 #include <array>
 #include <cstdint>
 
+#include "server/haptics/cone.h"
 #include "server/haptics/haptic_surface.h"
 
 namespace palpate {
 
 // Gradients of linear functions on a tetrahedron: the contents of the paper's A⁻¹ (Eqs. 8-10).
 struct TetrahedronGradients {
-  std::array<Vec3, 4> weight;  // of the barycentric coordinates, 1/mm, in D axes
-  Vec3 density;                // of the felt density
+  // Of the barycentric coordinates, 1/mm, in D axes: the half-space of number n is behind the face
+  // opposite to vertex n.
+  std::array<HalfSpace, 4> weight;
+  HalfSpace fall;  // minus the gradient of the felt density
 };
 
 // The triangle or quadrilateral of H in a tetrahedron.

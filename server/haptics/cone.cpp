@@ -7,47 +7,69 @@ namespace {
 // could reject the one face of the cone that holds the projection.
 constexpr double kInsideTolerance = 1e-12;
 
-bool IsInside(const Vec3& d, double length2, const Cone& cone, std::uint8_t active) {
+// The projection on a plane that is inside of all other half-spaces by more than this share of |w|
+// (both squared) is that of the cone: those on other faces are shorter by as much, which is far
+// more than rounding.
+constexpr double kClearOfOthers2 = 1e-8;
+// More than the rounding of a squared length, as a share of |w|².
+constexpr double kLengthRounding = 1e-12;
+
+enum class Side : std::uint8_t { kOutside, kInside, kClear };
+
+// Where `d` lies among the half-spaces other than the active ones.
+Side SideOf(const Vec3& d, double length2, double w2, const Cone& cone, unsigned active) {
+  Side side = Side::kClear;
   for (int i = 0; i < cone.count; ++i) {
     if (active >> i & 1) continue;
-    const double inside = cone.normal[i].dot(d);
+    const auto& [normal, normal2] = cone.side[i];
+    const double inside = normal.dot(d);
+    if (inside > 0.0 && inside * inside > kClearOfOthers2 * w2 * normal2) continue;
+    side = Side::kInside;
     if (inside >= 0.0) continue;
     const double tolerance2 = kInsideTolerance * kInsideTolerance * length2;
-    if (inside * inside > tolerance2 * cone.normal[i].squaredNorm()) return false;
+    if (inside * inside > tolerance2 * normal2) return Side::kOutside;
   }
-  return true;
+  return side;
 }
 
 }  // namespace
 
 // The projection is the longest of the projections on the cone's faces (the inside, planes, edges,
 // apex) that lie in the cone. Each of them is orthogonal to its difference from w, so the longest
-// is the closest.
-ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone) noexcept {
-  std::uint8_t violated = 0;
+// is the closest. None is longer than the projection on a violated plane.
+ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone, double longer_than2) noexcept {
+  std::array<double, 4> along;
+  unsigned violated = 0;
   for (int i = 0; i < cone.count; ++i) {
-    if (cone.normal[i].dot(w) < 0.0) violated |= static_cast<std::uint8_t>(1u << i);
+    along[i] = cone.side[i].normal.dot(w);
+    if (along[i] < 0.0) violated |= 1u << i;
   }
-  if (violated == 0) return {w, 0};
+  const double w2 = w.squaredNorm();
+  if (violated == 0) return w2 > longer_than2 ? ConeProjection{w, 0} : ConeProjection{};
   ConeProjection best;
-  double best_length2 = 0.0;
-  const auto consider = [&](const Vec3& d, unsigned active) {
-    const double length2 = d.squaredNorm();
-    const auto mask = static_cast<std::uint8_t>(active);
-    if (length2 > best_length2 && IsInside(d, length2, cone, mask)) {
-      best = {d, mask}, best_length2 = length2;
-    }
+  double best2 = longer_than2;
+  // Returns the side on which `d` lies if it is the longest so far.
+  const auto consider = [&](const Vec3& d, double length2, unsigned active) {
+    if (!(length2 > best2)) return Side::kOutside;
+    const Side side = SideOf(d, length2, w2, cone, active);
+    if (side != Side::kOutside) best = {d, static_cast<std::uint8_t>(active)}, best2 = length2;
+    return side;
   };
   for (int i = 0; i < cone.count; ++i) {
     if (!(violated >> i & 1)) continue;
-    const Vec3& normal = cone.normal[i];
-    consider(w - (normal.dot(w) / normal.squaredNorm()) * normal, 1u << i);
+    const auto& [normal, normal2] = cone.side[i];
+    const Vec3 d = w - (along[i] / normal2) * normal;
+    const double length2 = d.squaredNorm();
+    if (length2 < longer_than2 - kLengthRounding * w2) return {};
+    if (consider(d, length2, 1u << i) == Side::kClear) return best;
   }
   for (int i = 0; i < cone.count; ++i) {
     for (int j = i + 1; j < cone.count; ++j) {
-      const Vec3 edge = cone.normal[i].cross(cone.normal[j]);
-      const double length2 = edge.squaredNorm();
-      if (length2 > 0.0) consider(edge * (edge.dot(w) / length2), 1u << i | 1u << j);
+      const Vec3 edge = cone.side[i].normal.cross(cone.side[j].normal);
+      const double edge2 = edge.squaredNorm();
+      if (!(edge2 > 0.0)) continue;
+      const Vec3 d = edge * (edge.dot(w) / edge2);
+      consider(d, d.squaredNorm(), 1u << i | 1u << j);
     }
   }
   return best;

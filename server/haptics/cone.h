@@ -10,16 +10,25 @@
 
 namespace palpate {
 
-// {x : normal[i] · x >= 0 for i < count}; normals of any length.
+// {x : normal · x >= 0}, with a normal of any length.
+struct HalfSpace {
+  Vec3 normal;     // inward
+  double normal2;  // its squared length
+
+  HalfSpace() = default;
+  explicit HalfSpace(const Vec3& inward) : normal(inward), normal2(inward.squaredNorm()) {}
+};
+
+// The intersection of half-spaces.
 struct Cone {
-  std::array<Vec3, 4> normal;
+  std::array<HalfSpace, 4> side;
   int count = 0;
 
   // Adds a half-space and returns its number. A zero normal constrains nothing: it is not added,
   // and Add returns -1.
-  int Add(const Vec3& inward) {
-    if (inward.isZero(0.0)) return -1;
-    normal[count] = inward;
+  int Add(const HalfSpace& inward) {
+    if (inward.normal.isZero(0.0)) return -1;
+    side[count] = inward;
     return count++;
   }
 };
@@ -29,7 +38,8 @@ struct ConeProjection {
   std::uint8_t active = 0;  // bit i: d lies in the plane of half-space i
 };
 
-// Returns the point of the cone that is closest to `w`.
-ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone) noexcept;
+// Returns the point of the cone that is closest to `w`, if its squared length is greater than
+// `longer_than2`; otherwise zero, which costs less.
+ConeProjection ProjectOnCone(const Vec3& w, const Cone& cone, double longer_than2 = 0.0) noexcept;
 
 }  // namespace palpate

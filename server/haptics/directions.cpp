@@ -1,6 +1,7 @@
 #include "server/haptics/directions.h"
 
 #include <bit>
+#include <cmath>
 
 namespace palpate {
 namespace {
@@ -15,8 +16,8 @@ Cone BoxCone(const HapticSurface& surface, std::uint8_t faces) {
   Cone cone;
   for (int axis = 0; axis < 3; ++axis) {
     const Vec3 normal = surface.X_ID.linear.row(axis);
-    if (faces >> (2 * axis) & 1) cone.Add(normal);
-    if (faces >> (2 * axis + 1) & 1) cone.Add(-normal);
+    if (faces >> (2 * axis) & 1) cone.Add(HalfSpace(normal));
+    if (faces >> (2 * axis + 1) & 1) cone.Add(HalfSpace(-normal));
   }
   return cone;
 }
@@ -40,7 +41,7 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
   for (int n = 0; n < 4; ++n) {
     if (!(mask >> vertices[n] & 1)) result.cone.Add(gradients.weight[n]);
   }
-  if (on_surface) result.surface_number = result.cone.Add(-gradients.density);
+  if (on_surface) result.surface_number = result.cone.Add(gradients.fall);
   return result;
 }
 
@@ -52,10 +53,12 @@ Candidate DirectionInside(const HapticSurface& surface, const Place& place, bool
                       .carrier = place.carrier,
                       .tetrahedron = place.tetrahedron,
                       .d_mm = w_mm};
-  const Vec3& gradient = cache.Decomposed(surface, place.cell).Gradients(place.tetrahedron).density;
-  candidate.along_surface = on_surface && gradient.dot(w_mm) > 0.0;
+  const auto& [fall, fall2] =
+      cache.Decomposed(surface, place.cell).Gradients(place.tetrahedron).fall;
+  const double along = fall.dot(w_mm);
+  candidate.along_surface = on_surface && along < 0.0;
   candidate.full = !candidate.along_surface;
-  if (!candidate.full) candidate.d_mm -= (gradient.dot(w_mm) / gradient.squaredNorm()) * gradient;
+  if (!candidate.full) candidate.d_mm -= (along / fall2) * fall;
   return candidate;
 }
 
@@ -94,7 +97,7 @@ class DirectionSearch {
   }
 
   void VisitFreeCell(const Vec3i& cell, std::uint8_t faces) noexcept {
-    const ConeProjection projection = ProjectOnCone(w_mm_, BoxCone(surface_, faces));
+    const ConeProjection projection = ProjectOnCone(w_mm_, BoxCone(surface_, faces), best_2_);
     if (!IsLonger(projection.d)) return;
     Take(Candidate::Kind::kBox, cell, faces, projection.active == 0);
   }
@@ -109,7 +112,7 @@ class DirectionSearch {
       ++tetrahedra_;
       const TetrahedronCone tangent =
           MakeTetrahedronCone(cell, t, mask, cell.Gradients(t), on_surface_);
-      const ConeProjection projection = ProjectOnCone(w_mm_, tangent.cone);
+      const ConeProjection projection = ProjectOnCone(w_mm_, tangent.cone, best_2_);
       if (!IsLonger(projection.d)) continue;
       Take(Candidate::Kind::kTetrahedron, index, faces, projection.active == 0);
       best_.carrier = carrier;
@@ -121,8 +124,10 @@ class DirectionSearch {
 
   // Keeps `d` if it is longer than the best so far.
   bool IsLonger(const Vec3& d) noexcept {
-    if (!(d.squaredNorm() > best_.d_mm.squaredNorm())) return false;
+    const double length2 = d.squaredNorm();
+    if (!(length2 > best_2_)) return false;
     best_.d_mm = d;
+    best_2_ = length2;
     return true;
   }
 
@@ -141,6 +146,7 @@ class DirectionSearch {
   CellCache& cache_;
   int& tetrahedra_;
   Candidate best_;
+  double best_2_ = 0.0;  // |best_.d_mm|²
 };
 
 }  // namespace
@@ -174,11 +180,11 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
       const int t = std::countr_zero(left);
       const TetrahedronGradients& gradients = cell.Gradients(t);
       const TetrahedronCone tangent = MakeTetrahedronCone(cell, t, mask, gradients, false);
-      const Vec3 d = ProjectOnCone(-gradients.density, tangent.cone).d;
+      const Vec3 d = ProjectOnCone(gradients.fall.normal, tangent.cone).d;
       // d is orthogonal to the part that the cone cuts off, so the slope along d is |d|.
       const double slope = d.norm();
       if (!(slope > best_slope * kSteeper)) continue;
-      if (!(slope > kNoSlope * gradients.density.norm())) continue;
+      if (!(slope > kNoSlope * std::sqrt(gradients.fall.normal2))) continue;
       best_slope = slope;
       best = candidate;
       best.tetrahedron = t;

@@ -59,7 +59,7 @@ Course CourseOf(const Candidate& candidate, const std::array<std::uint8_t, 4>& v
         course.weight[n] = candidate.carrier.weight[c];
       }
     }
-    course.rate[n] = gradients.weight[n].dot(candidate.d_mm);
+    course.rate[n] = gradients.weight[n].normal.dot(candidate.d_mm);
   }
   if (candidate.carrier.count == 4) return course;
   // Along a face the rate is 0 except for rounding. Rounding must not make the point leave the
@@ -67,7 +67,7 @@ Course CourseOf(const Candidate& candidate, const std::array<std::uint8_t, 4>& v
   const double along2 = kAlongFaceTolerance * kAlongFaceTolerance * candidate.d_mm.squaredNorm();
   for (int n = 0; n < 4; ++n) {
     const double rate = course.rate[n];
-    const bool along = rate < 0.0 || rate * rate < along2 * gradients.weight[n].squaredNorm();
+    const bool along = rate < 0.0 || rate * rate < along2 * gradients.weight[n].normal2;
     if (course.weight[n] == 0.0 && along) course.rate[n] = 0.0;
   }
   return course;
@@ -79,7 +79,7 @@ double WayToSurface(const HapticSurface& surface, const HapticCell& cell,
                     bool descending) {
   constexpr double kNever = std::numeric_limits<double>::infinity();
   if (candidate.along_surface) return kNever;
-  const double slope = gradients.density.dot(candidate.d_mm);
+  const double slope = -gradients.fall.normal.dot(candidate.d_mm);
   if (descending ? !(slope < 0.0) : !(slope > 0.0)) return kNever;
   return std::max(0.0, (surface.isovalue - DensityAt(cell, candidate.carrier)) / slope);
 }

@@ -141,8 +141,8 @@ Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& ca
   HapticCell& cell = cache.Decomposed(surface, proxy.place.cell);
   for (std::uint32_t left = TetrahedraAt(cell.parts.complex, proxy.place.carrier); left;
        left &= left - 1) {
-    const Vec3& gradient = cell.Gradients(std::countr_zero(left)).density;
-    if (!gradient.isZero(0.0)) return -gradient.normalized();
+    const Vec3& fall = cell.Gradients(std::countr_zero(left)).fall.normal;
+    if (!fall.isZero(0.0)) return fall.normalized();
   }
   return Vec3::Zero();
 }

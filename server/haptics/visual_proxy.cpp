@@ -83,7 +83,7 @@ Vec3 LineDirection(const HapticSurface& surface, const Place& place, const Vec3&
     if (piece.count < 3) continue;
     const Vec3 normal = InterpolatedNormal(piece, local);
     if (normal.allFinite() && normal.norm() > kNoDirection) return normal.normalized();
-    facet = -cell.Gradients(t).density;
+    facet = cell.Gradients(t).fall.normal;
   }
   return facet.norm() > 0.0 ? Vec3(facet.normalized()) : facet;
 }
