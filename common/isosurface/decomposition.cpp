@@ -21,14 +21,15 @@ Vec3 OnFace(int face, double b, double c) {
 
 void PlaceCorners(const CellDensities& d, Decomposition& out) {
   for (int v = 0; v < 8; ++v) {
-    out.position[v] = Vec3(kCornerOffset[v][0], kCornerOffset[v][1], kCornerOffset[v][2]);
+    out.position[v] = Vec3::Map(kPlainPositions[v].data());
     out.density[v] = d[v];
   }
 }
 
 void PlaceFaceCentre(const CellDensities& d, int face, Decomposition& out) {
-  out.position[kFirstFaceVertex + face] = OnFace(face, 0.5, 0.5);
-  out.density[kFirstFaceVertex + face] = MeanOfFace(d, face);
+  const int v = kFirstFaceVertex + face;
+  out.position[v] = Vec3::Map(kPlainPositions[v].data());
+  out.density[v] = MeanOfFace(d, face);
 }
 
 void PlaceAtSaddle(int face, const FaceSaddle& saddle, Decomposition& out) {
@@ -43,11 +44,11 @@ void DecomposeBcc(const CellDensities& d, Decomposition& out) {
   out.density[kFirstInteriorVertex] = MeanOfCell(d);
 }
 
-Decomposition Decompose(const CellDensities& d, DecompositionMethod method) {
-  Decomposition out;
+void Decompose(const CellDensities& d, DecompositionMethod method, Decomposition& out) {
   PlaceCorners(d, out);
+  out.is_plain = false;
+  out.face_saddle_count = out.body_saddle_count = 0;
   method == DecompositionMethod::kBcc ? DecomposeBcc(d, out) : DecomposeTpbcc(d, out);
-  return out;
 }
 
 }  // namespace palpate

@@ -26,12 +26,31 @@ struct Decomposition {
   // Valid for the vertices in complex.used_vertices.
   std::array<Vec3, kMaxVertices> position;
   std::array<double, kMaxVertices> density;
+  // True: kDiamondComplexes[0], with every vertex at its place in kPlainPositions.
+  bool is_plain = false;
   // For statistics: the counts that selected the case.
   int face_saddle_count = 0;
   int body_saddle_count = 0;
 };
 
+// The corners, and the centres of the faces.
+inline constexpr std::array<std::array<double, 3>, kFirstInteriorVertex> kPlainPositions = [] {
+  std::array<std::array<double, 3>, kFirstInteriorVertex> places{};
+  for (int v = 0; v < kFirstInteriorVertex; ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const int on = kVertexFaces[v] >> (2 * axis) & 3;
+      places[v][axis] = on ? on >> 1 : 0.5;
+    }
+  }
+  return places;
+}();
+
 // `d` must be finite and without ties (ties.h).
-Decomposition Decompose(const CellDensities& d, DecompositionMethod method);
+void Decompose(const CellDensities& d, DecompositionMethod method, Decomposition& out);
+inline Decomposition Decompose(const CellDensities& d, DecompositionMethod method) {
+  Decomposition out;
+  Decompose(d, method, out);
+  return out;
+}
 
 }  // namespace palpate

@@ -81,8 +81,6 @@ void Narrow(const Interval& by, Interval& interval) {
 // `interval`: of a single interior vertex.
 int FindDiagonal(const CellDensities& d, Interval interval, int face_saddles,
                  const Decomposition& cell) {
-  // Without face saddles every diagonal fits, and at the centre all have the density of F there.
-  if (face_saddles == 0) return 0;
   if (face_saddles < 6) {
     for (const CubeEdge& edge : kCubeEdges) Narrow(EdgeInterval(cell, edge), interval);
     for (int corner = 0; corner < 8; ++corner) Narrow(CornerInterval(cell, corner), interval);
@@ -171,6 +169,23 @@ bool PlaceInteriorPair(const CellDensities& d, const CellSaddles& saddles,
   return true;
 }
 
+// As FindFaceSaddle has it, where no densities are equal.
+bool HasFaceSaddle(const CellDensities& d) {
+  for (const auto& [p, q, s, t] : kFaceCorners) {
+    const bool above = d[p] > d[q];
+    if (above == (d[p] > d[t]) && above == (d[s] > d[q]) && above == (d[s] > d[t])) return true;
+  }
+  return false;
+}
+
+// Rule 1 in most cells. Without face saddles every diagonal fits, and at the centre all have the
+// density of F there.
+void DecomposePlain(const CellDensities& d, Decomposition& out) {
+  for (int face = 0; face < 6; ++face) PlaceFaceCentre(d, face, out);
+  out.complex = kDiamondComplexes[0];
+  out.is_plain = true;
+}
+
 }  // namespace
 
 Interval InteriorInterval(const CellDensities& d, const CellSaddles& saddles,
@@ -211,6 +226,7 @@ InteriorPair FindInteriorPair(const CellDensities& d, const CellSaddles& saddles
 }
 
 void DecomposeTpbcc(const CellDensities& d, Decomposition& out) {
+  if (!HasFaceSaddle(d)) return DecomposePlain(d, out);
   const CellSaddles saddles(d);
   out.face_saddle_count = saddles.count;
   for (int face = 0; face < 6; ++face) {
@@ -220,19 +236,16 @@ void DecomposeTpbcc(const CellDensities& d, Decomposition& out) {
       PlaceFaceCentre(d, face, out);
     }
   }
-  SaddlePattern pattern;
   const Vec3 centre = Vec3::Constant(0.5), room = Vec3::Constant(kInteriorRoom);
-  if (saddles.count > 0) {
-    pattern = ClassifySaddles(d, saddles.face);
-    if (pattern.IsInterleavedSix() && PlaceInteriorPair(d, saddles, pattern, out)) return;
-    if (saddles.count <= 4) {
-      const BodySaddles body = FindBodySaddles(d);
-      out.body_saddle_count = body.count;
-      if (body.count > 0) {
-        const Vec3& at = body.saddle[0].position;
-        return FlipAround(at.cwiseMax(centre - room).cwiseMin(centre + room),
-                          body.saddle[0].density, out);
-      }
+  const SaddlePattern pattern = ClassifySaddles(d, saddles.face);
+  if (pattern.IsInterleavedSix() && PlaceInteriorPair(d, saddles, pattern, out)) return;
+  if (saddles.count <= 4) {
+    const BodySaddles body = FindBodySaddles(d);
+    out.body_saddle_count = body.count;
+    if (body.count > 0) {
+      const Vec3& at = body.saddle[0].position;
+      return FlipAround(at.cwiseMax(centre - room).cwiseMin(centre + room), body.saddle[0].density,
+                        out);
     }
   }
   const Interval interval = InteriorInterval(d, saddles, pattern);

@@ -1,23 +1,32 @@
 #include "server/haptics/cell_cache.h"
 
 #include <algorithm>
+#include <bit>
 
 namespace palpate {
 namespace {
 
-// Neighbouring cells get different slots: 8 × 4 × 4 cells fill the cache.
-std::size_t SlotOf(const Vec3i& cell) {
-  return static_cast<std::size_t>((cell.x() & 7) << 4 | (cell.y() & 3) << 2 | (cell.z() & 3));
-}
-
 // Decomposes the cell from the densities of side kBelow, so that H is the same to the bit on both
 // sides.
-Decomposition DecomposeFelt(const HapticSurface& surface, const CellDensities& felt) {
-  Decomposition parts = Decompose(surface.Felt(felt), surface.method);
+void DecomposeFelt(const HapticSurface& surface, const CellDensities& felt, Decomposition& parts) {
+  Decompose(surface.Felt(felt), surface.method, parts);
   if (surface.free_side == FreeSide::kAbove) {
     for (double& density : parts.density) density = -density;
   }
-  return parts;
+}
+
+template <class Positions>
+WeightGradients GradientsOfWeights(const Positions& p, const std::array<std::uint8_t, 4>& v) {
+  const Vec3& o = p[v[0]];
+  const Vec3 a = p[v[1]] - o, b = p[v[2]] - o, c = p[v[3]] - o;
+  const Vec3 bc = b.cross(c);
+  const double inverse_det = 1.0 / a.dot(bc);
+  WeightGradients w;
+  w[1] = HalfSpace(bc * inverse_det);
+  w[2] = HalfSpace(c.cross(a) * inverse_det);
+  w[3] = HalfSpace(a.cross(b) * inverse_det);
+  w[0] = HalfSpace(-(w[1].normal + w[2].normal + w[3].normal));
+  return w;
 }
 
 }  // namespace
@@ -44,31 +53,25 @@ int HapticCell::CutEdges(int tetrahedron, double isovalue,
   return count;
 }
 
-void HapticCell::FillGradients(int tetrahedron) noexcept {
-  known_gradients |= std::uint32_t{1} << tetrahedron;
-  TetrahedronGradients& g = gradients[tetrahedron];
-  const auto& v = parts.complex.vertices[tetrahedron];
-  const Vec3& o = vertex_mm[v[0]];
-  const Vec3 a = vertex_mm[v[1]] - o, b = vertex_mm[v[2]] - o, c = vertex_mm[v[3]] - o;
-  const Vec3 bc = b.cross(c);
-  const double inverse_det = 1.0 / a.dot(bc);
-  auto& w = g.weight;
-  w[1] = HalfSpace(bc * inverse_det);
-  w[2] = HalfSpace(c.cross(a) * inverse_det);
-  w[3] = HalfSpace(a.cross(b) * inverse_det);
-  w[0] = HalfSpace(-(w[1].normal + w[2].normal + w[3].normal));
-  const auto& d = parts.density;
+void CellCache::FillGradients(HapticCell& entry, int tetrahedron) noexcept {
+  entry.known_gradients |= std::uint32_t{1} << tetrahedron;
+  TetrahedronGradients& g = entry.gradients[tetrahedron];
+  const auto& v = entry.parts.complex.vertices[tetrahedron];
+  const auto& w = g.weight =
+      entry.parts.is_plain ? plain_weight_[tetrahedron] : GradientsOfWeights(entry.vertex_mm, v);
+  const auto& d = entry.parts.density;
   g.fall = HalfSpace(-((d[v[1]] - d[v[0]]) * w[1].normal + (d[v[2]] - d[v[0]]) * w[2].normal +
                        (d[v[3]] - d[v[0]]) * w[3].normal));
 }
 
-HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell) noexcept {
+HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
+                            std::size_t slot) noexcept {
   if (surface.geometry_revision != geometry_revision_ || surface.free_side != free_side_) {
+    if (surface.geometry_revision != geometry_revision_) FillPlainCell(surface.X_DI);
     geometry_revision_ = surface.geometry_revision;
     free_side_ = surface.free_side;
     ++generation_;
   }
-  const std::size_t slot = SlotOf(cell);
   HapticCell& entry = cells_[slot];
   const std::uint64_t revision = surface.volume->revision();
   const bool is_filled = filled_[slot] == generation_ && entry.cell == cell;
@@ -90,19 +93,29 @@ HapticCell& CellCache::Densities(const HapticSurface& surface, const Vec3i& cell
   return entry;
 }
 
-HapticCell& CellCache::Decomposed(const HapticSurface& surface, const Vec3i& cell) noexcept {
-  HapticCell& entry = Densities(surface, cell);
-  if (entry.decomposed) return entry;
-  entry.parts = DecomposeFelt(surface, entry.densities);
+void CellCache::FillDecomposition(const HapticSurface& surface, HapticCell& entry) noexcept {
+  DecomposeFelt(surface, entry.densities, entry.parts);
   entry.known_gradients = 0;
   entry.piece.tetrahedron = -1;
-  entry.origin_mm = surface.X_DI.Apply(cell.cast<double>());
-  for (int v = 0; v < kMaxVertices; ++v) {
-    if (!(entry.parts.complex.used_vertices >> v & 1)) continue;
-    entry.vertex_mm[v] = surface.X_DI.linear * entry.parts.position[v];
+  entry.origin_mm = surface.X_DI.Apply(entry.cell.cast<double>());
+  if (entry.parts.is_plain) {
+    std::ranges::copy(plain_vertex_mm_, entry.vertex_mm.begin());
+  } else {
+    for (unsigned left = entry.parts.complex.used_vertices; left; left &= left - 1) {
+      const int v = std::countr_zero(left);
+      entry.vertex_mm[v] = surface.X_DI.linear * entry.parts.position[v];
+    }
   }
   entry.decomposed = true;
-  return entry;
+}
+
+void CellCache::FillPlainCell(const AffineMap& X_DI) noexcept {
+  for (std::size_t v = 0; v < plain_vertex_mm_.size(); ++v) {
+    plain_vertex_mm_[v] = X_DI.linear * Vec3::Map(kPlainPositions[v].data());
+  }
+  for (std::size_t t = 0; t < plain_weight_.size(); ++t) {
+    plain_weight_[t] = GradientsOfWeights(plain_vertex_mm_, kDiamondComplexes[0].vertices[t]);
+  }
 }
 
 }  // namespace palpate

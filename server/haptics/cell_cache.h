@@ -13,11 +13,12 @@
 
 namespace palpate {
 
-// Gradients of linear functions on a tetrahedron: the contents of the paper's A⁻¹ (Eqs. 8-10).
+// Gradients of the barycentric coordinates of a tetrahedron, 1/mm, in D axes: the half-space of
+// number n is behind the face opposite to vertex n. The contents of the paper's A⁻¹ (Eqs. 8-10).
+using WeightGradients = std::array<HalfSpace, 4>;
+
 struct TetrahedronGradients {
-  // Of the barycentric coordinates, 1/mm, in D axes: the half-space of number n is behind the face
-  // opposite to vertex n.
-  std::array<HalfSpace, 4> weight;
+  WeightGradients weight;
   HalfSpace fall;  // minus the gradient of the felt density
 };
 
@@ -66,25 +67,46 @@ struct HapticCell {
   // Computes where τ cuts the edges of a tetrahedron. These are the corners of H's piece there, in
   // cyclic order.
   int CutEdges(int tetrahedron, double isovalue, std::array<CutEdge, 4>& cuts) const noexcept;
-
-  const TetrahedronGradients& Gradients(int tetrahedron) noexcept {
-    if (!(known_gradients >> tetrahedron & 1)) FillGradients(tetrahedron);
-    return gradients[tetrahedron];
-  }
-
- private:
-  void FillGradients(int tetrahedron) noexcept;
 };
 
 class CellCache {
  public:
   // Returns a cell with its densities only. The reference is valid until the next call for a cell
   // in the same slot: copy values that must last.
-  HapticCell& Densities(const HapticSurface& surface, const Vec3i& cell) noexcept;
+  HapticCell& Densities(const HapticSurface& surface, const Vec3i& cell) noexcept {
+    const std::size_t slot = SlotOf(cell);
+    HapticCell& entry = cells_[slot];
+    const bool is_right = surface.geometry_revision == geometry_revision_ &&
+                          surface.free_side == free_side_ && filled_[slot] == generation_ &&
+                          volume_revision_[slot] == surface.volume->revision() &&
+                          entry.cell == cell;
+    return is_right ? entry : Fill(surface, cell, slot);
+  }
   // Returns a cell with its decomposition.
-  HapticCell& Decomposed(const HapticSurface& surface, const Vec3i& cell) noexcept;
+  HapticCell& Decomposed(const HapticSurface& surface, const Vec3i& cell) noexcept {
+    HapticCell& entry = Densities(surface, cell);
+    Decompose(surface, entry);
+    return entry;
+  }
+  // Decomposes a cell that Densities returned.
+  void Decompose(const HapticSurface& surface, HapticCell& entry) noexcept {
+    if (!entry.decomposed) FillDecomposition(surface, entry);
+  }
+  const TetrahedronGradients& Gradients(HapticCell& entry, int tetrahedron) noexcept {
+    if (!(entry.known_gradients >> tetrahedron & 1)) FillGradients(entry, tetrahedron);
+    return entry.gradients[tetrahedron];
+  }
 
  private:
+  // Neighbouring cells get different slots: 8 × 4 × 4 cells fill the cache.
+  static std::size_t SlotOf(const Vec3i& cell) {
+    return static_cast<std::size_t>((cell.x() & 7) << 4 | (cell.y() & 3) << 2 | (cell.z() & 3));
+  }
+  HapticCell& Fill(const HapticSurface& surface, const Vec3i& cell, std::size_t slot) noexcept;
+  void FillPlainCell(const AffineMap& X_DI) noexcept;
+  void FillDecomposition(const HapticSurface& surface, HapticCell& entry) noexcept;
+  void FillGradients(HapticCell& entry, int tetrahedron) noexcept;
+
   static constexpr std::size_t kSlots = 128;
   static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
@@ -94,6 +116,9 @@ class CellCache {
   std::array<std::uint64_t, kSlots> volume_revision_{};  // revision for which the slot was last
                                                          // right
   std::uint64_t generation_ = 0;
+  // What all plain cells (Decomposition::is_plain) have in common.
+  std::array<Vec3, kFirstInteriorVertex> plain_vertex_mm_;
+  std::array<WeightGradients, kDiamondComplexes[0].tetrahedron_count> plain_weight_;
   std::array<HapticCell, kSlots> cells_;
 };
 

@@ -8,6 +8,9 @@ namespace {
 
 // A slope counts as steeper only beyond this factor, so that rounding does not choose.
 constexpr double kSteeper = 1.0 + 1e-12;
+// A pull that leaves a triangle's plane by more than this share of its length (both squared) is
+// not along it but for rounding.
+constexpr double kClearOfTriangle2 = 1e-8;
 // In a pit, a slope below this share of the gradient is rounding.
 constexpr double kNoSlope = 1e-9;
 
@@ -46,45 +49,45 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
 }
 
 // Inside a tetrahedron, only H limits the direction.
-Candidate DirectionInside(const HapticSurface& surface, const Place& place, bool on_surface,
-                          const Vec3& w_mm, CellCache& cache) noexcept {
-  Candidate candidate{.kind = Candidate::Kind::kTetrahedron,
-                      .cell = place.cell,
-                      .carrier = place.carrier,
-                      .tetrahedron = place.tetrahedron,
-                      .d_mm = w_mm};
+void SetDirectionInside(const HapticSurface& surface, const Place& place, bool on_surface,
+                        const Vec3& w_mm, CellCache& cache, Candidate& best) noexcept {
   const auto& [fall, fall2] =
-      cache.Decomposed(surface, place.cell).Gradients(place.tetrahedron).fall;
+      cache.Gradients(cache.Decomposed(surface, place.cell), place.tetrahedron).fall;
   const double along = fall.dot(w_mm);
-  candidate.along_surface = on_surface && along < 0.0;
-  candidate.full = !candidate.along_surface;
-  if (!candidate.full) candidate.d_mm -= (along / fall2) * fall;
-  return candidate;
+  best.kind = Candidate::Kind::kTetrahedron;
+  best.cell = place.cell;
+  best.carrier = place.carrier;
+  best.tetrahedron = place.tetrahedron;
+  best.d_mm = w_mm;
+  best.along_surface = on_surface && along < 0.0;
+  best.full = !best.along_surface;
+  if (!best.full) best.d_mm -= (along / fall2) * fall;
 }
 
 // Visits the cells that hold a place, one by one, and keeps the longest projection.
 class DirectionSearch {
  public:
   DirectionSearch(const HapticSurface& surface, const Place& place, bool on_surface,
-                  const Vec3& w_mm, CellCache& cache, int& tetrahedra)
+                  const Vec3& w_mm, CellCache& cache, int& tetrahedra, Candidate& best)
       : surface_(surface),
         place_(place),
         on_surface_(on_surface),
         w_mm_(w_mm),
         cache_(cache),
-        tetrahedra_(tetrahedra) {}
+        tetrahedra_(tetrahedra),
+        best_(best) {}
 
   void Visit(const Vec3i& offset) noexcept {
     if (best_.full) return;
     const Vec3i cell = place_.cell + offset;
     const std::uint8_t faces = FacesInNeighbour(place_.faces, offset);
     if (!surface_.volume->HasCell(cell)) return VisitOutside(cell, faces);
-    const HapticCell& densities = cache_.Densities(surface_, cell);
-    if (densities.IsFree(surface_.isovalue)) return VisitFreeCell(cell, faces);
-    if (densities.IsCrossed(surface_.isovalue)) VisitCrossedCell(cell, offset, faces);
+    HapticCell& entry = cache_.Densities(surface_, cell);
+    if (entry.IsFree(surface_.isovalue)) return VisitFreeCell(cell, faces);
+    if (!entry.IsCrossed(surface_.isovalue)) return;
+    cache_.Decompose(surface_, entry);
+    VisitTetrahedra(entry, CarrierIn(entry, place_, offset, faces), faces);
   }
-
-  const Candidate& best() const { return best_; }
 
  private:
   // The outside is free, and convex here: a direction out of the lattice is taken whole. A
@@ -102,24 +105,28 @@ class DirectionSearch {
     Take(Candidate::Kind::kBox, cell, faces, projection.active == 0);
   }
 
-  void VisitCrossedCell(const Vec3i& index, const Vec3i& offset, std::uint8_t faces) noexcept {
-    HapticCell& cell = cache_.Decomposed(surface_, index);
-    const Carrier carrier = CarrierIn(cell, place_, offset, faces);
+  void VisitTetrahedra(HapticCell& cell, const Carrier& carrier, std::uint8_t faces) noexcept {
     const std::uint16_t mask = carrier.Mask();
+    int longest = -1;
     for (std::uint32_t left = TetrahedraAt(cell.parts.complex, carrier); left && !best_.full;
          left &= left - 1) {
       const int t = std::countr_zero(left);
       ++tetrahedra_;
       const TetrahedronCone tangent =
-          MakeTetrahedronCone(cell, t, mask, cell.Gradients(t), on_surface_);
+          MakeTetrahedronCone(cell, t, mask, cache_.Gradients(cell, t), on_surface_);
       const ConeProjection projection = ProjectOnCone(w_mm_, tangent.cone, best_2_);
       if (!IsLonger(projection.d)) continue;
-      Take(Candidate::Kind::kTetrahedron, index, faces, projection.active == 0);
-      best_.carrier = carrier;
-      best_.tetrahedron = t;
+      longest = t;
+      best_.full = projection.active == 0;
       best_.along_surface =
           tangent.surface_number >= 0 && (projection.active >> tangent.surface_number & 1);
     }
+    if (longest < 0) return;
+    best_.kind = Candidate::Kind::kTetrahedron;
+    best_.cell = cell.cell;
+    best_.faces = faces;
+    best_.carrier = carrier;
+    best_.tetrahedron = longest;
   }
 
   // Keeps `d` if it is longer than the best so far.
@@ -145,21 +152,145 @@ class DirectionSearch {
   const Vec3& w_mm_;
   CellCache& cache_;
   int& tetrahedra_;
-  Candidate best_;
+  Candidate& best_;
   double best_2_ = 0.0;  // |best_.d_mm|²
 };
+
+// One of the two tetrahedra at the triangle that holds a point, and where the pull leads there if
+// the triangle does not limit it.
+struct Flank {
+  HapticCell* cell = nullptr;
+  const Carrier* triangle = nullptr;  // with the vertex numbers of `cell`
+  std::uint8_t faces = 0;
+  int tetrahedron = 0;
+  const HalfSpace* inward = nullptr;  // behind the triangle
+  const HalfSpace* fall = nullptr;    // under H
+  Vec3 d_mm;
+  bool along_surface = false;
+  double into = 0.0;      // greater than 0: d leads into the tetrahedron
+  bool is_clear = false;  // rounding does not choose its sign
+
+  void Pull(const Vec3& w_mm, double w2, bool on_surface, CellCache& cache) noexcept {
+    const TetrahedronGradients& gradients = cache.Gradients(*cell, tetrahedron);
+    const auto& vertices = cell->parts.complex.vertices[tetrahedron];
+    const unsigned others = cell->parts.complex.vertex_mask[tetrahedron] & ~triangle->Mask();
+    int n = 0;
+    while (n < 3 && !(others >> vertices[n] & 1)) ++n;
+    inward = &gradients.weight[n];
+    fall = &gradients.fall;
+    const double along = fall->normal.dot(w_mm);
+    along_surface = on_surface && along < 0.0;
+    d_mm = w_mm;
+    if (along_surface) d_mm -= (along / fall->normal2) * fall->normal;
+    into = inward->normal.dot(d_mm);
+    is_clear = into * into > kClearOfTriangle2 * w2 * inward->normal2;
+  }
+
+  void Take(const Vec3& d, bool along, bool full, Candidate& best) const noexcept {
+    best.kind = Candidate::Kind::kTetrahedron;
+    best.cell = cell->cell;
+    best.faces = faces;
+    best.carrier = *triangle;
+    best.tetrahedron = tetrahedron;
+    best.d_mm = d;
+    best.along_surface = along;
+    best.full = full;
+  }
+};
+
+// Sets the flanks of a triangle in the order in which a search visits them. `mapped` is room for
+// the triangle in another cell. Returns false if it is not between two tetrahedra.
+bool FindFlanks(const HapticSurface& surface, const Place& place, CellCache& cache, Carrier& mapped,
+                std::array<Flank, 2>& flanks) noexcept {
+  // Returns the cell's tetrahedra at the triangle.
+  const auto set = [&](const Vec3i& index, const Carrier& triangle, std::uint8_t faces,
+                       Flank& flank) -> std::uint32_t {
+    HapticCell& cell = cache.Densities(surface, index);
+    if (!cell.IsCrossed(surface.isovalue)) return 0;
+    cache.Decompose(surface, cell);
+    const std::uint32_t tetrahedra = TetrahedraAt(cell.parts.complex, triangle);
+    flank.cell = &cell;
+    flank.triangle = &triangle;
+    flank.faces = faces;
+    flank.tetrahedron = std::countr_zero(tetrahedra);
+    return tetrahedra;
+  };
+  if (place.faces == 0) {
+    const std::uint32_t both = set(place.cell, place.carrier, 0, flanks[0]);
+    const std::uint32_t second = both & (both - 1);
+    if (!std::has_single_bit(second)) return false;
+    flanks[1] = flanks[0];
+    flanks[1].tetrahedron = std::countr_zero(second);
+    return true;
+  }
+  if (!std::has_single_bit(place.faces)) return false;
+  const int face = std::countr_zero<unsigned>(place.faces), side = face % 2;
+  const Vec3i offset = (2 * side - 1) * Vec3i::Unit(face / 2);
+  if (!surface.volume->HasCell(place.cell + offset)) return false;
+  mapped = CarrierInNeighbour(place.carrier, offset);
+  return std::has_single_bit(set(place.cell, place.carrier, place.faces, flanks[1 - side])) &&
+         std::has_single_bit(
+             set(place.cell + offset, mapped, FacesInNeighbour(place.faces, offset), flanks[side]));
+}
+
+// Inside a triangle, most pulls lead into one of its tetrahedra and out of the other, as two signs
+// tell. Then the longest projection is that of the first: the other's lies in the triangle, so it
+// is in both cones, and shorter. Where rounding could choose, both are examined as in a search.
+// Returns false if the triangle is not between two tetrahedra.
+bool FindAtTriangle(const HapticSurface& surface, const Place& place, bool on_surface,
+                    const Vec3& w_mm, CellCache& cache, int& tetrahedra, Candidate& best) noexcept {
+  std::array<Flank, 2> flanks;
+  Carrier mapped;
+  if (!FindFlanks(surface, place, cache, mapped, flanks)) return false;
+  const double w2 = w_mm.squaredNorm();
+  for (Flank& flank : flanks) flank.Pull(w_mm, w2, on_surface, cache);
+  const bool into_first = flanks[0].into > 0.0;
+  if (flanks[0].is_clear && flanks[1].is_clear && into_first != (flanks[1].into > 0.0)) {
+    const Flank& to = flanks[into_first ? 0 : 1];
+    to.Take(to.d_mm, to.along_surface, !to.along_surface, best);
+    // A search ends at the whole pull.
+    tetrahedra += into_first && best.full ? 1 : 2;
+    return true;
+  }
+  double best_2 = 0.0;
+  for (const Flank& flank : flanks) {
+    ++tetrahedra;
+    Cone cone;
+    cone.Add(*flank.inward);
+    if (on_surface) cone.Add(*flank.fall);
+    const ConeProjection projection = ProjectOnCone(w_mm, cone, best_2);
+    const double length2 = projection.d.squaredNorm();
+    if (!(length2 > best_2)) continue;
+    best_2 = length2;
+    flank.Take(projection.d, projection.active >> 1 & 1, projection.active == 0, best);
+    if (best.full) break;
+  }
+  return true;
+}
 
 }  // namespace
 
 Candidate BestDirection(const HapticSurface& surface, const Place& place, bool on_surface,
                         const Vec3& w_mm, CellCache& cache, int& tetrahedra) noexcept {
-  if (place.kind == Place::Kind::kSimplex && place.tetrahedron >= 0) {
-    ++tetrahedra;
-    return DirectionInside(surface, place, on_surface, w_mm, cache);
+  Candidate best;
+  if (place.kind == Place::Kind::kSimplex) {
+    if (place.tetrahedron >= 0) {
+      ++tetrahedra;
+      SetDirectionInside(surface, place, on_surface, w_mm, cache, best);
+      return best;
+    }
+    if (place.carrier.count == 3 &&
+        FindAtTriangle(surface, place, on_surface, w_mm, cache, tetrahedra, best)) {
+      return best;
+    }
   }
-  DirectionSearch search(surface, place, on_surface, w_mm, cache, tetrahedra);
-  VisitNeighbours(place.faces, [&](const Vec3i& offset) { search.Visit(offset); });
-  return search.best();
+  DirectionSearch search(surface, place, on_surface, w_mm, cache, tetrahedra, best);
+  if (place.faces == 0) {
+    search.Visit(Vec3i::Zero());
+  } else {
+    VisitNeighbours(place.faces, [&](const Vec3i& offset) { search.Visit(offset); });
+  }
+  return best;
 }
 
 Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
@@ -178,7 +309,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
     for (std::uint32_t left = TetrahedraAt(cell.parts.complex, candidate.carrier); left;
          left &= left - 1) {
       const int t = std::countr_zero(left);
-      const TetrahedronGradients& gradients = cell.Gradients(t);
+      const TetrahedronGradients& gradients = cache.Gradients(cell, t);
       const TetrahedronCone tangent = MakeTetrahedronCone(cell, t, mask, gradients, false);
       const Vec3 d = ProjectOnCone(gradients.fall.normal, tangent.cone).d;
       // d is orthogonal to the part that the cone cuts off, so the slope along d is |d|.

@@ -21,6 +21,8 @@ constexpr double kAlongFaceTolerance = 1e-12;
 bool CorrectDensity(const HapticCell& cell, double isovalue, bool on_surface, Carrier& carrier) {
   const auto density = [&](int n) { return cell.parts.density[carrier.vertex[n]]; };
   double excess = DensityAt(cell, carrier) - isovalue;
+  // The usual case: τ but for rounding.
+  if (!(excess > 0.0) && excess >= -kDensityRounding * std::abs(density(0))) return true;
   for (int tries = 0; tries < kCorrectionTries; ++tries) {
     if (!(excess > 0.0) && (!on_surface || tries > 0)) return true;
     int lo = 0, hi = 0;
@@ -47,28 +49,28 @@ bool CorrectDensity(const HapticCell& cell, double isovalue, bool on_surface, Ca
 
 // Barycentric weights of a point in a tetrahedron, and their rates along a move.
 struct Course {
-  std::array<double, 4> weight{}, rate{};
+  std::array<double, 4> weight, rate;
 };
 
 Course CourseOf(const Candidate& candidate, const std::array<std::uint8_t, 4>& vertices,
-                const TetrahedronGradients& gradients) {
+                const WeightGradients& gradients) {
   Course course;
+  const Carrier& carrier = candidate.carrier;
+  std::array<double, kMaxVertices> weight_at;  // only of the tetrahedron's vertices
+  for (const int v : vertices) weight_at[v] = 0.0;
+  for (int c = 0; c < carrier.count; ++c) weight_at[carrier.vertex[c]] = carrier.weight[c];
   for (int n = 0; n < 4; ++n) {
-    for (int c = 0; c < candidate.carrier.count; ++c) {
-      if (candidate.carrier.vertex[c] == vertices[n]) {
-        course.weight[n] = candidate.carrier.weight[c];
-      }
-    }
-    course.rate[n] = gradients.weight[n].normal.dot(candidate.d_mm);
+    course.weight[n] = weight_at[vertices[n]];
+    course.rate[n] = gradients[n].normal.dot(candidate.d_mm);
   }
-  if (candidate.carrier.count == 4) return course;
+  if (carrier.count == 4) return course;
   // Along a face the rate is 0 except for rounding. Rounding must not make the point leave the
   // face.
   const double along2 = kAlongFaceTolerance * kAlongFaceTolerance * candidate.d_mm.squaredNorm();
   for (int n = 0; n < 4; ++n) {
+    if (course.weight[n] != 0.0) continue;
     const double rate = course.rate[n];
-    const bool along = rate < 0.0 || rate * rate < along2 * gradients.weight[n].normal2;
-    if (course.weight[n] == 0.0 && along) course.rate[n] = 0.0;
+    if (rate < 0.0 || rate * rate < along2 * gradients[n].normal2) course.rate[n] = 0.0;
   }
   return course;
 }
@@ -90,8 +92,8 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
                           Place& place, bool& on_surface, CellCache& cache) noexcept {
   HapticCell& cell = cache.Decomposed(surface, candidate.cell);
   const auto& vertices = cell.parts.complex.vertices[candidate.tetrahedron];
-  const TetrahedronGradients& gradients = cell.Gradients(candidate.tetrahedron);
-  const Course course = CourseOf(candidate, vertices, gradients);
+  const TetrahedronGradients& gradients = cache.Gradients(cell, candidate.tetrahedron);
+  const Course course = CourseOf(candidate, vertices, gradients.weight);
   double end = 1.0;
   int hit = -1;
   for (int n = 0; n < 4; ++n) {
@@ -105,10 +107,9 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
   if (reached) end = to_surface, hit = -1;
   Carrier moved;
   moved.count = 4;
-  for (int n = 0; n < 4; ++n) {
-    moved.vertex[n] = vertices[n];
-    moved.weight[n] = n == hit ? 0.0 : course.weight[n] + end * course.rate[n];
-  }
+  moved.vertex = vertices;
+  for (int n = 0; n < 4; ++n) moved.weight[n] = course.weight[n] + end * course.rate[n];
+  if (hit >= 0) moved.weight[hit] = 0.0;
   moved.Normalize();
   const bool on = reached || candidate.along_surface;
   if ((on || !descending) && !CorrectDensity(cell, surface.isovalue, on, moved)) {

@@ -61,13 +61,14 @@ std::uint8_t FacesInNeighbour(std::uint8_t faces, const Vec3i& offset) {
 
 Carrier CarrierInNeighbour(const Carrier& carrier, const Vec3i& offset) {
   Carrier mapped = carrier;
+  if (offset.isZero()) return mapped;
   for (int n = 0; n < carrier.count; ++n) {
     const int v = carrier.vertex[n];
     if (v < kFirstFaceVertex) {
       const auto& o = kCornerOffset[v];
       mapped.vertex[n] = static_cast<std::uint8_t>(
           CornerAt(o[0] - offset.x(), o[1] - offset.y(), o[2] - offset.z()));
-    } else if (v < kFirstInteriorVertex && !offset.isZero()) {
+    } else if (v < kFirstInteriorVertex) {
       mapped.vertex[n] = static_cast<std::uint8_t>(kFirstFaceVertex + ((v - kFirstFaceVertex) ^ 1));
     }
   }

@@ -141,7 +141,7 @@ Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& ca
   HapticCell& cell = cache.Decomposed(surface, proxy.place.cell);
   for (std::uint32_t left = TetrahedraAt(cell.parts.complex, proxy.place.carrier); left;
        left &= left - 1) {
-    const Vec3& fall = cell.Gradients(std::countr_zero(left)).fall.normal;
+    const Vec3& fall = cache.Gradients(cell, std::countr_zero(left)).fall.normal;
     if (!fall.isZero(0.0)) return fall.normalized();
   }
   return Vec3::Zero();

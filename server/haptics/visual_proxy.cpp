@@ -74,7 +74,7 @@ Vec3 InterpolatedNormal(const SurfacePiece& piece, const Vec3& local) {
 
 // n_E at the proxy, or the facet's own normal where the interpolated one vanishes.
 Vec3 LineDirection(const HapticSurface& surface, const Place& place, const Vec3& local,
-                   HapticCell& cell) {
+                   HapticCell& cell, CellCache& cache) {
   Vec3 facet = Vec3::Zero();
   for (std::uint32_t left = TetrahedraAt(cell.parts.complex, place.carrier); left;
        left &= left - 1) {
@@ -83,7 +83,7 @@ Vec3 LineDirection(const HapticSurface& surface, const Place& place, const Vec3&
     if (piece.count < 3) continue;
     const Vec3 normal = InterpolatedNormal(piece, local);
     if (normal.allFinite() && normal.norm() > kNoDirection) return normal.normalized();
-    facet = cell.Gradients(t).fall.normal;
+    facet = cache.Gradients(cell, t).fall.normal;
   }
   return facet.norm() > 0.0 ? Vec3(facet.normalized()) : facet;
 }
@@ -278,7 +278,7 @@ VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
   const Trilinear f(cell.stored);
   const Start start{place.cell, place.cell.cast<double>() + local, local, f,
                     f.Value(local) - surface.isovalue};
-  const Vec3 n_E = LineDirection(surface, place, local, cell);
+  const Vec3 n_E = LineDirection(surface, place, local, cell, cache);
   Root root;
   if (!n_E.isZero()) root = NearestRoot(surface, start, n_E, cache);
   if (root.s < 0.0) {
