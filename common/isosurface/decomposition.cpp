@@ -38,15 +38,15 @@ void PlaceAtSaddle(int face, const FaceSaddle& saddle, Decomposition& out) {
 }
 
 void DecomposeBcc(const CellDensities& d, Decomposition& out) {
+  PlaceCorners(d, out);
   out.complex = kSingleComplex;
+  out.is_plain = false;
   for (int face = 0; face < 6; ++face) PlaceFaceCentre(d, face, out);
   out.position[kFirstInteriorVertex] = Vec3::Constant(0.5);
   out.density[kFirstInteriorVertex] = MeanOfCell(d);
 }
 
 void Decompose(const CellDensities& d, DecompositionMethod method, Decomposition& out) {
-  PlaceCorners(d, out);
-  out.is_plain = false;
   out.face_saddle_count = out.body_saddle_count = 0;
   method == DecompositionMethod::kBcc ? DecomposeBcc(d, out) : DecomposeTpbcc(d, out);
 }

@@ -35,7 +35,7 @@ void PlaceFaceCentre(const CellDensities& d, int face, Decomposition& out);
 // Puts the face vertex at the saddle itself.
 void PlaceAtSaddle(int face, const FaceSaddle& saddle, Decomposition& out);
 
-// One function for each method. `out` already has the corners.
+// One function for each method.
 void DecomposeBcc(const CellDensities& d, Decomposition& out);
 void DecomposeTpbcc(const CellDensities& d, Decomposition& out);
 

@@ -18,6 +18,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "common/isosurface/placement.h"
 
@@ -169,8 +170,8 @@ bool PlaceInteriorPair(const CellDensities& d, const CellSaddles& saddles,
   return true;
 }
 
-// As FindFaceSaddle has it, where no densities are equal.
-bool HasFaceSaddle(const CellDensities& d) {
+// False only if FindFaceSaddle finds none.
+bool MayHaveFaceSaddle(const CellDensities& d) {
   for (const auto& [p, q, s, t] : kFaceCorners) {
     const bool above = d[p] > d[q];
     if (above == (d[p] > d[t]) && above == (d[s] > d[q]) && above == (d[s] > d[t])) return true;
@@ -179,11 +180,15 @@ bool HasFaceSaddle(const CellDensities& d) {
 }
 
 // Rule 1 in most cells. Without face saddles every diagonal fits, and at the centre all have the
-// density of F there.
+// density of F there. What `out` has of a plain cell stays.
 void DecomposePlain(const CellDensities& d, Decomposition& out) {
-  for (int face = 0; face < 6; ++face) PlaceFaceCentre(d, face, out);
+  std::ranges::copy(d, out.density.begin());
+  for (int face = 0; face < 6; ++face) out.density[kFirstFaceVertex + face] = MeanOfFace(d, face);
+  if (std::exchange(out.is_plain, true)) return;
+  for (int v = 0; v < kFirstInteriorVertex; ++v) {
+    out.position[v] = Vec3::Map(kPlainPositions[v].data());
+  }
   out.complex = kDiamondComplexes[0];
-  out.is_plain = true;
 }
 
 }  // namespace
@@ -226,8 +231,11 @@ InteriorPair FindInteriorPair(const CellDensities& d, const CellSaddles& saddles
 }
 
 void DecomposeTpbcc(const CellDensities& d, Decomposition& out) {
-  if (!HasFaceSaddle(d)) return DecomposePlain(d, out);
+  if (!MayHaveFaceSaddle(d)) return DecomposePlain(d, out);
   const CellSaddles saddles(d);
+  if (saddles.count == 0) return DecomposePlain(d, out);
+  PlaceCorners(d, out);
+  out.is_plain = false;
   out.face_saddle_count = saddles.count;
   for (int face = 0; face < 6; ++face) {
     if (saddles.face[face].exists) {

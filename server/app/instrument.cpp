@@ -32,7 +32,7 @@ void ReportGrant(const RealtimeGrant& grant) {
 Instrument::Instrument(const Config& config, const std::filesystem::path& state_folder)
     : device(MakeDevice(config.device, std::max(1, config.realtime.priority - 1), hand)),
       outbox(std::make_unique<TickOutbox>()),
-      pump(*outbox),
+      pump(*outbox, inbox),
       forces(outbox->last),
       limits(LimitsFor(device->spec(), StopButtons(config.device, device->spec()))),
       servo(*device, inbox, *outbox, config.realtime, limits),

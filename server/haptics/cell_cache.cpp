@@ -57,8 +57,9 @@ void CellCache::FillGradients(HapticCell& entry, int tetrahedron) noexcept {
   entry.known_gradients |= std::uint32_t{1} << tetrahedron;
   TetrahedronGradients& g = entry.gradients[tetrahedron];
   const auto& v = entry.parts.complex.vertices[tetrahedron];
-  const auto& w = g.weight =
+  g.weight =
       entry.parts.is_plain ? plain_weight_[tetrahedron] : GradientsOfWeights(entry.vertex_mm, v);
+  const WeightGradients& w = g.weight;
   const auto& d = entry.parts.density;
   g.fall = HalfSpace(-((d[v[1]] - d[v[0]]) * w[1].normal + (d[v[2]] - d[v[0]]) * w[2].normal +
                        (d[v[3]] - d[v[0]]) * w[3].normal));

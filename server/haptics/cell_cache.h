@@ -2,7 +2,7 @@
 // their tetrahedra.
 //
 // The results depend only on the surface and the cell, never on the cache's state.
-// Threads: one (the servo's). Real-time: no allocation, no locks; fixed size.
+// Threads: one for each cache. Real-time: no allocation, no locks; fixed size.
 #pragma once
 
 #include <array>
@@ -76,10 +76,10 @@ class CellCache {
   HapticCell& Densities(const HapticSurface& surface, const Vec3i& cell) noexcept {
     const std::size_t slot = SlotOf(cell);
     HapticCell& entry = cells_[slot];
-    const bool is_right = surface.geometry_revision == geometry_revision_ &&
-                          surface.free_side == free_side_ && filled_[slot] == generation_ &&
-                          volume_revision_[slot] == surface.volume->revision() &&
-                          entry.cell == cell;
+    const bool is_right =
+        surface.geometry_revision == geometry_revision_ && surface.free_side == free_side_ &&
+        filled_[slot] == generation_ && volume_revision_[slot] == surface.volume->revision() &&
+        entry.cell.x() == cell.x() && entry.cell.y() == cell.y() && entry.cell.z() == cell.z();
     return is_right ? entry : Fill(surface, cell, slot);
   }
   // Returns a cell with its decomposition.

@@ -7,12 +7,12 @@ namespace {
 // could reject the one face of the cone that holds the projection.
 constexpr double kInsideTolerance = 1e-12;
 
-// The projection on a plane that is inside of all other half-spaces by more than this share of |w|
-// (both squared) is that of the cone: those on other faces are shorter by as much, which is far
-// more than rounding.
+// If the projection on a plane is inside all other half-spaces by more than this share of |w| (both
+// squared), it is the cone's: all others are shorter by as much.
 constexpr double kClearOfOthers2 = 1e-8;
-// More than the rounding of a squared length, as a share of |w|².
-constexpr double kLengthRounding = 1e-12;
+// By how much of |w|² a projection on an edge may be longer than one on a plane: more than rounding
+// and kInsideTolerance admit.
+constexpr double kLengthRounding = 1e-11;
 
 enum class Side : std::uint8_t { kOutside, kInside, kClear };
 

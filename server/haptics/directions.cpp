@@ -8,8 +8,7 @@ namespace {
 
 // A slope counts as steeper only beyond this factor, so that rounding does not choose.
 constexpr double kSteeper = 1.0 + 1e-12;
-// A pull that leaves a triangle's plane by more than this share of its length (both squared) is
-// not along it but for rounding.
+// A pull leads clearly out of a triangle's plane beyond this share of its length (both squared).
 constexpr double kClearOfTriangle2 = 1e-8;
 // In a pit, a slope below this share of the gradient is rounding.
 constexpr double kNoSlope = 1e-9;
@@ -51,11 +50,12 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
 // Inside a tetrahedron, only H limits the direction.
 void SetDirectionInside(const HapticSurface& surface, const Place& place, bool on_surface,
                         const Vec3& w_mm, CellCache& cache, Candidate& best) noexcept {
-  const auto& [fall, fall2] =
-      cache.Gradients(cache.Decomposed(surface, place.cell), place.tetrahedron).fall;
+  HapticCell& cell = cache.Decomposed(surface, place.cell);
+  const auto& [fall, fall2] = cache.Gradients(cell, place.tetrahedron).fall;
   const double along = fall.dot(w_mm);
   best.kind = Candidate::Kind::kTetrahedron;
   best.cell = place.cell;
+  best.entry = &cell;
   best.carrier = place.carrier;
   best.tetrahedron = place.tetrahedron;
   best.d_mm = w_mm;
@@ -124,6 +124,7 @@ class DirectionSearch {
     if (longest < 0) return;
     best_.kind = Candidate::Kind::kTetrahedron;
     best_.cell = cell.cell;
+    best_.entry = &cell;
     best_.faces = faces;
     best_.carrier = carrier;
     best_.tetrahedron = longest;
@@ -165,7 +166,7 @@ struct Flank {
   int tetrahedron = 0;
   const HalfSpace* inward = nullptr;  // behind the triangle
   const HalfSpace* fall = nullptr;    // under H
-  Vec3 d_mm;
+  Vec3 d_mm = Vec3::Zero();
   bool along_surface = false;
   double into = 0.0;      // greater than 0: d leads into the tetrahedron
   bool is_clear = false;  // rounding does not choose its sign
@@ -189,6 +190,7 @@ struct Flank {
   void Take(const Vec3& d, bool along, bool full, Candidate& best) const noexcept {
     best.kind = Candidate::Kind::kTetrahedron;
     best.cell = cell->cell;
+    best.entry = cell;
     best.faces = faces;
     best.carrier = *triangle;
     best.tetrahedron = tetrahedron;
@@ -197,6 +199,9 @@ struct Flank {
     best.full = full;
   }
 };
+
+// std::has_single_bit calls a function for each popcount.
+bool IsSingle(unsigned bits) { return bits != 0 && (bits & (bits - 1)) == 0; }
 
 // Sets the flanks of a triangle in the order in which a search visits them. `mapped` is room for
 // the triangle in another cell. Returns false if it is not between two tetrahedra.
@@ -218,18 +223,18 @@ bool FindFlanks(const HapticSurface& surface, const Place& place, CellCache& cac
   if (place.faces == 0) {
     const std::uint32_t both = set(place.cell, place.carrier, 0, flanks[0]);
     const std::uint32_t second = both & (both - 1);
-    if (!std::has_single_bit(second)) return false;
+    if (!IsSingle(second)) return false;
     flanks[1] = flanks[0];
     flanks[1].tetrahedron = std::countr_zero(second);
     return true;
   }
-  if (!std::has_single_bit(place.faces)) return false;
+  if (!IsSingle(place.faces)) return false;
   const int face = std::countr_zero<unsigned>(place.faces), side = face % 2;
   const Vec3i offset = (2 * side - 1) * Vec3i::Unit(face / 2);
   if (!surface.volume->HasCell(place.cell + offset)) return false;
   mapped = CarrierInNeighbour(place.carrier, offset);
-  return std::has_single_bit(set(place.cell, place.carrier, place.faces, flanks[1 - side])) &&
-         std::has_single_bit(
+  return IsSingle(set(place.cell, place.carrier, place.faces, flanks[1 - side])) &&
+         IsSingle(
              set(place.cell + offset, mapped, FacesInNeighbour(place.faces, offset), flanks[side]));
 }
 
@@ -304,6 +309,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
     candidate.faces = FacesInNeighbour(place.faces, offset);
     HapticCell& cell = cache.Decomposed(surface, candidate.cell);
     candidate.kind = Candidate::Kind::kTetrahedron;
+    candidate.entry = &cell;
     candidate.carrier = CarrierIn(cell, place, offset, candidate.faces);
     const std::uint16_t mask = candidate.carrier.Mask();
     for (std::uint32_t left = TetrahedraAt(cell.parts.complex, candidate.carrier); left;

@@ -19,7 +19,9 @@ struct Candidate {
   Kind kind = Kind::kNone;
   Vec3i cell = Vec3i::Zero();
   std::uint8_t faces = 0;  // faces of `cell` that hold the point
-  Carrier carrier;         // kTetrahedron: with the vertex numbers of `cell`
+  // kTetrahedron. `entry`: the cell; valid until the cache fills its slot anew.
+  HapticCell* entry = nullptr;
+  Carrier carrier;  // with the vertex numbers of `cell`
   int tetrahedron = 0;
   Vec3 d_mm = Vec3::Zero();    // the remaining move, at full length
   bool along_surface = false;  // d lies in H

@@ -90,7 +90,7 @@ double WayToSurface(const HapticSurface& surface, const HapticCell& cell,
 
 MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
                           Place& place, bool& on_surface, CellCache& cache) noexcept {
-  HapticCell& cell = cache.Decomposed(surface, candidate.cell);
+  HapticCell& cell = *candidate.entry;
   const auto& vertices = cell.parts.complex.vertices[candidate.tetrahedron];
   const TetrahedronGradients& gradients = cache.Gradients(cell, candidate.tetrahedron);
   const Course course = CourseOf(candidate, vertices, gradients.weight);

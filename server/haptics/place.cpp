@@ -19,10 +19,6 @@ std::array<double, 4> Barycentric(const std::array<Vec3, 4>& corner, const Vec3&
   return {1.0 - u - v - w, u, v, w};
 }
 
-// A weight or a distance from a cell's face below this is rounding, or one of the smallest true
-// pits that the steps between ties make.
-constexpr double kRounding = 5e-12;
-
 // The vertices that lie on all of `faces`.
 std::uint16_t VerticesOn(std::uint8_t faces) {
   std::uint16_t vertices = 0;
@@ -33,21 +29,6 @@ std::uint16_t VerticesOn(std::uint8_t faces) {
 }
 
 }  // namespace
-
-void Carrier::Normalize() {
-  int kept = 0;
-  double sum = 0.0;
-  for (int n = 0; n < count; ++n) {
-    if (!(weight[n] > kRounding)) continue;
-    vertex[kept] = vertex[n];
-    weight[kept] = weight[n];
-    sum += weight[n];
-    ++kept;
-  }
-  count = kept;
-  const double inverse = 1.0 / sum;
-  for (int n = 0; n < count; ++n) weight[n] *= inverse;
-}
 
 std::uint8_t FacesInNeighbour(std::uint8_t faces, const Vec3i& offset) {
   for (int axis = 0; axis < 3; ++axis) {
@@ -104,14 +85,6 @@ Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces) {
   return carrier;
 }
 
-double DensityAt(const HapticCell& cell, const Carrier& carrier) {
-  double density = 0.0;
-  for (int n = 0; n < carrier.count; ++n) {
-    density += carrier.weight[n] * cell.parts.density[carrier.vertex[n]];
-  }
-  return density;
-}
-
 Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier) {
   Vec3 p = Vec3::Zero();
   for (int n = 0; n < carrier.count; ++n) {
@@ -125,20 +98,6 @@ Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier) {
   return p;
 }
 
-std::uint8_t FacesOf(const Carrier& carrier) {
-  std::uint8_t faces = carrier.count > 0 ? 0x3f : 0;
-  for (int n = 0; n < carrier.count; ++n) faces &= kVertexFaces[carrier.vertex[n]];
-  return faces;
-}
-
-void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron, Place& place) {
-  place.kind = Place::Kind::kSimplex;
-  place.cell = cell.cell;
-  place.carrier = carrier;
-  place.faces = FacesOf(carrier);
-  place.tetrahedron = carrier.count == 4 ? tetrahedron : -1;
-}
-
 void SetBox(const Vec3i& cell, const Vec3& p_I, Place& place) {
   place.kind = Place::Kind::kBox;
   place.cell = cell;
@@ -147,7 +106,7 @@ void SetBox(const Vec3i& cell, const Vec3& p_I, Place& place) {
   for (int axis = 0; axis < 3; ++axis) {
     for (int side = 0; side < 2; ++side) {
       const double face = cell[axis] + side;
-      if (std::abs(p_I[axis] - face) > kRounding) continue;
+      if (std::abs(p_I[axis] - face) > kPlaceRounding) continue;
       place.p_I[axis] = face;
       place.faces |= static_cast<std::uint8_t>(1u << (2 * axis + side));
     }
@@ -185,13 +144,7 @@ double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache&
 
 Vec3 PlacePosition(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept {
   if (place.kind != Place::Kind::kSimplex) return surface.X_DI.Apply(place.p_I);
-  // Uses the cell's own vertices: this keeps more digits than the index.
-  const HapticCell& cell = cache.Decomposed(surface, place.cell);
-  Vec3 p = Vec3::Zero();
-  for (int n = 0; n < place.carrier.count; ++n) {
-    p += place.carrier.weight[n] * cell.vertex_mm[place.carrier.vertex[n]];
-  }
-  return cell.origin_mm + p;
+  return PositionIn(cache.Decomposed(surface, place.cell), place.carrier);
 }
 
 Vec3 PlaceIndexPosition(const HapticSurface& surface, const Place& place,

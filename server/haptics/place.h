@@ -23,6 +23,10 @@
 
 namespace palpate {
 
+// A weight or a distance from a cell's face below this is rounding, or one of the smallest true
+// pits that the steps between ties make.
+inline constexpr double kPlaceRounding = 5e-12;
+
 // A simplex of a decomposed cell with a point in it. The weights are positive and sum to 1.
 struct Carrier {
   int count = 0;
@@ -35,7 +39,20 @@ struct Carrier {
     return mask;
   }
   // Drops vertices with weight 0, or so near 0 that it is rounding. Scales the weights to sum 1.
-  void Normalize();
+  void Normalize() {
+    int kept = 0;
+    double sum = 0.0;
+    for (int n = 0; n < count; ++n) {
+      if (!(weight[n] > kPlaceRounding)) continue;
+      vertex[kept] = vertex[n];
+      weight[kept] = weight[n];
+      sum += weight[n];
+      ++kept;
+    }
+    count = kept;
+    const double inverse = 1.0 / sum;
+    for (int n = 0; n < count; ++n) weight[n] *= inverse;
+  }
 };
 
 struct Place {
@@ -86,7 +103,22 @@ void VisitShell(const Vec3i& middle, int radius, Visitor visit) {
 Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces);
 
 // The piecewise-linear density at the point.
-double DensityAt(const HapticCell& cell, const Carrier& carrier);
+inline double DensityAt(const HapticCell& cell, const Carrier& carrier) {
+  double density = 0.0;
+  for (int n = 0; n < carrier.count; ++n) {
+    density += carrier.weight[n] * cell.parts.density[carrier.vertex[n]];
+  }
+  return density;
+}
+
+// The position of the point. By the cell's own vertices, which keeps more digits than the index.
+inline Vec3 PositionIn(const HapticCell& cell, const Carrier& carrier) {
+  Vec3 p_mm = Vec3::Zero();
+  for (int n = 0; n < carrier.count; ++n) {
+    p_mm += carrier.weight[n] * cell.vertex_mm[carrier.vertex[n]];
+  }
+  return cell.origin_mm + p_mm;
+}
 
 // The local index coordinates of the point, exact on the faces that hold it.
 Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier);
@@ -100,11 +132,22 @@ inline std::uint32_t TetrahedraAt(const TetrahedralComplex& complex, const Carri
 }
 
 // The faces that hold the whole simplex; none for a carrier without vertices.
-std::uint8_t FacesOf(const Carrier& carrier);
+inline std::uint8_t FacesOf(const Carrier& carrier) {
+  std::uint8_t faces = carrier.count > 0 ? 0x3f : 0;
+  for (int n = 0; n < carrier.count; ++n) faces &= kVertexFaces[carrier.vertex[n]];
+  return faces;
+}
 
 // Sets the place of a point in a tetrahedron of a decomposed cell. `carrier` has the tetrahedron's
 // vertices, or some of them.
-void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron, Place& place);
+inline void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetrahedron,
+                       Place& place) {
+  place.kind = Place::Kind::kSimplex;
+  place.cell = cell.cell;
+  place.carrier = carrier;
+  place.faces = FacesOf(carrier);
+  place.tetrahedron = carrier.count == 4 ? tetrahedron : -1;
+}
 
 // Sets the place of a point in a free cell. One that rounding leaves beside a face is put on it.
 void SetBox(const Vec3i& cell, const Vec3& p_I, Place& place);

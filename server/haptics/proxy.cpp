@@ -95,9 +95,12 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
 }
 
 // Moves the proxy until it is at rest or out of moves. With `stops_on_surface`, also stops on H.
-void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, bool stops_on_surface,
-             Proxy& proxy, CellCache& cache, ProxyStep& step) noexcept {
+// Flat: at every move, calls would cost a tenth of the tick.
+[[gnu::flatten]] void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm,
+                              bool stops_on_surface, Proxy& proxy, CellCache& cache,
+                              ProxyStep& step) noexcept {
   const Vec3 p_IHip = surface.X_ID.Apply(p_DHip_mm);
+  Vec3 p_DH_mm = PlacePosition(surface, proxy.place, cache);
   while (!(stops_on_surface && proxy.on_surface)) {
     if (step.moves >= kMaxProxyMoves) {
       step.capped = true;
@@ -107,9 +110,10 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, bool stops_on_
       MoveOutside(surface, p_IHip, proxy.place);
       ++step.moves;
       if (proxy.place.kind == Place::Kind::kOutside) return;
+      p_DH_mm = PlacePosition(surface, proxy.place, cache);
       continue;
     }
-    const Vec3 w_mm = p_DHip_mm - PlacePosition(surface, proxy.place, cache);
+    const Vec3 w_mm = p_DHip_mm - p_DH_mm;
     const Candidate best =
         BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache, step.tetrahedra);
     if (best.kind == Candidate::Kind::kNone || IsAtRest(surface, best.d_mm, w_mm)) return;
@@ -122,12 +126,14 @@ void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm, bool stops_on_
       case Candidate::Kind::kBox:
         MoveInBox(surface, best, proxy.place, cache);
         proxy.on_surface = false;
+        p_DH_mm = PlacePosition(surface, proxy.place, cache);
         break;
       case Candidate::Kind::kTetrahedron: {
         const MoveEnd end =
             MoveInTetrahedron(surface, best, false, proxy.place, proxy.on_surface, cache);
         step.capped = end == MoveEnd::kNone;
         if (end != MoveEnd::kMore) return;
+        p_DH_mm = PositionIn(*best.entry, proxy.place.carrier);
         break;
       }
       case Candidate::Kind::kNone:

@@ -50,9 +50,6 @@ class Update {
     state_.felt_D_n = state_.limited_D_n + pop_D_n;
     state_.by_design_D_n = pop_D_n + Magnet();
     output_.force_D_n = state_.limited_D_n + state_.by_design_D_n;
-    if (!state_.proxy.on_surface) return;
-    output_.visual =
-        FindVisualProxy(felt(), state_.proxy.place, output_.proxy.normal_D, state_.cache);
   }
 
  private:
@@ -185,6 +182,14 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
   Update(surface, settings, dt_s, state, output).Run();
   state.p_DLastHip_mm = state.p_DHip_mm;
   return output;
+}
+
+VisualProxy VisualProxyOf(const HapticSurface& surface, const HapticOutput& output,
+                          RendererState& state) noexcept {
+  const Proxy& proxy = state.proxy;
+  if (!proxy.on_surface) return {};
+  return FindVisualProxy(proxy.free_side == surface.free_side ? surface : surface.Flipped(),
+                         proxy.place, output.proxy.normal_D, state.cache);
 }
 
 HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept {

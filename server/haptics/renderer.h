@@ -1,4 +1,4 @@
-// One haptic update: from the stylus's position to proxies and force.
+// One haptic update: from the stylus's position to the proxy and the force.
 //
 //   HIP -> proxy (with friction) -> spring -> shading -> damper and viscosity
 //       -> passivity control -> magnet, fading force of a pop -> force
@@ -55,7 +55,6 @@ struct RendererState : RendererMemory {
 struct HapticOutput {
   Vec3 p_DHip_mm = Vec3::Zero();  // the HIP used; the last good one if the input was invalid
   ProxyStep proxy;
-  VisualProxy visual;
   Vec3 spring_D_n = Vec3::Zero();         // k (SCP_H - HIP)
   Vec3 force_D_n = Vec3::Zero();          // with damping and effects; not limited yet
   FreeSide free_side = FreeSide::kBelow;  // of the proxy
@@ -65,6 +64,10 @@ struct HapticOutput {
 
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
                           const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
+
+// SCP_V of the last step, which gave `output`. No force depends on it, so a step does without.
+VisualProxy VisualProxyOf(const HapticSurface& surface, const HapticOutput& output,
+                          RendererState& state) noexcept;
 
 // A step in which nothing is felt: the proxy is at the HIP. The next StepRenderer starts anew
 // there.

@@ -19,6 +19,7 @@ struct ReplayTick {
   Vec3 p_DHip_mm = Vec3::Zero();  // as given; may be not finite
   bool placed = false;            // this HIP or an earlier one was finite
   HapticOutput output;
+  VisualProxy visual;
   std::int64_t update_ns = 0;
 };
 

@@ -48,7 +48,7 @@ class Judge {
     verdict_.density.push_back(surface_.volume->Denormalize(density));
     verdict_.contact_ticks += IsInContact(output);
     verdict_.iteration_cap_hits += output.proxy.capped;
-    if (IsInContact(output)) JudgeVisual(output.proxy, output.visual);
+    if (IsInContact(output)) JudgeVisual(output.proxy, tick.visual);
     if (IsEjecting(output.proxy)) {
       ++verdict_.ejecting_ticks;
       last_mm_ = std::nullopt;

@@ -87,8 +87,9 @@ std::string ToCsv(const std::vector<ReplayTick>& ticks, const std::vector<double
     fmt::format_to(std::back_inserter(out), "{},", n);
     AppendVector(ticks[n].p_DHip_mm, out);
     AppendVector(ticks[n].placed ? output.proxy.p_DH_mm : none, out);
-    AppendVector(output.visual.found ? output.visual.p_DV_mm : none, out);
-    fmt::format_to(std::back_inserter(out), "{},{},", output.visual.found ? 1 : 0,
+    const VisualProxy& visual = ticks[n].visual;
+    AppendVector(visual.found ? visual.p_DV_mm : none, out);
+    fmt::format_to(std::back_inserter(out), "{},{},", visual.found ? 1 : 0,
                    IsInContact(output) ? 1 : 0);
     AppendVector(output.force_D_n, out);
     fmt::format_to(std::back_inserter(out), "{},{},{},{}\n", Plain(density[n]),

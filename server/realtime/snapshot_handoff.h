@@ -1,11 +1,13 @@
 // Hands the newest immutable value from non-real-time publishers to one real-time reader, and frees
-// the older values.
+// the older values. A follower may come behind, for what the reader made of each value.
 //
-// Threads: Acquire on the one reader; everything else on any number of non-real-time threads.
+// Threads: Acquire on the one reader; Follow on the one follower; everything else on any number of
+// non-real-time threads.
 // Real-time: Acquire is wait-free (one load, one store), without allocation or system calls. The
 // reader never frees anything.
 // Ownership: the handoff owns a published value until the reader has moved on. A pointer from
 // Acquire is valid on the reader's thread until its next Acquire, or until the reader has stopped.
+// The follower shares what it got.
 //
 // Why it is safe. Value and sequence number are in one node, so the reader announces the number of
 // exactly the node that it loaded. The one atomic pointer only ever gets newer values. The reader
@@ -17,6 +19,7 @@
 // more nodes, never fewer.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cassert>
 #include <cstddef>
@@ -60,16 +63,43 @@ class SnapshotHandoff {
     return node->value.get();
   }
 
+  // For the follower. Between StartFollowing and StopFollowing, values are kept until Follow
+  // returned, or FollowedUpTo named, a newer one. Follow returns the oldest value for which
+  // is_wanted(value), if it is kept.
+  template <class Predicate>
+  std::shared_ptr<const T> Follow(Predicate is_wanted) {
+    const std::lock_guard lock(publishers_);
+    for (const auto& node : nodes_) {
+      if (!is_wanted(*node->value)) continue;
+      if (followed_ != kNotFollowed) followed_ = node->sequence;
+      return node->value;
+    }
+    return nullptr;
+  }
+  // For a follower that waits for what the reader made: ask for reached() before looking, and if
+  // nothing has come, tell it back.
+  std::uint64_t reached() {
+    const std::lock_guard lock(publishers_);
+    return reader_stopped_ ? sequence_ : announced();
+  }
+  void FollowedUpTo(std::uint64_t sequence) {
+    const std::lock_guard lock(publishers_);
+    followed_ = std::max(followed_, sequence);
+  }
+  void StartFollowing() { SetFollowed(0); }
+  void StopFollowing() { SetFollowed(kNotFollowed); }
+
   // The sequence number of the value that the reader acquired last. 0: none yet.
   std::uint64_t announced() const noexcept { return announced_.load(std::memory_order_acquire); }
 
-  // Frees all values older than the announced one.
+  // Frees all values older than the announced one and the follower's.
   void Collect() {
     // Declared before the lock, so freed after its release: freeing a big value takes time, and
     // other publishers need not wait.
     std::deque<std::unique_ptr<const Node>> retired;
     const std::lock_guard lock(publishers_);
-    const std::uint64_t oldest_in_use = reader_stopped_ ? sequence_ : announced();
+    const std::uint64_t oldest_in_use =
+        std::min(reader_stopped_ ? sequence_ : announced(), followed_);
     while (!nodes_.empty() && nodes_.front()->sequence < oldest_in_use) {
       retired.push_back(std::move(nodes_.front()));
       nodes_.pop_front();
@@ -77,7 +107,8 @@ class SnapshotHandoff {
   }
 
   // Call it when the reader's thread has been joined: the reader acquires no more and uses nothing
-  // that it acquired. Frees all values except the newest, now and after each Publish.
+  // that it acquired. From now on, all values except the newest are freed when the follower has
+  // moved on.
   void ReaderStopped() {
     {
       const std::lock_guard lock(publishers_);
@@ -95,15 +126,23 @@ class SnapshotHandoff {
 
  private:
   struct Node {
-    std::unique_ptr<const T> value;
+    std::shared_ptr<const T> value;
     std::uint64_t sequence;
   };
   static_assert(std::atomic<const Node*>::is_always_lock_free);
   static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
   static constexpr std::size_t kCacheLineBytes = 64;
 
-  std::mutex publishers_;  // guards the next three; the reader never takes it
+  static constexpr std::uint64_t kNotFollowed = ~std::uint64_t{0};
+
+  void SetFollowed(std::uint64_t sequence) {
+    const std::lock_guard lock(publishers_);
+    followed_ = sequence;
+  }
+
+  std::mutex publishers_;  // guards the next four; the reader never takes it
   std::uint64_t sequence_ = 0;
+  std::uint64_t followed_ = kNotFollowed;
   bool reader_stopped_ = false;
   std::deque<std::unique_ptr<const Node>> nodes_;  // oldest first, back() is the newest
 

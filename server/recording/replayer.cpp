@@ -11,6 +11,7 @@
 
 #include "server/recording/recorded_scene.h"
 #include "server/recording/sample_fields.h"
+#include "server/samples/scp_v.h"
 
 namespace palpate {
 namespace {
@@ -67,6 +68,7 @@ void Replayer::Begin(const RecordedScene& recorded) {
   last_ = recorded;
   if (!computation_ || !(recorded.safety == safety_) || !(recorded.device == device_)) {
     computation_.emplace(recorded.safety, recorded.device);
+    cells_ = std::make_unique<CellCache>();
     safety_ = recorded.safety;
     device_ = recorded.device;
     in_step_ = false;
@@ -114,6 +116,7 @@ void Replayer::Take(const TickSample& sample) {
     ++counts_.compared;
     counts_.contacts += sample.contact;
     TickSample computed = computation_->Run(scene_, computation_->InputOf(sample));
+    AddScpV(scene_, *cells_, computed);
     computed.time_ns = sample.time_ns;
     computed.update_ns = sample.update_ns;
     Compare(sample, computed);

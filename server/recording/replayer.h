@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -69,6 +70,7 @@ class Replayer {
 
   RecordedVolumes follower_;
   std::optional<TickComputation> computation_;
+  std::unique_ptr<CellCache> cells_;  // for SCP_V
   SafetyLimits safety_{};
   PassivityDevice device_{};
   std::optional<RecordedScene> last_;

@@ -55,10 +55,11 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("series_position_frames", sample.series_position_frames);
 }
 
-// The list covers the whole sample except for `replayed` and the padding at its end.
+// The list covers the whole sample except for `surface_place`, `replayed` and the padding at its
+// end.
 static_assert([] {
   TickSample sample;
-  std::size_t bytes = sizeof sample.replayed;
+  std::size_t bytes = sizeof sample.surface_place + sizeof sample.replayed;
   VisitFields(sample, [&](std::string_view, auto& field) { bytes += sizeof field; });
   constexpr std::size_t kAlign = alignof(TickSample);
   return (bytes + kAlign - 1) / kAlign * kAlign == sizeof(TickSample);

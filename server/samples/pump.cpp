@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "server/realtime/tick_timer.h"
+#include "server/samples/scp_v.h"
 
 namespace palpate {
 namespace {
@@ -25,12 +26,15 @@ void SleepUntil(std::int64_t time_ns) {
 
 void Pump::Start() {
   stop_.store(false);
+  inbox_.StartFollowing();
   thread_ = std::thread([this] { Run(); });
 }
 
 void Pump::Stop() noexcept {
   stop_.store(true);
   if (thread_.joinable()) thread_.join();
+  inbox_.StopFollowing();
+  scene_.reset();
 }
 
 void Pump::Subscribe(std::weak_ptr<SampleSink> sink, Feed feed) {
@@ -75,12 +79,16 @@ void Pump::Run() {
   while (!stop_.load(std::memory_order_relaxed)) {
     SleepUntil(next_ns);
     next_ns = std::max(next_ns, MonotonicNowNs() - kPeriodNs) + kPeriodNs;
+    const std::uint64_t reached = inbox_.reached();
+    bool is_idle = true;
     TickSample sample;
     while (outbox_.TryPop(sample)) {
+      is_idle = false;
       Deliver(sample);
       // Keeps in step with the servo.
       next_ns = std::max(sample.time_ns + kPeriodNs + kDelayNs, MonotonicNowNs());
     }
+    if (is_idle) inbox_.FollowedUpTo(reached);
   }
 }
 
@@ -100,8 +108,18 @@ void Pump::DeliverKeyframes(std::uint64_t up_to_tick) {
   }
 }
 
-void Pump::Deliver(const TickSample& sample) {
+void Pump::AddScpVOf(TickSample& sample) {
+  if (!scene_ || scene_->scene_revision != sample.scene_revision) {
+    scene_.reset();  // first: once Follow has moved on, the pump might be its last holder
+    scene_ = inbox_.Follow(
+        [&](const Scene& scene) { return scene.scene_revision == sample.scene_revision; });
+  }
+  if (scene_) AddScpV(*scene_, *cells_, sample);
+}
+
+void Pump::Deliver(TickSample& sample) {
   NoteRevision(sample);
+  AddScpVOf(sample);
   const std::lock_guard lock(sinks_mutex_);
   DeliverKeyframes(sample.tick);
   const TickSample shown = replacement_ ? replacement_->Shown(sample) : sample;

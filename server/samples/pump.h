@@ -1,12 +1,13 @@
 // Carries the servo's samples to the sinks.
 //
 // The pump thread drains the outbox about once a millisecond, shortly after the servo's tick, so
-// that the servo never has to wake a thread. It hands every sample to every sink, in order. It also
-// keeps the first tick of each scene revision, for callers that wait until their change is felt.
+// that the servo never has to wake a thread. It adds SCP_V to every sample and hands it to every
+// sink, in order. It also keeps the first tick of each scene revision, for callers that wait until
+// their change is felt.
 //
 // Threads: Subscribe and WaitForScene on any ordinary thread. Sinks are called on the pump thread
 // and must not block.
-// Ownership: borrows the outbox; holds sinks by weak_ptr.
+// Ownership: borrows the outbox and the inbox; holds sinks by weak_ptr.
 #pragma once
 
 #include <atomic>
@@ -20,7 +21,9 @@
 #include <thread>
 #include <vector>
 
+#include "server/haptics/cell_cache.h"
 #include "server/samples/tick_outbox.h"
+#include "server/scene/scene.h"
 
 namespace palpate {
 
@@ -48,7 +51,7 @@ struct AppliedTick {
 
 class Pump {
  public:
-  explicit Pump(TickOutbox& outbox) : outbox_(outbox) {}
+  Pump(TickOutbox& outbox, SceneInbox& inbox) : outbox_(outbox), inbox_(inbox) {}
   ~Pump() { Stop(); }
 
   void Start();
@@ -82,12 +85,14 @@ class Pump {
 
   void Run();
   void DeliverKeyframes(std::uint64_t up_to_tick);
-  void Deliver(const TickSample& sample);
+  void Deliver(TickSample& sample);
+  void AddScpVOf(TickSample& sample);
   void NoteRevision(const TickSample& sample);
   void NoteUse(const SceneUse& use);
   void NoteUsesOfServo();
 
   TickOutbox& outbox_;
+  SceneInbox& inbox_;
   std::atomic<bool> stop_{false};
   std::thread thread_;
 
@@ -96,6 +101,8 @@ class Pump {
   std::shared_ptr<SampleReplacement> replacement_;
   std::optional<ServoKeyframe> keyframe_;        // the pump thread's: the next to deliver
   std::optional<std::uint64_t> noted_revision_;  // the pump thread's: of the last sample
+  std::shared_ptr<const Scene> scene_;           // the pump thread's: of the last sample
+  std::unique_ptr<CellCache> cells_ = std::make_unique<CellCache>();  // the pump thread's
 
   std::mutex revisions_mutex_;  // guards first_uses_; held to read the board's scene_uses
   std::condition_variable revision_seen_;

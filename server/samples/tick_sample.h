@@ -17,6 +17,15 @@
 
 namespace palpate {
 
+// Where SCP_H is in the decomposed volume, which SCP_V follows from.
+struct SurfacePlace {
+  double isovalue = 0.0;  // normalised and felt
+  std::array<int, 3> cell{};
+  std::uint8_t vertex_count = 0;  // of the smallest simplex that holds SCP_H; 0: not on H
+  std::array<std::uint8_t, 4> vertex{};
+  std::array<double, 4> weight{};
+};
+
 struct TickSample {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -43,6 +52,8 @@ struct TickSample {
   std::uint64_t faulty_ticks = 0;
   std::uint32_t buttons = 0;
   std::uint32_t iterations = 0;
+  // The servo leaves SCP_V out and tells this; scp_v.h adds SCP_V. Not recorded.
+  SurfacePlace surface_place{};
   ProxyMode mode = ProxyMode::kFree;
   FreeSide free_side = FreeSide::kBelow;
   bool contact = false;

@@ -5,7 +5,7 @@
 // old stiffness. One revision names all of it.
 //
 // Ownership: the session publishes scenes through a SnapshotHandoff, which frees them when the
-// servo has moved on. The servo never touches the shared_ptr.
+// servo and the pump have moved on. The servo never touches the shared_ptr.
 #pragma once
 
 #include <cstdint>

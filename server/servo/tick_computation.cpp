@@ -19,11 +19,18 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
   sample.free_side = output.free_side;
   sample.contact = !output.proxy.normal_D.isZero();
   sample.input_rejected = output.input_rejected;
-  sample.has_scp_v = output.visual.found;
-  sample.scp_v_mm = ToArray(output.visual.p_DV_mm);
-  sample.scp_v_normal = ToArray(output.visual.normal_D);
   sample.density = scene.volume->Denormalize(output.proxy.density);
   sample.iterations = static_cast<std::uint32_t>(output.proxy.moves);
+}
+
+SurfacePlace PlaceOf(const Proxy& proxy) {
+  if (!proxy.on_surface) return {};
+  const Place& place = proxy.place;
+  return {.isovalue = proxy.isovalue,
+          .cell = {place.cell.x(), place.cell.y(), place.cell.z()},
+          .vertex_count = static_cast<std::uint8_t>(place.carrier.count),
+          .vertex = place.carrier.vertex,
+          .weight = place.carrier.weight};
 }
 
 }  // namespace
@@ -67,6 +74,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
     output = StepRenderer(surface, scene.settings, stylus.p_DHip_mm, elapsed_s, renderer_);
   }
   Describe(scene, output, sample);
+  sample.surface_place = PlaceOf(renderer_.proxy);
   if (suspended) {
     sample.mode = ProxyMode::kSuspended;
     sample.free_side = scene.settings.free_side;

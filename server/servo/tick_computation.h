@@ -35,7 +35,8 @@ class TickComputation {
     renderer_.device = device;
   }
 
-  // Returns the sample without its times. `scene` must stay valid until Run returns.
+  // Returns the sample without its times and without SCP_V (samples/scp_v.h). `scene` must stay
+  // valid until Run returns.
   TickSample Run(const Scene& scene, const TickInput& input) noexcept;
 
   // Returns the input that gave `sample`, if this computation is at the sample's tick. Details that

@@ -19,7 +19,8 @@ namespace palpate {
 
 class RetiredVolumes {
  public:
-  // `collect`: releases what the servo no longer uses. The thread calls it before each check.
+  // `collect`: releases what the servo and the pump no longer use. The thread calls it before each
+  // check.
   explicit RetiredVolumes(std::function<void()> collect);
   // Releases everything.
   ~RetiredVolumes();

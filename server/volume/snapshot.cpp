@@ -59,14 +59,4 @@ std::uint64_t VolumeSnapshot::CellRevision(const Vec3i& cell) const noexcept {
   return newest;
 }
 
-CellDensities VolumeSnapshot::WithTiesResolved(const CellDensities& stored,
-                                               const Vec3i& cell) noexcept {
-  CellDensities d;
-  for (int v = 0; v < 8; ++v) {
-    const auto& o = kCornerOffset[v];
-    d[v] = ResolvedDensity(stored[v], cell.x() + o[0], cell.y() + o[1], cell.z() + o[2]);
-  }
-  return d;
-}
-
 }  // namespace palpate

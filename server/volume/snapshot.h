@@ -48,7 +48,14 @@ class VolumeSnapshot {
   CellDensities ResolvedCell(const Vec3i& cell) const noexcept {
     return WithTiesResolved(StoredCell(cell), cell);
   }
-  static CellDensities WithTiesResolved(const CellDensities& stored, const Vec3i& cell) noexcept;
+  static CellDensities WithTiesResolved(const CellDensities& stored, const Vec3i& cell) noexcept {
+    CellDensities d;
+    for (int v = 0; v < 8; ++v) {
+      const auto& o = kCornerOffset[v];
+      d[v] = ResolvedDensity(stored[v], cell.x() + o[0], cell.y() + o[1], cell.z() + o[2]);
+    }
+    return d;
+  }
   // Density of a lattice vertex, as stored and with ties resolved. Outside the lattice: the
   // background.
   double StoredVertex(const Vec3i& vertex) const noexcept;

@@ -9,14 +9,14 @@ import sys
 import tempfile
 import unittest
 
-SLIDE_TICKS = sys.argv.pop(1)
+COUNTED_TICKS = sys.argv.pop(1)
 
 # Instructions per tick that were reached. What needs less lowers them.
 REACHED = {
-    "gyroid_fine_50": 32_584,
-    "gyroid_coarse_10": 4_504,
-    "bumps_fine_50": 31_928,
-    "bumps_coarse_10": 4_425,
+    "gyroid_fine_50": 16_749,
+    "gyroid_coarse_10": 2_247,
+    "bumps_fine_50": 16_181,
+    "bumps_coarse_10": 2_189,
 }
 MOST = 1.05  # of them
 
@@ -25,7 +25,7 @@ def instructions_per_tick(slide):
     with tempfile.NamedTemporaryFile() as profile:
         run = subprocess.run(
             ["valgrind", "--tool=callgrind", f"--callgrind-out-file={profile.name}",
-             "--collect-atstart=no", "--toggle-collect=palpate::CountedTicks*", SLIDE_TICKS, slide],
+             "--collect-atstart=no", "--toggle-collect=palpate::CountedTicks*", COUNTED_TICKS, slide],
             check=True, capture_output=True, text=True)
     ticks = int(re.search(r"(\d+) ticks", run.stdout)[1])
     return int(re.search(r"Collected : (\d+)", run.stderr)[1]) / ticks
@@ -39,7 +39,7 @@ class Instructions(unittest.TestCase):
                 print(f"{slide}: {count:.0f} instructions per tick, {count / reached:.3f} of what "
                       "was reached")
                 # Nothing counted would be few, too.
-                self.assertGreater(count, 0.5 * reached)
+                self.assertGreater(count, 100)
                 self.assertLess(count, MOST * reached)
 
 

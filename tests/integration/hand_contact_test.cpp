@@ -19,6 +19,7 @@
 #include "server/device/guided_script.h"
 #include "server/device/simulated_device.h"
 #include "server/guide/touch_planner.h"
+#include "server/samples/scp_v.h"
 #include "server/servo/servo_tick.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/editable_session.h"
@@ -69,14 +70,15 @@ class HandRig : public testing::EditableSession {
     SimulatedDevice device(std::move(script));
     device.Start();
     ServoTick tick(device);
+    const auto cells = std::make_unique<CellCache>();
     Touch touch;
     std::vector<Vec3> hips_mm;
     Vec3 last_n = Vec3::Zero();
     double contacts = 0.0, with_scp_v = 0.0;
     for (int i = 0; i < kHandTicks; ++i) {
       const std::int64_t now_ns = std::int64_t{1'000'000} * i;
-      const TickSample sample =
-          tick.Run(scene, TickTime{.scheduled_ns = now_ns, .started_ns = now_ns});
+      TickSample sample = tick.Run(scene, TickTime{.scheduled_ns = now_ns, .started_ns = now_ns});
+      AddScpV(scene, *cells, sample);
       contacts += sample.contact;
       with_scp_v += sample.contact && sample.has_scp_v;
       const Vec3 force_n(sample.force_n.data());

@@ -74,7 +74,7 @@ class EditableSession {
   DeviceDescription device_ = SimulatedDeviceSpec();
   SceneInbox inbox_;
   std::unique_ptr<TickOutbox> outbox_ = std::make_unique<TickOutbox>();
-  Pump pump_{*outbox_};
+  Pump pump_{*outbox_, inbox_};
   Session session_;
 };
 

@@ -15,6 +15,7 @@
 #include "server/device/simulated_device.h"
 #include "server/recording/recorded_scene.h"
 #include "server/recording/recorder.h"
+#include "server/samples/scp_v.h"
 #include "server/servo/servo_tick.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/patience.h"
@@ -62,13 +63,17 @@ class SceneRig {
   Recorder& recorder() { return *recorder_; }
 
   // One tick at a time of the test's.
-  TickSample Tick(const TickTime& time) { return tick_.Run(scene_, time); }
+  TickSample Tick(const TickTime& time) {
+    TickSample sample = tick_.Run(scene_, time);
+    AddScpV(scene_, *cells_, sample);
+    return sample;
+  }
   // Runs ticks. Lost ticks are computed, but not delivered.
   void Run(int ticks, bool lost = false) {
     for (int n = 0; n < ticks; ++n) {
       const ServoKeyframe keyframe = tick_.Keyframe();
       const bool due = keyframe.tick % kKeyframeTicks == 0;
-      const TickSample sample = tick_.Run(scene_, {.missed = missed_});
+      const TickSample sample = Tick({.missed = missed_});
       if (!recorder_ || lost) continue;
       if (due) recorder_->OnKeyframe(keyframe);
       recorder_->OnSample(sample);
@@ -136,6 +141,7 @@ class SceneRig {
 
   SimulatedDevice device_;
   ServoTick tick_;
+  std::unique_ptr<CellCache> cells_ = std::make_unique<CellCache>();
   std::shared_ptr<const VolumeSnapshot> volume_;
   std::uint64_t revision_ = 1;
   double tau_ = 0.5;

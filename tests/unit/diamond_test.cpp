@@ -58,6 +58,25 @@ TEST(Flip, ChangesALevelSetOnlyIfItsEndsAreApartFromTheOthers) {
 
 // --- Cells
 
+// Also with equal corners, as the last bits of ties may leave them.
+TEST(Diamond, IsPlainWhereNoFaceHasASaddle) {
+  std::mt19937_64 random(11);
+  int plain = 0;
+  for (int n = 0; n < 200'000; ++n) {
+    CellDensities d;
+    for (double& density : d) density = static_cast<double>(random() % (n % 2 == 0 ? 4 : 1000));
+    const Decomposition cell = Decompose(d, DecompositionMethod::kTpbcc);
+    ASSERT_EQ(cell.is_plain, CellSaddles(d).count == 0);
+    if (!cell.is_plain) continue;
+    ++plain;
+    ASSERT_EQ(cell.complex.vertices, kDiamondComplexes[0].vertices);
+    for (int v = 0; v < kFirstInteriorVertex; ++v) {
+      ASSERT_EQ(cell.position[v], Vec3::Map(kPlainPositions[v].data()));
+    }
+  }
+  EXPECT_GT(plain, 10'000);
+}
+
 using testing::CellKind, testing::kExactCells, testing::RandomCell;
 
 // Between densities that are nearer to each other, rounding decides.

@@ -81,8 +81,9 @@ TEST_F(Effects, ASphereIsFeltFromTheInside) {
     ASSERT_GE(output.proxy.density, isovalue_);
     ASSERT_NEAR((output.proxy.p_DH_mm - kBallCentre).norm(), kBallRadius, 0.06);
     ASSERT_LT(output.force_D_n.dot(direction), -1.8);
-    ASSERT_TRUE(output.visual.found);
-    ASSERT_LT(output.visual.normal_D.dot(direction), -0.9);
+    const VisualProxy visual = VisualProxyOf(Surface(), output, *state_);
+    ASSERT_TRUE(visual.found);
+    ASSERT_LT(visual.normal_D.dot(direction), -0.9);
   }
 }
 

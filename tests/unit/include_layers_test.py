@@ -41,7 +41,7 @@ LAYERS = {
     "server/guide": COMMON + ["server/volume", "server/haptics", "server/device"],
     "server/scene": COMMON + ["server/realtime", "server/volume", "server/haptics",
                               "server/device"],
-    "server/samples": ["server/realtime", "server/haptics", "server/safety"],
+    "server/samples": ["server/realtime", "server/haptics", "server/safety", "server/scene"],
     "server/servo": ["server/realtime", "server/haptics", "server/device", "server/safety",
                      "server/scene", "server/samples"],
     "server/store": COMMON + ["server/realtime", "server/volume", "server/haptics"],

@@ -238,15 +238,15 @@ TEST_F(LabJudge, CondemnsForceThatTheSurfaceDoesNotExplain) {
 }
 
 TEST_F(LabJudge, CondemnsAVisualProxyOffV) {
-  ticks_[2].output.visual.p_DV_mm.x() += 1e-5;
+  ticks_[2].visual.p_DV_mm.x() += 1e-5;
   EXPECT_EQ(Judged().scp_v_off_ticks, 1);
 }
 
 TEST_F(LabJudge, MeasuresHowFarTheVisualProxyIsAndHowTheForceTurns) {
   EXPECT_NEAR(Judged().scp_hv_voxels, 0.0, 1e-7);  // but for the tie step
   EXPECT_NEAR(Judged().force_angle_deg, 0.0, 1e-6);
-  ticks_[2].output.visual.p_DV_mm.y() += 0.25;
-  ticks_[2].output.visual.normal_D = Vec3(-std::sqrt(0.75), 0.5, 0);
+  ticks_[2].visual.p_DV_mm.y() += 0.25;
+  ticks_[2].visual.normal_D = Vec3(-std::sqrt(0.75), 0.5, 0);
   EXPECT_NEAR(Judged().scp_hv_voxels, 0.25, 1e-7);
   EXPECT_NEAR(Judged().force_angle_deg, 30.0, 1e-9);
 }

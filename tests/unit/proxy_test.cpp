@@ -243,12 +243,13 @@ TEST(MoveInTetrahedron, KeepsAPointOnHThatLosesAVertex) {
     return i == 1 && j == 1 && k == 1 ? 1.0 : 0.0;
   });
   Prober prober(volume, 0.0);
-  const HapticCell& cell = prober.cache.Decomposed(prober.surface, Vec3i(1, 1, 1));
+  HapticCell& cell = prober.cache.Decomposed(prober.surface, Vec3i(1, 1, 1));
   int moved = 0;
   for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) {
     const auto& v = cell.parts.complex.vertices[t];
     Candidate candidate{.kind = Candidate::Kind::kTetrahedron,
                         .cell = cell.cell,
+                        .entry = &cell,
                         .carrier = {4, v, {0.3, 0.3, 0.3, 0.3}},
                         .tetrahedron = t,
                         .along_surface = true};

@@ -145,6 +145,46 @@ TEST(SnapshotHandoff, KeepsWhatTheReaderMayUseAndFreesTheRest) {
   EXPECT_EQ(Snapshot::live, 0);
 }
 
+TEST(SnapshotHandoff, AFollowerGetsWhatTheReaderHasLeft) {
+  SnapshotHandoff<Snapshot> handoff;
+  const auto follow = [&](std::uint64_t seed) {
+    return handoff.Follow([&](const Snapshot& value) { return value.seed() == seed; });
+  };
+  handoff.StartFollowing();
+  for (const std::uint64_t seed : {10, 20, 30, 40}) {
+    handoff.Publish(std::make_unique<const Snapshot>(seed));
+    handoff.Acquire();
+  }
+  EXPECT_EQ(Snapshot::live, 4);
+  std::shared_ptr<const Snapshot> followed = follow(20);
+  ASSERT_NE(followed, nullptr);
+  handoff.Collect();
+  EXPECT_EQ(Snapshot::live, 3);
+  EXPECT_EQ(follow(10), nullptr);
+  followed = follow(40);
+  handoff.Collect();
+  EXPECT_EQ(Snapshot::live, 1);
+
+  // A reader that stopped leaves what is still to be followed.
+  handoff.Publish(std::make_unique<const Snapshot>(50));
+  handoff.Acquire();
+  handoff.Publish(std::make_unique<const Snapshot>(60));
+  handoff.ReaderStopped();
+  EXPECT_EQ(Snapshot::live, 3);
+  handoff.FollowedUpTo(handoff.reached());
+  handoff.Collect();
+  EXPECT_EQ(Snapshot::live, 2);
+  EXPECT_TRUE(followed->whole());
+  handoff.ReaderRestarts();
+  handoff.StopFollowing();
+  followed.reset();
+  handoff.Acquire();
+  handoff.Publish(std::make_unique<const Snapshot>(70));
+  handoff.Acquire();
+  handoff.Collect();
+  EXPECT_EQ(Snapshot::live, 1);
+}
+
 TEST(SnapshotHandoff, AStoppedReaderIsQuiescent) {
   SnapshotHandoff<Snapshot> handoff;
   handoff.Publish(std::make_unique<const Snapshot>(1));

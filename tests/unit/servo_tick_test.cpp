@@ -178,7 +178,7 @@ TEST_F(SuspendedTest, TheForceIsZeroInTheVeryTickOfThePress) {
   EXPECT_EQ(ForceOf(sample), Vec3::Zero());
   EXPECT_EQ(sample.scp_h_mm, sample.hip_mm);
   EXPECT_FALSE(sample.contact);
-  EXPECT_FALSE(sample.has_scp_v);
+  EXPECT_EQ(sample.surface_place.vertex_count, 0);
   EXPECT_FALSE(sample.input_rejected);
   EXPECT_EQ(sample.faulty_ticks, 0u);
 }

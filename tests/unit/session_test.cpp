@@ -413,7 +413,8 @@ TEST(ForceWatch, ManyWaitEachForItsTick) {
 // Samples that are late, or lost, tell of no scene: here, the pump delivers none.
 TEST(Pump, NamesTheFirstTickOfEachSceneWithoutSamples) {
   const auto outbox = std::make_unique<TickOutbox>();
-  Pump pump(*outbox);
+  SceneInbox inbox;
+  Pump pump(*outbox, inbox);
   for (std::uint64_t tick = 0; tick < 10; ++tick) {
     TickSample sample = Sample(tick, ForceState::kOn);
     sample.time_ns = 1000 + static_cast<std::int64_t>(tick);

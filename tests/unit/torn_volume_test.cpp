@@ -71,7 +71,7 @@ int TornBricks(const VolumeSnapshot& volume) {
 TEST(TornVolume, NoTickSeesOne) {
   SceneInbox inbox;
   const auto outbox = std::make_unique<TickOutbox>();
-  Pump pump(*outbox);
+  Pump pump(*outbox, inbox);
   const DeviceDescription spec = SimulatedDeviceSpec();
   SimulatedDevice device(
       std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, 1));

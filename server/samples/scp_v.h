@@ -1,0 +1,15 @@
+// SCP_V of a tick, which no force depends on: whoever shows or records ticks adds it.
+//
+// Threads: one for each cache. Not for the servo thread.
+#pragma once
+
+#include "server/haptics/cell_cache.h"
+#include "server/samples/tick_sample.h"
+#include "server/scene/scene.h"
+
+namespace palpate {
+
+// `sample`: as the servo computed it, with `scene`. Another scene gives a wrong SCP_V.
+void AddScpV(const Scene& scene, CellCache& cache, TickSample& sample) noexcept;
+
+}  // namespace palpate
