@@ -9,10 +9,9 @@ namespace {
 // Decomposes the cell from the densities of side kBelow, so that H is the same to the bit on both
 // sides.
 void DecomposeFelt(const HapticSurface& surface, const CellDensities& felt, Decomposition& parts) {
+  if (surface.free_side == FreeSide::kBelow) return Decompose(felt, surface.method, parts);
   Decompose(surface.Felt(felt), surface.method, parts);
-  if (surface.free_side == FreeSide::kAbove) {
-    for (double& density : parts.density) density = -density;
-  }
+  for (double& density : parts.density) density = -density;
 }
 
 template <class Positions>
@@ -55,14 +54,13 @@ int HapticCell::CutEdges(int tetrahedron, double isovalue,
 
 void CellCache::FillGradients(HapticCell& entry, int tetrahedron) noexcept {
   entry.known_gradients |= std::uint32_t{1} << tetrahedron;
-  TetrahedronGradients& g = entry.gradients[tetrahedron];
   const auto& v = entry.parts.complex.vertices[tetrahedron];
-  g.weight =
-      entry.parts.is_plain ? plain_weight_[tetrahedron] : GradientsOfWeights(entry.vertex_mm, v);
-  const WeightGradients& w = g.weight;
+  if (!entry.parts.is_plain) entry.weight[tetrahedron] = GradientsOfWeights(entry.vertex_mm, v);
+  const WeightGradients& w = WeightsOf(entry)[tetrahedron];
   const auto& d = entry.parts.density;
-  g.fall = HalfSpace(-((d[v[1]] - d[v[0]]) * w[1].normal + (d[v[2]] - d[v[0]]) * w[2].normal +
-                       (d[v[3]] - d[v[0]]) * w[3].normal));
+  entry.fall[tetrahedron] =
+      HalfSpace(-((d[v[1]] - d[v[0]]) * w[1].normal + (d[v[2]] - d[v[0]]) * w[2].normal +
+                  (d[v[3]] - d[v[0]]) * w[3].normal));
 }
 
 HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
@@ -84,23 +82,29 @@ HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
   if (is_right) return entry;
   filled_[slot] = generation_;
   entry.cell = cell;
-  const CellDensities stored = surface.volume->StoredCell(cell);
-  entry.stored = surface.Felt(stored);
-  entry.densities = surface.Felt(VolumeSnapshot::WithTiesResolved(stored, cell));
-  const auto [lo, hi] = std::minmax_element(entry.densities.begin(), entry.densities.end());
-  entry.min_density = *lo;
-  entry.max_density = *hi;
+  entry.stored = surface.volume->StoredCell(cell);
+  entry.densities = VolumeSnapshot::WithTiesResolved(entry.stored, cell);
+  if (surface.free_side == FreeSide::kAbove) {
+    entry.stored = surface.Felt(entry.stored);
+    entry.densities = surface.Felt(entry.densities);
+  }
+  entry.min_density = entry.max_density = entry.densities[0];
+  for (const double density : entry.densities) {
+    entry.min_density = std::min(entry.min_density, density);
+    entry.max_density = std::max(entry.max_density, density);
+  }
   entry.decomposed = false;
   return entry;
 }
 
 void CellCache::FillDecomposition(const HapticSurface& surface, HapticCell& entry) noexcept {
+  const bool was_plain = entry.parts.is_plain;
   DecomposeFelt(surface, entry.densities, entry.parts);
   entry.known_gradients = 0;
   entry.piece.tetrahedron = -1;
   entry.origin_mm = surface.X_DI.Apply(entry.cell.cast<double>());
   if (entry.parts.is_plain) {
-    std::ranges::copy(plain_vertex_mm_, entry.vertex_mm.begin());
+    if (!was_plain) std::ranges::copy(plain_vertex_mm_, entry.vertex_mm.begin());
   } else {
     for (unsigned left = entry.parts.complex.used_vertices; left; left &= left - 1) {
       const int v = std::countr_zero(left);
@@ -117,6 +121,7 @@ void CellCache::FillPlainCell(const AffineMap& X_DI) noexcept {
   for (std::size_t t = 0; t < plain_weight_.size(); ++t) {
     plain_weight_[t] = GradientsOfWeights(plain_vertex_mm_, kDiamondComplexes[0].vertices[t]);
   }
+  for (HapticCell& entry : cells_) entry.parts.is_plain = false;  // none has these vertices yet
 }
 
 }  // namespace palpate

@@ -18,8 +18,8 @@ namespace palpate {
 using WeightGradients = std::array<HalfSpace, 4>;
 
 struct TetrahedronGradients {
-  WeightGradients weight;
-  HalfSpace fall;  // minus the gradient of the felt density
+  const WeightGradients& weight;
+  const HalfSpace& fall;  // minus the gradient of the felt density
 };
 
 // The triangle or quadrilateral of H in a tetrahedron.
@@ -55,8 +55,9 @@ struct HapticCell {
   std::array<Vec3, kMaxVertices> vertex_mm;  // valid once `decomposed`; D axes, relative to d0
   Vec3 origin_mm = Vec3::Zero();             // valid once `decomposed`; position of d0 in D
   bool decomposed = false;
-  std::uint32_t known_gradients = 0;  // bit t: gradients[t] is filled
-  std::array<TetrahedronGradients, kMaxTetrahedra> gradients;
+  std::uint32_t known_gradients = 0;                   // bit t: those of tetrahedron t are filled
+  std::array<WeightGradients, kMaxTetrahedra> weight;  // not of a plain cell
+  std::array<HalfSpace, kMaxTetrahedra> fall;
   SurfacePiece piece;  // the last requested one
 
   bool IsCrossed(double isovalue) const {
@@ -92,9 +93,10 @@ class CellCache {
   void Decompose(const HapticSurface& surface, HapticCell& entry) noexcept {
     if (!entry.decomposed) FillDecomposition(surface, entry);
   }
-  const TetrahedronGradients& Gradients(HapticCell& entry, int tetrahedron) noexcept {
+  // Valid as long as the cell.
+  TetrahedronGradients Gradients(HapticCell& entry, int tetrahedron) noexcept {
     if (!(entry.known_gradients >> tetrahedron & 1)) FillGradients(entry, tetrahedron);
-    return entry.gradients[tetrahedron];
+    return {WeightsOf(entry)[tetrahedron], entry.fall[tetrahedron]};
   }
 
  private:
@@ -104,6 +106,9 @@ class CellCache {
   }
   HapticCell& Fill(const HapticSurface& surface, const Vec3i& cell, std::size_t slot) noexcept;
   void FillPlainCell(const AffineMap& X_DI) noexcept;
+  const WeightGradients* WeightsOf(const HapticCell& entry) const {
+    return entry.parts.is_plain ? plain_weight_.data() : entry.weight.data();
+  }
   void FillDecomposition(const HapticSurface& surface, HapticCell& entry) noexcept;
   void FillGradients(HapticCell& entry, int tetrahedron) noexcept;
 

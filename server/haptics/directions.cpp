@@ -48,9 +48,8 @@ TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std
 }
 
 // Inside a tetrahedron, only H limits the direction.
-void SetDirectionInside(const HapticSurface& surface, const Place& place, bool on_surface,
-                        const Vec3& w_mm, CellCache& cache, Candidate& best) noexcept {
-  HapticCell& cell = cache.Decomposed(surface, place.cell);
+void SetDirectionInside(HapticCell& cell, const Place& place, bool on_surface, const Vec3& w_mm,
+                        CellCache& cache, Candidate& best) noexcept {
   const auto& [fall, fall2] = cache.Gradients(cell, place.tetrahedron).fall;
   const double along = fall.dot(w_mm);
   best.kind = Candidate::Kind::kTetrahedron;
@@ -160,19 +159,28 @@ class DirectionSearch {
 // One of the two tetrahedra at the triangle that holds a point, and where the pull leads there if
 // the triangle does not limit it.
 struct Flank {
-  HapticCell* cell = nullptr;
-  const Carrier* triangle = nullptr;  // with the vertex numbers of `cell`
-  std::uint8_t faces = 0;
-  int tetrahedron = 0;
-  const HalfSpace* inward = nullptr;  // behind the triangle
-  const HalfSpace* fall = nullptr;    // under H
-  Vec3 d_mm = Vec3::Zero();
-  bool along_surface = false;
-  double into = 0.0;      // greater than 0: d leads into the tetrahedron
-  bool is_clear = false;  // rounding does not choose its sign
+  HapticCell* cell;
+  const Carrier* triangle;  // with the vertex numbers of `cell`
+  std::uint8_t faces;
+  int tetrahedron;
+  const HalfSpace* inward;  // behind the triangle
+  const HalfSpace* fall;    // under H
+  Vec3 d_mm;
+  bool along_surface;
+  double into;    // greater than 0: d leads into the tetrahedron
+  bool is_clear;  // rounding does not choose its sign
+
+  // `tetrahedra`: the first is the flank.
+  void Set(HapticCell& its_cell, const Carrier& carrier, std::uint8_t its_faces,
+           std::uint32_t tetrahedra) {
+    cell = &its_cell;
+    triangle = &carrier;
+    faces = its_faces;
+    tetrahedron = std::countr_zero(tetrahedra);
+  }
 
   void Pull(const Vec3& w_mm, double w2, bool on_surface, CellCache& cache) noexcept {
-    const TetrahedronGradients& gradients = cache.Gradients(*cell, tetrahedron);
+    const TetrahedronGradients gradients = cache.Gradients(*cell, tetrahedron);
     const auto& vertices = cell->parts.complex.vertices[tetrahedron];
     const unsigned others = cell->parts.complex.vertex_mask[tetrahedron] & ~triangle->Mask();
     int n = 0;
@@ -203,50 +211,43 @@ struct Flank {
 // std::has_single_bit calls a function for each popcount.
 bool IsSingle(unsigned bits) { return bits != 0 && (bits & (bits - 1)) == 0; }
 
-// Sets the flanks of a triangle in the order in which a search visits them. `mapped` is room for
-// the triangle in another cell. Returns false if it is not between two tetrahedra.
-bool FindFlanks(const HapticSurface& surface, const Place& place, CellCache& cache, Carrier& mapped,
-                std::array<Flank, 2>& flanks) noexcept {
-  // Returns the cell's tetrahedra at the triangle.
-  const auto set = [&](const Vec3i& index, const Carrier& triangle, std::uint8_t faces,
-                       Flank& flank) -> std::uint32_t {
-    HapticCell& cell = cache.Densities(surface, index);
-    if (!cell.IsCrossed(surface.isovalue)) return 0;
-    cache.Decompose(surface, cell);
-    const std::uint32_t tetrahedra = TetrahedraAt(cell.parts.complex, triangle);
-    flank.cell = &cell;
-    flank.triangle = &triangle;
-    flank.faces = faces;
-    flank.tetrahedron = std::countr_zero(tetrahedra);
-    return tetrahedra;
-  };
+// Sets the flanks of a triangle of `cell` in the order in which a search visits them. `mapped` is
+// room for the triangle in another cell. Returns false if it is not between two tetrahedra.
+bool FindFlanks(const HapticSurface& surface, const Place& place, HapticCell& cell,
+                CellCache& cache, Carrier& mapped, std::array<Flank, 2>& flanks) noexcept {
+  if (!cell.IsCrossed(surface.isovalue)) return false;
+  const std::uint32_t here = TetrahedraAt(cell.parts.complex, place.carrier);
   if (place.faces == 0) {
-    const std::uint32_t both = set(place.cell, place.carrier, 0, flanks[0]);
-    const std::uint32_t second = both & (both - 1);
+    const std::uint32_t second = here & (here - 1);
     if (!IsSingle(second)) return false;
-    flanks[1] = flanks[0];
-    flanks[1].tetrahedron = std::countr_zero(second);
+    flanks[0].Set(cell, place.carrier, 0, here);
+    flanks[1].Set(cell, place.carrier, 0, second);
     return true;
   }
-  if (!IsSingle(place.faces)) return false;
+  if (!IsSingle(place.faces) || !IsSingle(here)) return false;
   const int face = std::countr_zero<unsigned>(place.faces), side = face % 2;
   const Vec3i offset = (2 * side - 1) * Vec3i::Unit(face / 2);
   if (!surface.volume->HasCell(place.cell + offset)) return false;
+  HapticCell& other = cache.Densities(surface, place.cell + offset);
+  if (!other.IsCrossed(surface.isovalue)) return false;
+  cache.Decompose(surface, other);
   mapped = CarrierInNeighbour(place.carrier, offset);
-  return IsSingle(set(place.cell, place.carrier, place.faces, flanks[1 - side])) &&
-         IsSingle(
-             set(place.cell + offset, mapped, FacesInNeighbour(place.faces, offset), flanks[side]));
+  const std::uint32_t there = TetrahedraAt(other.parts.complex, mapped);
+  flanks[1 - side].Set(cell, place.carrier, place.faces, here);
+  flanks[side].Set(other, mapped, FacesInNeighbour(place.faces, offset), there);
+  return IsSingle(there);
 }
 
 // Inside a triangle, most pulls lead into one of its tetrahedra and out of the other, as two signs
 // tell. Then the longest projection is that of the first: the other's lies in the triangle, so it
 // is in both cones, and shorter. Where rounding could choose, both are examined as in a search.
 // Returns false if the triangle is not between two tetrahedra.
-bool FindAtTriangle(const HapticSurface& surface, const Place& place, bool on_surface,
-                    const Vec3& w_mm, CellCache& cache, int& tetrahedra, Candidate& best) noexcept {
+bool FindAtTriangle(const HapticSurface& surface, const Place& place, HapticCell& cell,
+                    bool on_surface, const Vec3& w_mm, CellCache& cache, int& tetrahedra,
+                    Candidate& best) noexcept {
   std::array<Flank, 2> flanks;
   Carrier mapped;
-  if (!FindFlanks(surface, place, cache, mapped, flanks)) return false;
+  if (!FindFlanks(surface, place, cell, cache, mapped, flanks)) return false;
   const double w2 = w_mm.squaredNorm();
   for (Flank& flank : flanks) flank.Pull(w_mm, w2, on_surface, cache);
   const bool into_first = flanks[0].into > 0.0;
@@ -275,17 +276,19 @@ bool FindAtTriangle(const HapticSurface& surface, const Place& place, bool on_su
 
 }  // namespace
 
-Candidate BestDirection(const HapticSurface& surface, const Place& place, bool on_surface,
-                        const Vec3& w_mm, CellCache& cache, int& tetrahedra) noexcept {
+Candidate BestDirection(const HapticSurface& surface, const Place& place, HapticCell* held,
+                        bool on_surface, const Vec3& w_mm, CellCache& cache,
+                        int& tetrahedra) noexcept {
   Candidate best;
-  if (place.kind == Place::Kind::kSimplex) {
+  if (place.kind == Place::Kind::kSimplex && place.carrier.count >= 3) {
+    HapticCell& cell = held ? *held : cache.Decomposed(surface, place.cell);
     if (place.tetrahedron >= 0) {
       ++tetrahedra;
-      SetDirectionInside(surface, place, on_surface, w_mm, cache, best);
+      SetDirectionInside(cell, place, on_surface, w_mm, cache, best);
       return best;
     }
     if (place.carrier.count == 3 &&
-        FindAtTriangle(surface, place, on_surface, w_mm, cache, tetrahedra, best)) {
+        FindAtTriangle(surface, place, cell, on_surface, w_mm, cache, tetrahedra, best)) {
       return best;
     }
   }

@@ -29,10 +29,12 @@ struct Candidate {
 };
 
 // Returns the longest projection of `w_mm` on the tangent cones of all tetrahedra and free cells
-// that hold the place. On H (`on_surface`), directions into the object are excluded. Adds the
-// number of examined tetrahedra to `tetrahedra`.
-Candidate BestDirection(const HapticSurface& surface, const Place& place, bool on_surface,
-                        const Vec3& w_mm, CellCache& cache, int& tetrahedra) noexcept;
+// that hold the place. On H (`on_surface`), directions into the object are excluded. `held`: the
+// place's cell, decomposed, if the caller has it. Adds the number of examined tetrahedra to
+// `tetrahedra`.
+Candidate BestDirection(const HapticSurface& surface, const Place& place, HapticCell* held,
+                        bool on_surface, const Vec3& w_mm, CellCache& cache,
+                        int& tetrahedra) noexcept;
 
 // Returns the direction in which the density falls most steeply.
 Candidate SteepestDescent(const HapticSurface& surface, const Place& place,

@@ -58,7 +58,7 @@ Course CourseOf(const Candidate& candidate, const std::array<std::uint8_t, 4>& v
   const Carrier& carrier = candidate.carrier;
   std::array<double, kMaxVertices> weight_at;  // only of the tetrahedron's vertices
   for (const int v : vertices) weight_at[v] = 0.0;
-  for (int c = 0; c < carrier.count; ++c) weight_at[carrier.vertex[c]] = carrier.weight[c];
+  carrier.Visit([&](int c) { weight_at[carrier.vertex[c]] = carrier.weight[c]; });
   for (int n = 0; n < 4; ++n) {
     course.weight[n] = weight_at[vertices[n]];
     course.rate[n] = gradients[n].normal.dot(candidate.d_mm);

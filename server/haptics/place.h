@@ -33,10 +33,21 @@ struct Carrier {
   std::array<std::uint8_t, 4> vertex{};
   std::array<double, 4> weight{};
 
+  // Calls visit(n) for each vertex. Most simplices are triangles: theirs are not counted.
+  template <class Visitor>
+  void Visit(Visitor visit) const {
+    if (count == 3) {
+      visit(0);
+      visit(1);
+      visit(2);
+      return;
+    }
+    for (int n = 0; n < count; ++n) visit(n);
+  }
   std::uint16_t Mask() const {
-    std::uint16_t mask = 0;
-    for (int n = 0; n < count; ++n) mask |= static_cast<std::uint16_t>(1u << vertex[n]);
-    return mask;
+    unsigned mask = 0;
+    Visit([&](int n) { mask |= 1u << vertex[n]; });
+    return static_cast<std::uint16_t>(mask);
   }
   // Drops vertices with weight 0, or so near 0 that it is rounding. Scales the weights to sum 1.
   void Normalize() {
@@ -105,18 +116,15 @@ Carrier Locate(const HapticCell& cell, const Vec3& local, std::uint8_t faces);
 // The piecewise-linear density at the point.
 inline double DensityAt(const HapticCell& cell, const Carrier& carrier) {
   double density = 0.0;
-  for (int n = 0; n < carrier.count; ++n) {
-    density += carrier.weight[n] * cell.parts.density[carrier.vertex[n]];
-  }
+  carrier.Visit(
+      [&](int n) { density += carrier.weight[n] * cell.parts.density[carrier.vertex[n]]; });
   return density;
 }
 
 // The position of the point. By the cell's own vertices, which keeps more digits than the index.
 inline Vec3 PositionIn(const HapticCell& cell, const Carrier& carrier) {
   Vec3 p_mm = Vec3::Zero();
-  for (int n = 0; n < carrier.count; ++n) {
-    p_mm += carrier.weight[n] * cell.vertex_mm[carrier.vertex[n]];
-  }
+  carrier.Visit([&](int n) { p_mm += carrier.weight[n] * cell.vertex_mm[carrier.vertex[n]]; });
   return cell.origin_mm + p_mm;
 }
 
@@ -127,14 +135,14 @@ Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier);
 // without vertices, because callers rely on a shared vertex.
 inline std::uint32_t TetrahedraAt(const TetrahedralComplex& complex, const Carrier& carrier) {
   std::uint32_t tetrahedra = carrier.count > 0 ? ~std::uint32_t{0} : 0;
-  for (int n = 0; n < carrier.count; ++n) tetrahedra &= complex.tetrahedra_at[carrier.vertex[n]];
+  carrier.Visit([&](int n) { tetrahedra &= complex.tetrahedra_at[carrier.vertex[n]]; });
   return tetrahedra;
 }
 
 // The faces that hold the whole simplex; none for a carrier without vertices.
 inline std::uint8_t FacesOf(const Carrier& carrier) {
   std::uint8_t faces = carrier.count > 0 ? 0x3f : 0;
-  for (int n = 0; n < carrier.count; ++n) faces &= kVertexFaces[carrier.vertex[n]];
+  carrier.Visit([&](int n) { faces &= kVertexFaces[carrier.vertex[n]]; });
   return faces;
 }
 

@@ -95,12 +95,20 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
 }
 
 // Moves the proxy until it is at rest or out of moves. With `stops_on_surface`, also stops on H.
-// Flat: at every move, calls would cost a tenth of the tick.
+// Flat, and it holds the cell of a move for the next: calls and look-ups at every move would cost a
+// tenth of the tick.
 [[gnu::flatten]] void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm,
                               bool stops_on_surface, Proxy& proxy, CellCache& cache,
                               ProxyStep& step) noexcept {
   const Vec3 p_IHip = surface.X_ID.Apply(p_DHip_mm);
-  Vec3 p_DH_mm = PlacePosition(surface, proxy.place, cache);
+  HapticCell* held = nullptr;
+  const auto hold = [&](HapticCell* cell) {
+    held = cell;
+    proxy.p_DH_mm =
+        cell ? PositionIn(*cell, proxy.place.carrier) : surface.X_DI.Apply(proxy.place.p_I);
+  };
+  const bool in_simplex = proxy.place.kind == Place::Kind::kSimplex;
+  hold(in_simplex ? &cache.Decomposed(surface, proxy.place.cell) : nullptr);
   while (!(stops_on_surface && proxy.on_surface)) {
     if (step.moves >= kMaxProxyMoves) {
       step.capped = true;
@@ -109,31 +117,32 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
     if (proxy.place.kind == Place::Kind::kOutside) {
       MoveOutside(surface, p_IHip, proxy.place);
       ++step.moves;
+      hold(nullptr);
       if (proxy.place.kind == Place::Kind::kOutside) return;
-      p_DH_mm = PlacePosition(surface, proxy.place, cache);
       continue;
     }
-    const Vec3 w_mm = p_DHip_mm - p_DH_mm;
+    const Vec3 w_mm = p_DHip_mm - proxy.p_DH_mm;
     const Candidate best =
-        BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache, step.tetrahedra);
+        BestDirection(surface, proxy.place, held, proxy.on_surface, w_mm, cache, step.tetrahedra);
     if (best.kind == Candidate::Kind::kNone || IsAtRest(surface, best.d_mm, w_mm)) return;
     ++step.moves;
     switch (best.kind) {
       case Candidate::Kind::kOutside:
         MoveOut(surface, best, p_IHip, proxy.place);
         proxy.on_surface = false;
+        hold(nullptr);
         return;
       case Candidate::Kind::kBox:
         MoveInBox(surface, best, proxy.place, cache);
         proxy.on_surface = false;
-        p_DH_mm = PlacePosition(surface, proxy.place, cache);
+        hold(nullptr);
         break;
       case Candidate::Kind::kTetrahedron: {
         const MoveEnd end =
             MoveInTetrahedron(surface, best, false, proxy.place, proxy.on_surface, cache);
+        hold(best.entry);
         step.capped = end == MoveEnd::kNone;
         if (end != MoveEnd::kMore) return;
-        p_DH_mm = PositionIn(*best.entry, proxy.place.carrier);
         break;
       }
       case Candidate::Kind::kNone:
@@ -168,7 +177,7 @@ ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double 
     return StepBuried(surface, p_DHip_mm, proxy, cache);
   }
   Advance(surface, p_DHip_mm, false, proxy, cache, step);
-  step.p_DH_mm = proxy.p_DH_mm = PlacePosition(surface, proxy.place, cache);
+  step.p_DH_mm = proxy.p_DH_mm;
   step.density = ReportedDensity(surface, proxy.place, PlaceDensity(surface, proxy.place, cache));
   if (proxy.on_surface) {
     const Vec3 push = step.p_DH_mm - p_DHip_mm;
@@ -194,7 +203,6 @@ bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) no
 void DropToSurface(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,
                    CellCache& cache, ProxyStep& step) noexcept {
   Advance(surface, p_DHip_mm, true, proxy, cache, step);
-  proxy.p_DH_mm = PlacePosition(surface, proxy.place, cache);
 }
 
 Vec3 FreePart(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
@@ -202,7 +210,8 @@ Vec3 FreePart(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& 
   if (proxy.place.kind == Place::Kind::kOutside) return Vec3::Zero();
   const Vec3 w_mm = p_DHip_mm - PlacePosition(surface, proxy.place, cache);
   int tetrahedra = 0;
-  return BestDirection(surface, proxy.place, proxy.on_surface, w_mm, cache, tetrahedra).d_mm;
+  return BestDirection(surface, proxy.place, nullptr, proxy.on_surface, w_mm, cache, tetrahedra)
+      .d_mm;
 }
 
 double RestResidual(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,

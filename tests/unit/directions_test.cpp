@@ -252,7 +252,9 @@ void Compare(const HapticSurface& surface, Dice& dice) {
     }
     const Vec3 w_mm = AnyPull(surface, place, dice);
     int tetrahedra = 0, plain_tetrahedra = 0;
-    const Candidate best = BestDirection(surface, place, on_surface, w_mm, cache, tetrahedra);
+    const bool holds = place.kind == Place::Kind::kSimplex && compared % 2 == 0;
+    HapticCell* const held = holds ? &cache.Decomposed(surface, place.cell) : nullptr;
+    const Candidate best = BestDirection(surface, place, held, on_surface, w_mm, cache, tetrahedra);
     const Candidate plain =
         PlainSearch(surface, place, on_surface, w_mm).Run(plain_cache, plain_tetrahedra);
     ++compared;
