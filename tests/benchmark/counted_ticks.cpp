@@ -101,7 +101,7 @@ int main(int count, char** arguments) {
   if (count == 2 && slide != lab::kFixedSlides.end()) {
     Run(Slide(*slide));
   } else if (count == 3 && (what == "free" || what == "along")) {
-    Run(ToAndFro(std::atof(arguments[2]), what == "free" ? 18.0 : 10.0));
+    Run(ToAndFro(std::atof(arguments[2]), what == "free" ? 18.4 : 10.4));
   } else {
     return EXIT_FAILURE;
   }

@@ -2,10 +2,13 @@
 // saddles, with a cold cache, when τ changes, and where it is worst. See README.md.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <random>
 #include <string>
 #include <utility>
@@ -13,6 +16,7 @@
 
 #include "server/haptics/renderer.h"
 #include "server/lab/trajectory.h"
+#include "server/safety/safety.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
 #include "tests/support/made_volume.h"
@@ -103,6 +107,33 @@ BENCHMARK_CAPTURE(Sliding, gyroid_coarse_10, "builtin:gyroid:128", 2.0, 10.0);
 BENCHMARK_CAPTURE(Sliding, gyroid_coarse_50, "builtin:gyroid:128", 2.0, 50.0);
 BENCHMARK_CAPTURE(Sliding, gyroid_fine_10, "builtin:gyroid:128", 1.0 / 3.0, 10.0);
 BENCHMARK_CAPTURE(Sliding, gyroid_fine_50, "builtin:gyroid:128", 1.0 / 3.0, 50.0);
+
+// Renderer and safety four times in a millisecond: the share of a core, and p99.
+void FourKilohertz(benchmark::State& state, const char* name, double spacing_mm) {
+  constexpr double kPeriodS = kDtS / 4.0;
+  const Scene& scene = Builtin(name, spacing_mm);
+  const std::vector<Vec3> hips = SlideOver(scene, 50.0 / 4.0);  // its steps take kDtS
+  const auto renderer = std::make_unique<RendererState>();
+  Safety safety(SafetyLimits{});
+  std::vector<double> times_s;
+  for (auto _ : state) {
+    const auto begin = std::chrono::steady_clock::now();
+    const HapticOutput output =
+        StepRenderer(scene.surface, {}, hips[times_s.size() % hips.size()], kPeriodS, *renderer);
+    const Vec3 force_D_n =
+        safety.Step({.force_D_n = output.force_D_n, .p_DHip_mm = output.p_DHip_mm}, kPeriodS);
+    benchmark::DoNotOptimize(force_D_n.data());
+    times_s.push_back(
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+  }
+  const double sum_s = std::reduce(times_s.begin(), times_s.end());
+  state.counters["core"] = sum_s / (static_cast<double>(times_s.size()) * kPeriodS);
+  std::ranges::sort(times_s);
+  state.counters["p99_s"] = times_s[times_s.size() * 99 / 100];
+}
+BENCHMARK_CAPTURE(FourKilohertz, bumps_fine_50, "builtin:bumps:128", 1.0 / 3.0);
+BENCHMARK_CAPTURE(FourKilohertz, gyroid_fine_50, "builtin:gyroid:128", 1.0 / 3.0);
+BENCHMARK_CAPTURE(FourKilohertz, gyroid_coarse_50, "builtin:gyroid:128", 2.0);
 
 // What each effect adds.
 BENCHMARK_CAPTURE(Sliding, with_friction, "builtin:bumps:128", 1.0 / 3.0, 10.0,
