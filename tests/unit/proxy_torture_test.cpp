@@ -125,8 +125,9 @@ void TortureGrid(std::mt19937_64& random, int levels, int steps, Torture& result
     result.fall_throughs += !outside && surface.sign() * step.density > surface.isovalue;
     const double density = judge.HoldersAt(step.p_DH_mm).Density();
     // Also where it is no number, in a gap between cells.
-    result.misplaced += !(judge.cells().Inside(density) <= kDensityTolerance) ||
-                        step.p_DH_mm != PlacePosition(surface, proxy.place, cache);
+    result.misplaced += !(judge.cells().Inside(density) <= kDensityTolerance);
+    // One that was buried is put at the HIP.
+    result.misplaced += has_last && step.p_DH_mm != PlacePosition(surface, proxy.place, cache);
     result.jumps += has_last && !judge.MayHaveCome(last_mm, step.p_DH_mm, hip_mm);
     result.unrested += !step.capped && ApproachLeft(judge, step.p_DH_mm, hip_mm) > 0.0;
     last_mm = step.p_DH_mm;
