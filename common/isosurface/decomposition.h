@@ -45,7 +45,7 @@ inline constexpr std::array<std::array<double, 3>, kFirstInteriorVertex> kPlainP
   return places;
 }();
 
-// `d` must be finite and without ties (ties.h).
+// `d` must be finite and without ties (ties.h). `out`: as Decompose left it, or new.
 void Decompose(const CellDensities& d, DecompositionMethod method, Decomposition& out);
 inline Decomposition Decompose(const CellDensities& d, DecompositionMethod method) {
   Decomposition out;

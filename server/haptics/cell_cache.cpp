@@ -65,8 +65,10 @@ void CellCache::FillGradients(HapticCell& entry, int tetrahedron) noexcept {
 
 HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
                             std::size_t slot) noexcept {
-  if (surface.geometry_revision != geometry_revision_ || surface.free_side != free_side_) {
-    if (surface.geometry_revision != geometry_revision_) FillPlainCell(surface.X_DI);
+  const bool is_other_geometry =
+      generation_ == kNoGeneration || surface.geometry_revision != geometry_revision_;
+  if (is_other_geometry || surface.free_side != free_side_) {
+    if (is_other_geometry) FillPlainCell(surface.X_DI);
     geometry_revision_ = surface.geometry_revision;
     free_side_ = surface.free_side;
     ++generation_;

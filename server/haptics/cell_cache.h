@@ -93,7 +93,7 @@ class CellCache {
   void Decompose(const HapticSurface& surface, HapticCell& entry) noexcept {
     if (!entry.decomposed) FillDecomposition(surface, entry);
   }
-  // Valid as long as the cell.
+  // Valid until the cell's slot is filled anew.
   TetrahedronGradients Gradients(HapticCell& entry, int tetrahedron) noexcept {
     if (!(entry.known_gradients >> tetrahedron & 1)) FillGradients(entry, tetrahedron);
     return {WeightsOf(entry)[tetrahedron], entry.fall[tetrahedron]};
@@ -113,14 +113,14 @@ class CellCache {
   void FillGradients(HapticCell& entry, int tetrahedron) noexcept;
 
   static constexpr std::size_t kSlots = 128;
-  static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
+  static constexpr std::uint64_t kNoGeneration = 1;  // nothing was filled yet
 
-  std::uint64_t geometry_revision_ = kEmpty;
+  std::uint64_t geometry_revision_ = 0;
   FreeSide free_side_ = FreeSide::kBelow;
   std::array<std::uint64_t, kSlots> filled_{};           // generation_ when the slot was filled
   std::array<std::uint64_t, kSlots> volume_revision_{};  // revision for which the slot was last
                                                          // right
-  std::uint64_t generation_ = 0;
+  std::uint64_t generation_ = kNoGeneration;
   // What all plain cells (Decomposition::is_plain) have in common.
   std::array<Vec3, kFirstInteriorVertex> plain_vertex_mm_;
   std::array<WeightGradients, kDiamondComplexes[0].tetrahedron_count> plain_weight_;

@@ -241,7 +241,9 @@ bool FindFlanks(const HapticSurface& surface, const Place& place, HapticCell& ce
 // Inside a triangle, most pulls lead into one of its tetrahedra and out of the other, as two signs
 // tell. Then the longest projection is that of the first: the other's lies in the triangle, so it
 // is in both cones, and shorter. Where rounding could choose, both are examined as in a search.
-// Returns false if the triangle is not between two tetrahedra.
+// (Where one gradient of the density is 10⁸ times the other, as in a plateau of ties, a search
+// takes a direction for one of the other's, too, that is not: within 10⁻³ of its length. This does
+// not.) Returns false if the triangle is not between two tetrahedra.
 bool FindAtTriangle(const HapticSurface& surface, const Place& place, HapticCell& cell,
                     bool on_surface, const Vec3& w_mm, CellCache& cache, int& tetrahedra,
                     Candidate& best) noexcept {
@@ -318,7 +320,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
     for (std::uint32_t left = TetrahedraAt(cell.parts.complex, candidate.carrier); left;
          left &= left - 1) {
       const int t = std::countr_zero(left);
-      const TetrahedronGradients& gradients = cache.Gradients(cell, t);
+      const TetrahedronGradients gradients = cache.Gradients(cell, t);
       const TetrahedronCone tangent = MakeTetrahedronCone(cell, t, mask, gradients, false);
       const Vec3 d = ProjectOnCone(gradients.fall.normal, tangent.cone).d;
       // d is orthogonal to the part that the cone cuts off, so the slope along d is |d|.

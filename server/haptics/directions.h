@@ -30,8 +30,8 @@ struct Candidate {
 
 // Returns the longest projection of `w_mm` on the tangent cones of all tetrahedra and free cells
 // that hold the place. On H (`on_surface`), directions into the object are excluded. `held`: the
-// place's cell, decomposed, if the caller has it. Adds the number of examined tetrahedra to
-// `tetrahedra`.
+// place's cell in `cache`, decomposed, if the caller has it; its slot was not filled anew since.
+// Adds the number of examined tetrahedra to `tetrahedra`.
 Candidate BestDirection(const HapticSurface& surface, const Place& place, HapticCell* held,
                         bool on_surface, const Vec3& w_mm, CellCache& cache,
                         int& tetrahedra) noexcept;

@@ -92,7 +92,7 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
                           Place& place, bool& on_surface, CellCache& cache) noexcept {
   HapticCell& cell = *candidate.entry;
   const auto& vertices = cell.parts.complex.vertices[candidate.tetrahedron];
-  const TetrahedronGradients& gradients = cache.Gradients(cell, candidate.tetrahedron);
+  const TetrahedronGradients gradients = cache.Gradients(cell, candidate.tetrahedron);
   const Course course = CourseOf(candidate, vertices, gradients.weight);
   double end = 1.0;
   int hit = -1;

@@ -33,7 +33,7 @@ struct Carrier {
   std::array<std::uint8_t, 4> vertex{};
   std::array<double, 4> weight{};
 
-  // Calls visit(n) for each vertex. Most simplices are triangles: theirs are not counted.
+  // Calls visit(n) for each vertex. Most simplices are triangles: for them without a loop.
   template <class Visitor>
   void Visit(Visitor visit) const {
     if (count == 3) {

@@ -164,7 +164,7 @@ Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& ca
 
 }  // namespace
 
-ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
+ProxyStep StepProxy(const HapticSurface& surface, Vec3 p_DHip_mm, double eject_limit_mm,
                     Proxy& proxy, CellCache& cache) noexcept {
   if (proxy.buried) return StepBuried(surface, p_DHip_mm, proxy, cache);
   ProxyStep step;
@@ -200,8 +200,8 @@ bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) no
   return place.tetrahedron < 0 ? tetrahedra != 0 : (tetrahedra >> place.tetrahedron & 1) != 0;
 }
 
-void DropToSurface(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,
-                   CellCache& cache, ProxyStep& step) noexcept {
+void DropToSurface(const HapticSurface& surface, Vec3 p_DHip_mm, Proxy& proxy, CellCache& cache,
+                   ProxyStep& step) noexcept {
   Advance(surface, p_DHip_mm, true, proxy, cache, step);
 }
 

@@ -62,8 +62,9 @@ struct ProxyStep {
   bool capped = false;  // the limit on moves was reached, or rounding allowed no further move
 };
 
-// Makes one step towards p_DHip_mm (finite). `cache` holds no state of its own.
-ProxyStep StepProxy(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
+// Makes one step towards p_DHip_mm (finite; a copy, which may be the proxy's own position). `cache`
+// holds no state of its own.
+ProxyStep StepProxy(const HapticSurface& surface, Vec3 p_DHip_mm, double eject_limit_mm,
                     Proxy& proxy, CellCache& cache) noexcept;
 
 // For a proxy that was read and not computed: returns true if a step may start from its place.
@@ -72,8 +73,8 @@ bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) no
 
 // Moves the proxy from free space straight towards the HIP, to the point where that line meets H,
 // without sliding. Adds its work to `step`. The proxy must refer to `surface` already.
-void DropToSurface(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy& proxy,
-                   CellCache& cache, ProxyStep& step) noexcept;
+void DropToSurface(const HapticSurface& surface, Vec3 p_DHip_mm, Proxy& proxy, CellCache& cache,
+                   ProxyStep& step) noexcept;
 
 // The part of HIP - SCP_H that nothing blocks: 0 at rest, all of it in free space. The rest of HIP
 // - SCP_H is held by H, and normal to H.

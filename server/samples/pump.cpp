@@ -88,7 +88,10 @@ void Pump::Run() {
       // Keeps in step with the servo.
       next_ns = std::max(sample.time_ns + kPeriodNs + kDelayNs, MonotonicNowNs());
     }
-    if (is_idle) inbox_.FollowedUpTo(reached);
+    if (is_idle) {
+      scene_.reset();  // the next sample may have another one
+      inbox_.FollowedUpTo(reached);
+    }
   }
 }
 

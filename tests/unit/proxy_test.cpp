@@ -61,6 +61,16 @@ TEST(Proxy, OnAPlaneItIsTheClosestPoint) {
   }
 }
 
+// A recording may have any revision.
+TEST(Proxy, NoRevisionOfTheGeometryIsSpecial) {
+  for (const std::uint64_t revision : {std::uint64_t{0}, ~std::uint64_t{0}}) {
+    Prober prober = OnPlane();
+    prober.surface.geometry_revision = revision;
+    prober.Step(Vec3(4.2, 4.1, 6.0));
+    EXPECT_NEAR(prober.Step(Vec3(4.2, 4.1, 2.0)).p_DH_mm.z(), 4.3, 1e-5) << revision;
+  }
+}
+
 TEST(Proxy, InFreeSpaceItIsTheHip) {
   Prober prober = OnPlane();
   for (const Vec3& hip : {Vec3(4, 4, 6), Vec3(100, 3, 7), Vec3(100, 3, -50), Vec3(-80, 4, 60),
