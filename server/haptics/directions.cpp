@@ -234,7 +234,9 @@ bool FindFlanks(const HapticSurface& surface, const Place& place, HapticCell& ce
   mapped = CarrierInNeighbour(place.carrier, offset);
   const std::uint32_t there = TetrahedraAt(other.parts.complex, mapped);
   flanks[1 - side].Set(cell, place.carrier, place.faces, here);
-  flanks[side].Set(other, mapped, FacesInNeighbour(place.faces, offset), there);
+  // The same face, from its other side.
+  const auto faces = static_cast<std::uint8_t>(place.faces ^ 3u << (face & ~1));
+  flanks[side].Set(other, mapped, faces, there);
   return IsSingle(there);
 }
 

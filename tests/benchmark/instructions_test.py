@@ -13,10 +13,10 @@ COUNTED_TICKS = sys.argv.pop(1)
 
 # Instructions per tick that were reached. What needs less lowers them.
 REACHED = {
-    "gyroid_fine_50": 14_117,
-    "gyroid_coarse_10": 2_068,
-    "bumps_fine_50": 13_562,
-    "bumps_coarse_10": 2_017,
+    "gyroid_fine_50": 14_118,
+    "gyroid_coarse_10": 2_072,
+    "bumps_fine_50": 13_569,
+    "bumps_coarse_10": 2_022,
 }
 MOST = 1.05  # of them
 
