@@ -71,6 +71,11 @@ class AcknowledgedCall {
       void* tag = nullptr;
       bool ok = false;
       if (queue_.AsyncNext(&tag, &ok, deadline) != grpc::CompletionQueue::GOT_EVENT) {
+        // A message could not be read, and the other side waits for its acknowledgement.
+        if (finishing_ && std::chrono::steady_clock::now() > finishing_since_ + kStatusPatience) {
+          unreadable_ = true;
+          context_.TryCancel();
+        }
         return CallEvent::kTimeout;
       }
       Proceed(static_cast<Step>(reinterpret_cast<std::intptr_t>(tag)), ok);
@@ -89,6 +94,9 @@ class AcknowledgedCall {
   const grpc::Status& status() const { return status_; }
 
  private:
+  // The status of an ended call comes with its end.
+  static constexpr std::chrono::seconds kStatusPatience{1};
+
   enum Step : std::intptr_t { kStart = 1, kRead, kWrite, kFinish };
 
   static void* Tag(std::intptr_t step) { return reinterpret_cast<void*>(step); }
@@ -123,6 +131,7 @@ class AcknowledgedCall {
         break;
       case kFinish:
         ended_ = true;
+        if (unreadable_) status_ = {grpc::StatusCode::INTERNAL, "a message cannot be read"};
         break;
     }
   }
@@ -140,6 +149,7 @@ class AcknowledgedCall {
   void Finish() {
     if (!finishing_) {
       finishing_ = true;
+      finishing_since_ = std::chrono::steady_clock::now();
       call_->Finish(&status_, Tag(kFinish));
     }
   }
@@ -154,6 +164,8 @@ class AcknowledgedCall {
   bool reading_ = false;
   bool writing_ = false;
   bool finishing_ = false;
+  std::chrono::steady_clock::time_point finishing_since_;
+  bool unreadable_ = false;
   bool ended_ = false;
   grpc::Status status_;
 

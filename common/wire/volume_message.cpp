@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/error/utf8.h"
 #include "common/wire/convert.h"
 #include "common/wire/values.h"
 
@@ -32,14 +33,14 @@ LeafType LeafTypeOf(v1::VoxelType type) {
 
 void Put(VolumeLattice&& lattice, v1::StreamVolumeResponse& out) {
   v1::VolumeLattice& message = *out.mutable_lattice();
-  message.set_source(std::move(lattice.source));
+  message.set_source(Utf8(lattice.source));
   SetSize(message, lattice.size);
   *message.mutable_spacing_mm() = ToProto(lattice.spacing_mm);
   *message.mutable_world_from_index() = ToProto(lattice.X_WI);
   message.set_value_min(lattice.value_min);
   message.set_value_max(lattice.value_max);
   if (lattice.background) message.set_background(*lattice.background);
-  message.set_unit(std::move(lattice.unit));
+  message.set_unit(Utf8(lattice.unit));
   message.set_window_level(lattice.window_level);
   message.set_window_width(lattice.window_width);
   message.set_loaded_revision(lattice.loaded_revision);

@@ -10,7 +10,7 @@ from contract import Fault, comments, option
 Kind = descriptor_pb2.FieldDescriptorProto
 SCALARS = {Kind.TYPE_DOUBLE: "double", Kind.TYPE_FLOAT: "float", Kind.TYPE_BOOL: "bool",
            Kind.TYPE_INT64: "int64", Kind.TYPE_UINT64: "uint64", Kind.TYPE_FIXED64: "uint64",
-           Kind.TYPE_UINT32: "uint32", Kind.TYPE_STRING: "string", Kind.TYPE_BYTES: "string"}
+           Kind.TYPE_UINT32: "uint32", Kind.TYPE_STRING: "string", Kind.TYPE_BYTES: "bytes"}
 # Messages of geometry.proto; their values are those of common/geometry.
 GEOMETRY = ("Vector3", "Quaternion", "AffineMap")
 

@@ -16,6 +16,7 @@ ABOUT = """//
 TYPES = {"double": ("double", "0.0"), "float": ("float", "0.0f"), "bool": ("bool", "false"),
          "int64": ("std::int64_t", "0"), "uint64": ("std::uint64_t", "0"),
          "uint32": ("std::uint32_t", "0"), "string": ("std::string", ""),
+         "bytes": ("std::string", ""),
          "voxel": ("Vec3i", "Vec3i::Zero()"), "Vector3": ("Vec3", "Vec3::Zero()"),
          "Quaternion": ("UnalignedQuaternion", "UnalignedQuaternion::Identity()")}
 
@@ -32,7 +33,7 @@ def header(file: File, places: dict[str, str]) -> str:
     system = [name for name, needed in (
         ("cstdint", any("int" in field.kind for field in fields)),
         ("optional", any(field.optional for field in fields)),
-        ("string", any(field.kind == "string" for field in fields)),
+        ("string", any(field.kind in ("string", "bytes") for field in fields)),
         ("vector", any(field.repeated for field in fields))) if needed]
     ours = {places[name] for name in types & places.keys()} - {file.name}
     ours |= {"enumerations"} if any(field.kind == "enum" for field in fields) else set()
@@ -81,7 +82,7 @@ def conversions(files: list[File]) -> dict[str, str]:
             + f"\nnamespace palpate {{\n\n{declared}\n}}  // namespace palpate\n"),
         "common/wire/values.cpp": (
             HEAD.format("*.proto", "those") + '#include "common/wire/values.h"\n\n'
-            '#include "common/wire/convert.h"\n\nnamespace palpate {\n'
+            '#include "common/error/utf8.h"\n#include "common/wire/convert.h"\n\nnamespace palpate {\n'
             + "".join(map(conversion, values)) + "\n}  // namespace palpate\n")}
 
 
@@ -126,6 +127,8 @@ def giving(field: Field) -> list[str]:
             return f"static_cast<v1::{field.type}>({given})"
         if field.type == "Quaternion":
             return f"ToProto(Eigen::Quaterniond({given}))"
+        if field.kind == "string":
+            return f"Utf8({given})"
         return f"ToProto({given})" if field.kind == "message" else given
     if field.repeated and field.kind == "message":
         return [f"for (const auto& one : value.{name}) *message.add_{name}() = {one('one')};"]

@@ -4,11 +4,12 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <string_view>
+#include <string>
 #include <system_error>
 #include <tuple>
 
 #include "common/error/error.h"
+#include "common/error/utf8.h"
 #include "server/recording/recording_reader.h"
 
 namespace palpate {
@@ -20,27 +21,7 @@ namespace fs = std::filesystem;
 constexpr std::int64_t kMostSeconds = 253'402'300'799;
 
 // A message holds UTF-8; a name need not be.
-bool IsUtf8(std::string_view text) {
-  for (std::size_t n = 0; n < text.size();) {
-    const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[n + k]); };
-    const std::size_t length = byte(0) < 0x80                      ? 1
-                               : byte(0) >= 0xc2 && byte(0) < 0xe0 ? 2
-                               : byte(0) >= 0xe0 && byte(0) < 0xf0 ? 3
-                               : byte(0) >= 0xf0 && byte(0) < 0xf5 ? 4
-                                                                   : 0;
-    if (length == 0 || n + length > text.size()) return false;
-    for (std::size_t k = 1; k < length; ++k) {
-      if ((byte(k) & 0xc0) != 0x80) return false;
-    }
-    const bool too_long =
-        (byte(0) == 0xe0 && byte(1) < 0xa0) || (byte(0) == 0xf0 && byte(1) < 0x90);
-    const bool no_letter =
-        (byte(0) == 0xed && byte(1) > 0x9f) || (byte(0) == 0xf4 && byte(1) > 0x8f);
-    if (length > 1 && (too_long || no_letter)) return false;
-    n += length;
-  }
-  return true;
-}
+bool IsUtf8(const std::string& text) { return Utf8(text) == text; }
 
 bool IsBefore(const ListedRecording& a, const ListedRecording& b) {
   return std::tie(b.modified_s, a.path) < std::tie(a.modified_s, b.path);

@@ -3,6 +3,7 @@
 #include <cstddef>
 
 #include "common/error/one_line.h"
+#include "common/error/utf8.h"
 
 namespace palpate {
 namespace {
@@ -10,28 +11,10 @@ namespace {
 constexpr std::size_t kMostLines = 16;
 constexpr std::size_t kMostBytes = 300;
 
-// The length in bytes of the UTF-8 character at the start; 0 if there is none.
-std::size_t CharacterBytes(std::string_view text) {
-  const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(text[k]); };
-  const unsigned char lead = byte(0);
-  if (lead < 0x80) return 1;
-  if (lead < 0xc2 || lead > 0xf4) return 0;
-  const std::size_t bytes = lead < 0xe0 ? 2 : lead < 0xf0 ? 3 : 4;
-  if (text.size() < bytes) return 0;
-  for (std::size_t k = 1; k < bytes; ++k) {
-    if ((byte(k) & 0xc0) != 0x80) return 0;
-  }
-  // Invalid: overlong forms, surrogates, and values beyond Unicode.
-  const bool is_none = (lead == 0xe0 && byte(1) < 0xa0) || (lead == 0xed && byte(1) >= 0xa0) ||
-                       (lead == 0xf0 && byte(1) < 0x90) || (lead == 0xf4 && byte(1) >= 0x90);
-  return is_none ? 0 : bytes;
-}
-
-// A message with a string that is not UTF-8 could not be decoded at all.
 std::string Fit(std::string_view text) {
   std::string fit;
   while (!text.empty()) {
-    const std::size_t bytes = CharacterBytes(text);
+    const std::size_t bytes = Utf8CharacterBytes(text);
     const std::string_view next = bytes == 0 ? "?" : text.substr(0, bytes);
     if (fit.size() + next.size() > kMostBytes) break;
     fit += next;

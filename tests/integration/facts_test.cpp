@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "client/sdk/acknowledged_call.h"
 #include "client/sdk/client.h"
 #include "palpate/v1/facts.grpc.pb.h"
 #include "tests/support/patience.h"
@@ -35,7 +36,9 @@ class FactsTest : public ::testing::Test {
 
   test::TemporaryFolder folder_;
   const std::string socket_ = folder_.path() / "palpated.sock";
-  testing::ServedSession served_{socket_};
+  // Twice as many streams are fewer than a connection may have: the others would wait.
+  static constexpr int kStreams = 32;
+  testing::ServedSession served_{socket_, {.pose_streams = kStreams}};
 };
 
 TEST_F(FactsTest, ALibraryHasAllOfNowAndThenWhatChanges) {
@@ -122,6 +125,40 @@ TEST_F(FactsTest, WhoDoesNotReadDelaysNobodyAndThenSeesTheNewest) {
   slow.Cancel();
 }
 
+// Sends a text that is not UTF-8, and waits for the acknowledgement.
+class Unreadable final : public v1::FactsService::Service {
+  grpc::Status Follow(
+      grpc::ServerContext*,
+      grpc::ServerReaderWriter<v1::FollowResponse, v1::FollowRequest>* stream) final {
+    v1::FollowRequest request;
+    v1::FollowResponse response;
+    response.mutable_facts()->mutable_volume()->set_unit("\xb5m");
+    stream->Write(response);
+    while (stream->Read(&request)) {
+    }
+    return grpc::Status::OK;
+  }
+};
+
+TEST(Facts, AMessageThatCannotBeReadEndsTheStream) {
+  const test::TemporaryFolder folder;
+  const std::string target = "unix:" + (folder.path() / "s").string();
+  Unreadable service;
+  grpc::ServerBuilder builder;
+  builder.AddListeningPort(target, grpc::InsecureServerCredentials());
+  builder.RegisterService(&service);
+  const auto server = builder.BuildAndStart();
+  const auto stub =
+      v1::FactsService::NewStub(grpc::CreateChannel(target, grpc::InsecureChannelCredentials()));
+  client::AcknowledgedCall<v1::FollowRequest, v1::FollowResponse> call(
+      {}, [&](auto* context, auto* queue) { return stub->PrepareAsyncFollow(context, queue); });
+  v1::FollowResponse message;
+  EXPECT_TRUE(Eventually([&] {
+    return call.Next(std::chrono::milliseconds(50), message) == client::CallEvent::kEnded;
+  }));
+  EXPECT_EQ(call.status().error_code(), grpc::StatusCode::INTERNAL);
+}
+
 TEST_F(FactsTest, AStreamBeginsWithAStart) {
   Reader reader(socket_);
   ASSERT_TRUE(reader.Send({}));
@@ -134,7 +171,7 @@ TEST_F(FactsTest, AStreamBeginsWithAStart) {
 // Refused ones, too: more than one identity may have at once.
 TEST_F(FactsTest, StreamsThatEndAtOnceHarmNobody) {
   std::vector<std::unique_ptr<Reader>> readers;
-  for (int n = 0; n < 2 * LimitOptions().pose_streams; ++n) {
+  for (int n = 0; n < 2 * kStreams; ++n) {
     readers.push_back(std::make_unique<Reader>(socket_));
     readers.back()->Start();
     if (n % 2 == 1) readers.back()->Cancel();

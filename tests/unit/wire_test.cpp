@@ -13,6 +13,7 @@
 #include "common/wire/address.h"
 #include "common/wire/convert.h"
 #include "common/wire/status.h"
+#include "common/wire/values.h"
 #include "common/wire/volume_message.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
@@ -149,6 +150,18 @@ AffineMap Map() {
   map.linear << 1, 2, 3, 4, 5, 6, 7, 8, 10;
   map.translation = Vec3(-1, 0.5, 1e-9);
   return map;
+}
+
+// Files and paths may hold others. C++ would send them, and nobody could read the message.
+TEST(ConvertTest, TextsAreUtf8) {
+  const v1::VolumeDescription volume = ToProto(VolumeDescription{
+      .source = "M\xfcller \xc3\xa4 \xe2\x82", .warnings = {"\xff"}, .name = "\xed\xa0\x80"});
+  EXPECT_EQ(volume.source(), "M?ller \xc3\xa4 ??");
+  EXPECT_EQ(volume.warnings(0), "?");
+  VolumeLattice lattice;
+  lattice.unit = "\xb5m";
+  EXPECT_EQ(ToProto(VolumeMessage{1, lattice}).lattice().unit(), "?m");
+  EXPECT_EQ(volume.name(), "???");
 }
 
 TEST(ConvertTest, AMapHasItsRowsOneAfterTheOther) {
