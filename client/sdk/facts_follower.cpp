@@ -61,10 +61,10 @@ void FactsFollower::Run() {
     if (epoch == 0) continue;
     try {
       Follow(epoch);
+      monitor_.Pause(kFactsPoll);
     } catch (const Error& error) {
-      // If the daemon is gone, the pose thread says so, and connects again. A cancelled stream is
-      // of another role: the next one tells it.
-      if (error.kind() != ErrorKind::kCancelled) Put({.problem = error.what()}, epoch);
+      // If the daemon is gone, the pose thread says so, and connects again.
+      Put({.problem = error.what()}, epoch);
       for (int n = 0; n < kPollsAfterRefusal && monitor_.IsConnected(epoch); ++n) {
         monitor_.Pause(kFactsPoll);
       }
@@ -72,7 +72,8 @@ void FactsFollower::Run() {
   }
 }
 
-// Throws an Error if the daemon ends the stream.
+// Throws an Error if the daemon ends the stream. One that it cancels is of another role: the next
+// one tells it.
 void FactsFollower::Follow(std::uint64_t epoch) {
   const std::unique_ptr<v1::FactsService::Stub> stub = v1::FactsService::NewStub(link_.channel());
   v1::FollowRequest start;
@@ -95,6 +96,7 @@ void FactsFollower::Follow(std::uint64_t epoch) {
       case CallEvent::kTimeout:
         break;
       case CallEvent::kEnded:
+        if (call.status().error_code() == grpc::StatusCode::CANCELLED) return;
         throw call.status().ok() ? Error(ErrorKind::kUnavailable, "palpated ended the stream")
                                  : link_.ErrorOf(call.status());
     }

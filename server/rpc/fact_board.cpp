@@ -87,7 +87,8 @@ void FactBoard::Run() {
     }
     auto next = Clock::time_point::max();
     for (const Fact& fact : facts_) next = std::min(next, fact.due());
-    wake_.wait_until(lock, next);
+    // Else the lock was never free since they were set: nobody wakes this again.
+    if (!stopped_ && !has_new_follower_) wake_.wait_until(lock, next);
   }
 }
 

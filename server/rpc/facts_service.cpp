@@ -38,6 +38,7 @@ class Reactor final : public Bidi,
   }
 
   void OnReadDone(bool ok) override {
+    request_.DiscardUnknownFields();  // megabytes of them would stay with the stream
     const bool is_start = ok && request_.has_start() && !is_begun_;
     // Without the lock: the board may end this at once.
     if (is_start) board_.Add(weak_from_this());
@@ -151,17 +152,18 @@ void PutSeries(Session& session, const SeriesPlayer& series, v1::Facts& facts) {
 FactsService::FactsService(Access& access, Session& session, const SeriesPlayer& series,
                            const RecordingControl& recording, const DeviceService& device)
     : access_(access),
-      // A replay begins and ends with a scene: the forces are off meanwhile.
-      board_({{[&](auto& facts) { PutSettings(session, facts); }, kSoon, {kScene}},
+      // While the first volume is loaded, settings change without a scene. A replay begins and ends
+      // with a scene: the forces are off meanwhile.
+      board_({{[&](auto& facts) { PutSettings(session, facts); }, kSoon, {kScene, kAny}},
               {[&](auto& facts) { PutPlacement(session, facts); }, kSoon, {kScene}},
-              {[&](auto& facts) { PutVolume(session, facts); }, kLater, {kScene}},
+              {[&](auto& facts) { PutVolume(session, facts); }, kLater, {kScene, "saved"}},
               {[&](auto& facts) { PutSeries(session, series, facts); }, kLater, {kScene, "series"}},
               {[&](auto& facts) { *facts.mutable_recording() = ToProto(recording.status()); },
                kLater,
                {kScene, "recording"}},
               {[&](auto& facts) { *facts.mutable_hands() = ToProto(device.Hands()); },
                kLater,
-               {"forces", "hand"}},
+               {kScene, "forces", "hand"}},
               {[&](auto& facts) { *facts.mutable_activity() = ToProto(access.activity()); },
                kLater,
                {kAny}}}),

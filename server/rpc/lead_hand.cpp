@@ -139,7 +139,10 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
     if (finished_) return;
     finished_ = true;
     why_ = why;
-    if (lead_ != 0) parts_.hand.GiveBack(lead_);
+    if (lead_ != 0) {
+      parts_.hand.GiveBack(lead_);
+      admission_.Changed("hand");
+    }
     if (alarm_) alarm_->Cancel();
     admission_.Answered(status, 0);
     Finish(status);

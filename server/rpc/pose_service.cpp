@@ -36,6 +36,7 @@ class PoseReactor final
   }
 
   void OnReadDone(bool ok) override {
+    request_.DiscardUnknownFields();  // megabytes of them would stay with the stream
     const grpc::Status asked = ok ? Ask() : grpc::Status::OK;
     const bool started = HandleRead(ok, asked);
     // Called without the lock: the pump locks its sinks first and this stream afterwards.

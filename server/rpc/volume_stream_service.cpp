@@ -36,6 +36,7 @@ class VolumeReactor final : public VolumeStreamReactor,
   void End() override { FinishOnce({grpc::StatusCode::UNAVAILABLE, "palpated is ending"}); }
 
   void OnReadDone(bool ok) override {
+    request_.DiscardUnknownFields();  // megabytes of them would stay with the stream
     if (!ok) {
       // The client has closed its side: there will be no acknowledgements.
       FinishOnce(stream_ ? grpc::Status::OK : MissingStart());
