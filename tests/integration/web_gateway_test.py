@@ -16,6 +16,7 @@ import numpy as np
 from palpate._brick_hash import hash_of_bricks
 from palpate._geometry import matrix_of_map
 
+from free_port import free_port
 from gateway import PALPATE_WEB, Copy, Gateway, Guest
 from support import Daemon, DaemonTest, wait_until
 
@@ -234,6 +235,34 @@ class Losses(unittest.TestCase):
                 revision = conn.volume.info().volume_revision
             guest.wait_for("manifest", lambda message: message["revision"] == revision)
             self.assertGreater(guest.pose.pose.tick, 0)
+
+    def test_another_role_of_the_gateway_is_no_loss(self):
+        with Daemon("builtin:sphere:20", listen=f"127.0.0.1:{free_port()}",
+                    config={"server": ['loopback_role = "viewer"']}) as daemon, \
+                Gateway(None, ["--server", f"127.0.0.1:{daemon.port}"]) as gateway, \
+                Guest(gateway) as guest:
+            with daemon.connect() as conn:
+                conn.recording.start(str(daemon.folder / "goes_on.mcap"))
+            guest.wait_for("recording", lambda recording: recording.running)
+            heard = len(guest.heard)
+            config = daemon.folder / "palpated.toml"
+            config.write_text(config.read_text().replace('"viewer"', '"editor"'))
+            daemon.process.send_signal(signal.SIGHUP)
+            self.assertTrue(wait_until(lambda: "warning" in "".join(gateway.said)))
+            self.assertNotIn("does not tell", "".join(gateway.said))
+            self.assertTrue(all(message["fact"].running for message in guest.heard[heard:]
+                                if message["type"] == "recording"))
+
+    def test_voxels_come_without_a_name_while_facts_are_refused(self):
+        with Daemon("builtin:sphere:20", config={"limits": ["pose_streams = 1"]}) as daemon, \
+                daemon.connect() as conn:
+            facts = conn.facts()
+            next(facts)
+            with Gateway(daemon) as gateway, Guest(gateway) as guest:
+                guest.wait_for("manifest")
+                self.assertEqual(guest.wait_for("volume").name, "")
+                facts.close()
+                guest.wait_for("volume", lambda message: message.name)
 
     def test_the_gateway_starts_without_palpated_and_ends_in_order(self):
         with Daemon("builtin:sphere:20") as daemon:

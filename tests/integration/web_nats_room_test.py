@@ -93,18 +93,24 @@ class RoomTest(unittest.TestCase):
             with Guest(receiver) as guest:
                 self.require_connected(guest)
                 self.require_shown(guest, room.daemon)
+                with room.daemon.connect() as conn:
+                    conn.recording.start(str(room.daemon.folder / "lost.mcap"))
+                guest.wait_for("recording", lambda recording: recording.running)
                 for kill, start in (
-                        (lambda: room.daemon.end(signal.SIGKILL), room.daemon.start),
                         (room.nats.kill, room.nats.start),
-                        (lambda: kill_gateway(room.publisher), room.publisher.start)):
+                        (lambda: kill_gateway(room.publisher), room.publisher.start),
+                        (lambda: room.daemon.end(signal.SIGKILL), room.daemon.start)):
                     kill()
                     guest.wait_for("connection", lambda message: message["state"] == "lost"
                                    and message["why"])
                     self.assertTrue(wait_until(lambda: not guest.pose.fresh))
+                    guest.wait_for("recording", lambda recording: not recording.running)
                     # What guests saw last is still there.
                     self.assertIsNotNone(guest.blob(guest.topics["manifest"]["name"]))
                     start()
                     self.require_connected(guest)
+                    if start != room.daemon.start:
+                        guest.wait_for("recording", lambda recording: recording.running)
                     with room.daemon.connect() as conn:
                         conn.edit.sphere((20, 20, 20), 4.0, "add", 0.01, frame="index")
                     self.require_shown(guest, room.daemon)

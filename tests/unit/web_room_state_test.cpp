@@ -41,6 +41,13 @@ struct Room {
   std::string Why() const { return state.At(now).why; }
 };
 
+TEST(RoomBeat, ItsProtocolIsAWholeNumber) {
+  EXPECT_EQ(ParseBeat(R"({"protocol": 2})")->protocol, 2);
+  for (const std::string protocol : {"2.5", "-2", "4294967298", "18446744073709551618", "\"2\""}) {
+    EXPECT_FALSE(ParseBeat("{\"protocol\": " + protocol + "}")) << protocol;
+  }
+}
+
 TEST(RoomState, ThePublishersWordCountsWhileItIsHeard) {
   Room room;
   room.Link(true);

@@ -8,6 +8,11 @@
 #include "client/web/access/secret.h"
 
 namespace palpate::web {
+namespace {
+
+constexpr int kMostProtocol = 1'000'000;
+
+}  // namespace
 
 std::string ToJson(const Beat& beat) {
   return nlohmann::ordered_json{{"protocol", beat.protocol},
@@ -20,7 +25,9 @@ std::string ToJson(const Beat& beat) {
 std::optional<Beat> ParseBeat(std::string_view json) {
   const auto read = nlohmann::json::parse(json, nullptr, false);
   try {
-    Beat beat{.protocol = read.at("protocol").get<int>()};
+    const auto& protocol = read.at("protocol");
+    if (!protocol.is_number_unsigned() || protocol > kMostProtocol) return std::nullopt;
+    Beat beat{.protocol = protocol.get<int>()};
     beat.session = read.value("session", std::string());
     beat.machine = read.value("machine", std::string());
     if (beat.protocol == kRoomProtocol) beat.kept = read.value("kept", beat.kept);

@@ -1,5 +1,7 @@
 #include "client/web/nats/room_source.h"
 
+#include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -17,6 +19,8 @@ using std::chrono::steady_clock;
 
 constexpr std::size_t kMostAsked = 64;  // at a time
 constexpr std::chrono::seconds kSteerPatience{3};
+// What palpated does. While the room is not live, nobody knows whether it still does.
+constexpr std::array kDoing = {Topic::kSeries, Topic::kRecording};
 
 }  // namespace
 
@@ -156,6 +160,8 @@ void RoomSource::Take() {
     if (!text) continue;
     if (static_cast<Topic>(topic) == Topic::kConnection) {
       state_.TakeText(*text);
+    } else if (std::ranges::count(kDoing, static_cast<Topic>(topic)) > 0) {
+      doing_[topic] = *std::move(text);
     } else {
       hub_.Put(static_cast<Topic>(topic), *std::move(text));
     }
@@ -199,6 +205,10 @@ void RoomSource::PutConnection() {
   if (connection_.state != before.state || connection_.why != before.why) {
     options_.log("room " + options_.room + ": " +
                  (is_connected ? "live" : OneLine(connection_.why)));
+  }
+  for (const Topic topic : kDoing) {
+    const std::string& told = doing_[static_cast<std::size_t>(topic)];
+    hub_.Put(topic, is_connected && !told.empty() ? told : NoFactEnvelope(*FactOf(topic)));
   }
   // The last pose again, as an old one.
   if (before.state == client::ConnectionState::kConnected && !is_connected) PutPose(pose_);

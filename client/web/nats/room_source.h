@@ -86,7 +86,8 @@ class RoomSource final : public Source {
   RoomState state_;
   RoomState::Connection connection_;
   std::int64_t connection_since_ms_ = 0;
-  std::string pose_;  // the newest, as the publisher sent it
+  std::string pose_;                        // the newest, as the publisher sent it
+  std::array<std::string, kTopics> doing_;  // what the publisher told of series and recording
   std::uint64_t missing_groups_ = 0;
   std::string last_line_;
 

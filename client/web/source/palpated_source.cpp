@@ -130,12 +130,10 @@ void PalpatedSource::PutFacts(const client::Facts& facts) {
   CheckRights(facts.caller.role);
   if (facts.problem != std::exchange(facts_problem_, facts.problem) && !facts.problem.empty()) {
     options_.log("palpated does not tell what changes: " + OneLine(facts.problem));
-    is_held_ = false;  // its name will not come
   }
   info_ = FactEnvelope(facts.message, GuestFact::kVolume);
   info_revision_ = facts.volume ? facts.volume->loaded_revision : 0;
-  PutVolumeInfo();
-  if (!is_held_) PutHeld();
+  PutHeld();
 }
 
 void PalpatedSource::CheckRights(client::Role role) {
@@ -147,12 +145,11 @@ void PalpatedSource::CheckRights(client::Role role) {
 void PalpatedSource::PutVolume(const VolumeNews& news) {
   if (news.lattice) {
     lattice_ = news.lattice;
-    is_held_ = true;
+    name_ = Name::kAwaited;
   }
   if (news.placement) placement_ = PlacementEnvelope(*news.placement);
   if (news.manifest) manifest_ = ManifestText(*news.manifest);
-  PutVolumeInfo();
-  if (!is_held_) PutHeld();
+  PutHeld();
   hub_.Put(Topic::kCopy,
            CopyText(news.status.bricks_left, PlainProblem(news.status), news.status.is_loading));
   if (news.status.problem != problem_ && !news.status.problem.empty()) {
@@ -163,13 +160,16 @@ void PalpatedSource::PutVolume(const VolumeNews& news) {
     options_.log("a change of the volume waits for the next one: " + news.failure);
 }
 
-void PalpatedSource::PutVolumeInfo() {
-  if (!is_held_ || !info_ || info_revision_ != lattice_->loaded_revision) return;
-  is_held_ = false;
-  hub_.Put(Topic::kVolume, *info_);
-}
-
+// A volume's voxels wait for its name; without a name if facts are refused.
 void PalpatedSource::PutHeld() {
+  if (name_ != Name::kPut && info_ && info_revision_ == lattice_->loaded_revision) {
+    name_ = Name::kPut;
+    hub_.Put(Topic::kVolume, *info_);
+  } else if (name_ == Name::kAwaited && !facts_problem_.empty()) {
+    name_ = Name::kMissing;
+    hub_.Put(Topic::kVolume, NoFactEnvelope(GuestFact::kVolume));
+  }
+  if (name_ == Name::kAwaited) return;
   if (!placement_.empty()) hub_.Put(Topic::kPlacement, std::exchange(placement_, {}));
   if (!manifest_.empty()) hub_.Put(Topic::kManifest, std::exchange(manifest_, {}));
 }

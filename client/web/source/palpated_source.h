@@ -58,7 +58,6 @@ class PalpatedSource final : public Source {
   void PutFacts(const client::Facts& facts);
   void CheckRights(client::Role role);
   void PutVolume(const VolumeNews& news);
-  void PutVolumeInfo();
   void PutHeld();
   void PutSteered(const SteerRequest& request, const std::string& error);
 
@@ -70,9 +69,9 @@ class PalpatedSource final : public Source {
   std::optional<VolumeLattice> lattice_;
   std::optional<std::string> info_;  // the newest volume's, as guests get it
   std::uint64_t info_revision_ = 0;  // its loaded_revision
-  // Another volume's lattice is here and its info not yet: so that its voxels do not come under the
-  // name of the last one.
-  bool is_held_ = false;
+  // Of the newest lattice's volume. Its voxels do not come under the name of the last one.
+  enum class Name : std::uint8_t { kAwaited, kMissing, kPut };
+  Name name_ = Name::kPut;
   std::string placement_, manifest_;  // empty: nothing new
   client::Role role_ = client::Role::kUnknown;
   std::string facts_problem_;
