@@ -131,7 +131,9 @@ class AcknowledgedCall {
         break;
       case kFinish:
         ended_ = true;
-        if (unreadable_) status_ = {grpc::StatusCode::INTERNAL, "a message cannot be read"};
+        if (unreadable_ && status_.error_code() == grpc::StatusCode::CANCELLED) {
+          status_ = {grpc::StatusCode::INTERNAL, "a message cannot be read"};
+        }
         break;
     }
   }

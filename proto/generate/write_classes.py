@@ -18,7 +18,7 @@ import numpy.typing as npt
 from palpate._enums import {enums}
 '''
 TYPES = {"double": "float", "bool": "bool", "int64": "int", "uint64": "int", "uint32": "int",
-         "string": "str", "Vector3": "npt.NDArray[np.float64]"}
+         "string": "str", "bytes": "bytes", "Vector3": "npt.NDArray[np.float64]"}
 
 
 def classes(files: list[File]) -> dict[str, str]:

@@ -100,6 +100,10 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
 
 std::string Admission::Who() const { return WhoInWords(running_->caller, running_->peer); }
 
+void Admission::MayHaveChanged(std::string_view what) const {
+  if (access_) access_->activity_.MayHaveChanged(what);
+}
+
 void Admission::Changed(std::string_view what) const {
   if (access_) access_->activity_.Changed(what, Who(), MonotonicNowNs());
 }

@@ -71,6 +71,8 @@ class Admission {
   const std::string& peer() const { return running_->peer; }
   // The admitted call has changed this; see Activity. Call it after the change has succeeded.
   void Changed(std::string_view what) const;
+  // For facts that are other ones now, without a change that others should be told of.
+  void MayHaveChanged(std::string_view what) const;
   // Ends the admission: the call is over.
   void Leave();
   // Returns the status of an admitted call that failed. Logs the failures of transfers and of

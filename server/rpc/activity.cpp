@@ -68,7 +68,7 @@ void Activity::Changed(std::string_view what, std::string by, std::int64_t now_n
     std::erase_if(changes_, [&](const Change& change) { return change.what == what; });
     changes_.push_back({std::string(what), std::move(by), now_ns});
   }
-  if (on_change_) on_change_(what);
+  MayHaveChanged(what);
 }
 
 std::vector<Activity::Caller> Activity::callers(std::int64_t now_ns) const {

@@ -49,11 +49,15 @@ class Activity {
   // over. False: there are too many callers to remember this one.
   bool Came(const Identity& identity, const std::string& peer, bool watches, std::int64_t now_ns);
   void Left(const Identity& identity, const std::string& peer, bool watches, std::int64_t now_ns);
-  // Called after each Changed, on its thread; must not wait. Set it before the first.
+  // Called after each Changed and MayHaveChanged, on its thread; must not wait. Set it before the
+  // first.
   using OnChange = std::function<void(std::string_view what)>;
   void SetOnChange(OnChange call) { on_change_ = std::move(call); }
   // The thing was changed. `what`: one of a few names.
   void Changed(std::string_view what, std::string by, std::int64_t now_ns);
+  void MayHaveChanged(std::string_view what) const {
+    if (on_change_) on_change_(what);
+  }
 
   // Those who are here, in the order in which they came.
   std::vector<Caller> callers(std::int64_t now_ns) const;

@@ -152,8 +152,8 @@ void PutSeries(Session& session, const SeriesPlayer& series, v1::Facts& facts) {
 FactsService::FactsService(Access& access, Session& session, const SeriesPlayer& series,
                            const RecordingControl& recording, const DeviceService& device)
     : access_(access),
-      // While the first volume is loaded, settings change without a scene. A replay begins and ends
-      // with a scene: the forces are off meanwhile.
+      // While the first volume is loaded, settings change without a scene. During a replay, the
+      // forces are off.
       board_({{[&](auto& facts) { PutSettings(session, facts); }, kSoon, {kScene, kAny}},
               {[&](auto& facts) { PutPlacement(session, facts); }, kSoon, {kScene}},
               {[&](auto& facts) { PutVolume(session, facts); }, kLater, {kScene, "saved"}},
@@ -163,7 +163,7 @@ FactsService::FactsService(Access& access, Session& session, const SeriesPlayer&
                {kScene, "recording"}},
               {[&](auto& facts) { *facts.mutable_hands() = ToProto(device.Hands()); },
                kLater,
-               {kScene, "forces", "hand"}},
+               {"forces", "hand", "recording"}},
               {[&](auto& facts) { *facts.mutable_activity() = ToProto(access.activity()); },
                kLater,
                {kAny}}}),

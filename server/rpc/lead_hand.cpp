@@ -141,7 +141,7 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
     why_ = why;
     if (lead_ != 0) {
       parts_.hand.GiveBack(lead_);
-      admission_.Changed("hand");
+      admission_.MayHaveChanged("hand");
     }
     if (alarm_) alarm_->Cancel();
     admission_.Answered(status, 0);

@@ -140,7 +140,7 @@ EventStream<v1::SaveVolumeResponse>* VolumeService::SaveVolume(
       [=, this](auto& events, const auto& cancelled) {
         v1::SaveVolumeResponse event;
         SaveTo(*request, ProgressTo(events), cancelled, *event.mutable_result());
-        events.admission().Changed("saved");
+        events.admission().MayHaveChanged("saved");
         LogInfo("saved volume revision {} to {} ({} bytes)", event.result().volume_revision(),
                 request->path(), event.result().size_bytes());
         events.Send(std::move(event));

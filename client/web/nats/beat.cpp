@@ -1,6 +1,7 @@
 #include "client/web/nats/beat.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -10,7 +11,7 @@
 namespace palpate::web {
 namespace {
 
-constexpr int kMostProtocol = 1'000'000;
+constexpr std::uint64_t kMostProtocol = 1'000'000;
 
 }  // namespace
 
@@ -26,7 +27,9 @@ std::optional<Beat> ParseBeat(std::string_view json) {
   const auto read = nlohmann::json::parse(json, nullptr, false);
   try {
     const auto& protocol = read.at("protocol");
-    if (!protocol.is_number_unsigned() || protocol > kMostProtocol) return std::nullopt;
+    if (!protocol.is_number_unsigned() || protocol.get<std::uint64_t>() > kMostProtocol) {
+      return std::nullopt;
+    }
     Beat beat{.protocol = protocol.get<int>()};
     beat.session = read.value("session", std::string());
     beat.machine = read.value("machine", std::string());

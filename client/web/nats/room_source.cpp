@@ -206,9 +206,10 @@ void RoomSource::PutConnection() {
     options_.log("room " + options_.room + ": " +
                  (is_connected ? "live" : OneLine(connection_.why)));
   }
+  const bool is_told = is_connected && kept_->is_connected();
   for (const Topic topic : kDoing) {
     const std::string& told = doing_[static_cast<std::size_t>(topic)];
-    hub_.Put(topic, is_connected && !told.empty() ? told : NoFactEnvelope(*FactOf(topic)));
+    hub_.Put(topic, is_told && !told.empty() ? told : NoFactEnvelope(*FactOf(topic)));
   }
   // The last pose again, as an old one.
   if (before.state == client::ConnectionState::kConnected && !is_connected) PutPose(pose_);

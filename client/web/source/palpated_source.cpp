@@ -106,6 +106,10 @@ void PalpatedSource::PutConnection(const client::Connection& connection) {
     // palpated counts anew when it starts again: another volume may have the same revision. And
     // nobody knows whether it still records.
     PutFacts({});
+    // Nor does a name that comes belong to this lattice: another one comes first.
+    name_ = Name::kPut;
+    placement_.clear();
+    manifest_.clear();
     // The last pose again, as an old one.
     if (hub_.pose()) PutPose(false);
   }
