@@ -88,7 +88,9 @@ std::vector<std::string_view> WordsOf(const Setting& setting) {
 std::string ValuesOf(const Setting& setting) {
   if (const auto* number = std::get_if<NumberSetting>(&setting.kind)) {
     if (!std::isfinite(number->maximum)) return "a number";
-    return WithUnit(fmt::format("{:g} to {:g}", number->minimum, number->maximum), setting);
+    const char* const whole = number->whole ? ", whole" : "";
+    return WithUnit(fmt::format("{:g} to {:g}{}", number->minimum, number->maximum, whole),
+                    setting);
   }
   const std::vector<std::string_view> words = WordsOf(setting);
   std::string text;

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -26,6 +27,12 @@ struct NumberSetting {
   std::optional<double> SettingsUpdate::*update;
   double minimum, maximum;  // infinite for the isovalue: the volume has its range
   double initial;
+  bool whole;  // only whole numbers
+
+  // False for NaN.
+  bool Allows(double value) const {
+    return value >= minimum && value <= maximum && (!whole || value == std::floor(value));
+  }
 };
 
 struct FlagSetting {

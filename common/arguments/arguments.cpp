@@ -226,6 +226,7 @@ PALPATE_OPTIONS_OF(std::optional<std::int64_t>);
 PALPATE_OPTIONS_OF(std::optional<std::uint32_t>);
 PALPATE_OPTIONS_OF(std::optional<std::uint64_t>);
 PALPATE_OPTIONS_OF(std::optional<double>);
+PALPATE_OPTIONS_OF(std::optional<int>);
 PALPATE_OPTIONS_OF(std::optional<std::string>);
 PALPATE_OPTIONS_OF(std::vector<int>);
 PALPATE_OPTIONS_OF(std::vector<std::int64_t>);

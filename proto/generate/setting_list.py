@@ -28,6 +28,7 @@ class Setting:
     unit: str
     minimum: float | None
     maximum: float | None
+    whole: bool
     shown_with: str
     details: str  # the comment above the field
     enum: str  # of a choice, "FreeSide"
@@ -63,6 +64,8 @@ def values_of(setting: Setting) -> str:
         return one_of(setting.words)
     if setting.minimum is None:
         return "a number"
+    if setting.whole:
+        return one_of(list(map(str, range(int(setting.minimum), int(setting.maximum) + 1))))
     unit = f" {setting.unit}" if setting.unit else ""
     return f"{text_of(setting.minimum)} to {text_of(setting.maximum)}{unit}"
 
@@ -107,8 +110,8 @@ def _setting(field: typing.Any, says: typing.Any, words: dict[str, tuple[str, ..
         default={"number": says.default_number, "flag": says.default_flag,
                  "choice": says.default_choice}[kind],
         unit=says.unit, minimum=says.minimum if says.HasField("minimum") else None,
-        maximum=says.maximum if says.HasField("maximum") else None, shown_with=says.shown_with,
-        details=details, enum=enum, words=words.get(enum, ()))
+        maximum=says.maximum if says.HasField("maximum") else None, whole=says.whole,
+        shown_with=says.shown_with, details=details, enum=enum, words=words.get(enum, ()))
 
 
 def _check(settings: list[Setting]) -> None:

@@ -41,7 +41,7 @@ def daemon(settings: list[Setting]) -> str:
     for setting in numbers:
         unit = f" {setting.unit}" if setting.unit else ""
         text += (f'    {{"{setting.key}", &HapticSettings::{setting.key}, {setting.minimum!r}, '
-                 f'{setting.maximum!r}, "{unit}"}},\n')
+                 f'{setting.maximum!r}, "{unit}", {str(setting.whole).lower()}}},\n')
     text += "}};\n\n"
     text += f"inline constexpr std::array<FlagSetting, {len(flags)}> kFlagSettings = {{{{\n"
     for setting in flags:
@@ -93,7 +93,7 @@ def entry(setting: Setting) -> str:
         limits = [f"{side}std::numeric_limits<double>::infinity()" for side in ("-", "")]
         if setting.minimum is not None:
             limits = [repr(setting.minimum), repr(setting.maximum)]
-        kind = f"NumberSetting{{{members}, {', '.join(limits)}, {value(setting)}}}"
+        kind = f"NumberSetting{{{members}, {', '.join(limits)}, {value(setting)}, {str(setting.whole).lower()}}}"
     elif setting.kind == "flag":
         kind = f"FlagSetting{{{members}, {value(setting)}}}"
     else:

@@ -26,7 +26,8 @@ def toml_key(setting: Setting) -> str:
         lines.append(values_of(setting))
     if setting.kind == "choice":
         lines.append(one_of([f'"{word}"' for word in setting.words]))
-    default = {"number": repr(setting.default), "flag": str(setting.default).lower(),
+    number = text_of(setting.default) if setting.whole else repr(setting.default)
+    default = {"number": number, "flag": str(setting.default).lower(),
                "choice": f'"{setting.default}"'}[setting.kind]
     return "".join(f"# {line}\n" for line in lines) + f"{setting.key} = {default}\n"
 

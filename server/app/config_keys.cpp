@@ -165,9 +165,9 @@ Setters HapticsSetters() {
   for (const NumberSetting& setting : kNumberSettings) {
     setters["haptics." + std::string(setting.key)] = [&setting](E e, C c) {
       const double value = e.Number();
-      // The condition is false for NaN.
-      if (!(value >= setting.low && value <= setting.high)) {
-        Refuse(fmt::format("must be from {} to {}{}", setting.low, setting.high, setting.unit));
+      if (!setting.Allows(value)) {
+        Refuse(fmt::format("must be {} from {} to {}{}", setting.what(), setting.low, setting.high,
+                           setting.unit));
       }
       c.haptics.*setting.member = value;
     };

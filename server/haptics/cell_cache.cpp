@@ -65,11 +65,13 @@ void CellCache::FillGradients(HapticCell& entry, int tetrahedron) noexcept {
 
 HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
                             std::size_t slot) noexcept {
-  const bool is_other_geometry =
-      generation_ == kNoGeneration || surface.geometry_revision != geometry_revision_;
+  const bool is_other_geometry = generation_ == kNoGeneration ||
+                                 surface.geometry_revision != geometry_revision_ ||
+                                 surface.lattice.refinement() != refinement_;
   if (is_other_geometry || surface.free_side != free_side_) {
-    if (is_other_geometry) FillPlainCell(surface.X_DI);
+    if (is_other_geometry) FillPlainCell(surface.X_DL);
     geometry_revision_ = surface.geometry_revision;
+    refinement_ = surface.lattice.refinement();
     free_side_ = surface.free_side;
     ++generation_;
   }
@@ -79,23 +81,43 @@ HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
   // After an edit elsewhere, only the bricks' revisions are checked; the cell is not decomposed
   // again.
   const bool is_right = is_filled && (volume_revision_[slot] == revision ||
-                                      surface.volume->CellRevision(cell) <= volume_revision_[slot]);
+                                      surface.lattice.CellRevision(cell) <= volume_revision_[slot]);
   volume_revision_[slot] = revision;
   if (is_right) return entry;
   filled_[slot] = generation_;
   entry.cell = cell;
-  entry.stored = surface.volume->StoredCell(cell);
-  entry.densities = VolumeSnapshot::WithTiesResolved(entry.stored, cell);
-  if (surface.free_side == FreeSide::kAbove) {
-    entry.stored = surface.Felt(entry.stored);
-    entry.densities = surface.Felt(entry.densities);
+  if (refinement_ == 1) {
+    entry.densities = surface.Felt(surface.volume->ResolvedCell(cell));
+  } else {
+    const Lattice::Part part = surface.lattice.PartOf(cell);
+    const VoxelCell& voxels = VoxelCellOf(surface, part.voxel_cell);
+    entry.densities = SubCell(voxels.densities, part.sub, refinement_);
+    entry.max_of_voxels = voxels.max_density;
   }
   entry.min_density = entry.max_density = entry.densities[0];
   for (const double density : entry.densities) {
     entry.min_density = std::min(entry.min_density, density);
     entry.max_density = std::max(entry.max_density, density);
   }
+  if (refinement_ == 1) entry.max_of_voxels = entry.max_density;
   entry.decomposed = false;
+  return entry;
+}
+
+const CellCache::VoxelCell& CellCache::VoxelCellOf(const HapticSurface& surface,
+                                                   const Vec3i& cell) noexcept {
+  VoxelCell& entry = voxel_cells_[static_cast<std::size_t>((cell.x() & 3) << 4 |
+                                                           (cell.y() & 3) << 2 | (cell.z() & 3))];
+  const std::uint64_t revision = surface.volume->revision();
+  const bool is_right = entry.filled == generation_ && entry.cell == cell &&
+                        (entry.volume_revision == revision ||
+                         surface.volume->CellRevision(cell) <= entry.volume_revision);
+  entry.volume_revision = revision;
+  if (is_right) return entry;
+  entry.filled = generation_;
+  entry.cell = cell;
+  entry.densities = surface.Felt(surface.volume->ResolvedCell(cell));
+  entry.max_density = *std::ranges::max_element(entry.densities);
   return entry;
 }
 
@@ -104,21 +126,21 @@ void CellCache::FillDecomposition(const HapticSurface& surface, HapticCell& entr
   DecomposeFelt(surface, entry.densities, entry.parts);
   entry.known_gradients = 0;
   entry.piece.tetrahedron = -1;
-  entry.origin_mm = surface.X_DI.Apply(entry.cell.cast<double>());
+  entry.origin_mm = surface.X_DL.Apply(entry.cell.cast<double>());
   if (entry.parts.is_plain) {
     if (!was_plain) std::ranges::copy(plain_vertex_mm_, entry.vertex_mm.begin());
   } else {
     for (unsigned left = entry.parts.complex.used_vertices; left; left &= left - 1) {
       const int v = std::countr_zero(left);
-      entry.vertex_mm[v] = surface.X_DI.linear * entry.parts.position[v];
+      entry.vertex_mm[v] = surface.X_DL.linear * entry.parts.position[v];
     }
   }
   entry.decomposed = true;
 }
 
-void CellCache::FillPlainCell(const AffineMap& X_DI) noexcept {
+void CellCache::FillPlainCell(const AffineMap& X_DL) noexcept {
   for (std::size_t v = 0; v < plain_vertex_mm_.size(); ++v) {
-    plain_vertex_mm_[v] = X_DI.linear * Vec3::Map(kPlainPositions[v].data());
+    plain_vertex_mm_[v] = X_DL.linear * Vec3::Map(kPlainPositions[v].data());
   }
   for (std::size_t t = 0; t < plain_weight_.size(); ++t) {
     plain_weight_[t] = GradientsOfWeights(plain_vertex_mm_, kDiamondComplexes[0].vertices[t]);

@@ -47,10 +47,10 @@ struct CutEdge {
 
 struct HapticCell {
   Vec3i cell = Vec3i::Zero();
-  CellDensities stored{};     // felt; those of V
-  CellDensities densities{};  // felt, ties resolved; those of H
+  CellDensities densities{};  // felt, ties resolved
   double min_density = 0.0;
   double max_density = 0.0;
+  double max_of_voxels = 0.0;                // of the cell of the voxels that this one lies in
   Decomposition parts;                       // valid once `decomposed`
   std::array<Vec3, kMaxVertices> vertex_mm;  // valid once `decomposed`; D axes, relative to d0
   Vec3 origin_mm = Vec3::Zero();             // valid once `decomposed`; position of d0 in D
@@ -79,8 +79,9 @@ class CellCache {
     HapticCell& entry = cells_[slot];
     const bool is_right =
         surface.geometry_revision == geometry_revision_ && surface.free_side == free_side_ &&
-        filled_[slot] == generation_ && volume_revision_[slot] == surface.volume->revision() &&
-        entry.cell.x() == cell.x() && entry.cell.y() == cell.y() && entry.cell.z() == cell.z();
+        surface.lattice.refinement() == refinement_ && filled_[slot] == generation_ &&
+        volume_revision_[slot] == surface.volume->revision() && entry.cell.x() == cell.x() &&
+        entry.cell.y() == cell.y() && entry.cell.z() == cell.z();
     return is_right ? entry : Fill(surface, cell, slot);
   }
   // Returns a cell with its decomposition.
@@ -104,8 +105,17 @@ class CellCache {
   static std::size_t SlotOf(const Vec3i& cell) {
     return static_cast<std::size_t>((cell.x() & 7) << 4 | (cell.y() & 3) << 2 | (cell.z() & 3));
   }
+  // The cell of the voxels from which sub-cells are interpolated.
+  struct VoxelCell {
+    Vec3i cell = Vec3i::Zero();
+    CellDensities densities{};  // felt, ties resolved
+    double max_density = 0.0;
+    std::uint64_t filled = 0, volume_revision = 0;  // as those of the slots below
+  };
+
   HapticCell& Fill(const HapticSurface& surface, const Vec3i& cell, std::size_t slot) noexcept;
-  void FillPlainCell(const AffineMap& X_DI) noexcept;
+  const VoxelCell& VoxelCellOf(const HapticSurface& surface, const Vec3i& cell) noexcept;
+  void FillPlainCell(const AffineMap& X_DL) noexcept;
   const WeightGradients* WeightsOf(const HapticCell& entry) const {
     return entry.parts.is_plain ? plain_weight_.data() : entry.weight.data();
   }
@@ -117,6 +127,7 @@ class CellCache {
 
   std::uint64_t geometry_revision_ = 0;
   FreeSide free_side_ = FreeSide::kBelow;
+  int refinement_ = 1;
   std::array<std::uint64_t, kSlots> filled_{};           // generation_ when the slot was filled
   std::array<std::uint64_t, kSlots> volume_revision_{};  // revision for which the slot was last
                                                          // right
@@ -125,6 +136,7 @@ class CellCache {
   std::array<Vec3, kFirstInteriorVertex> plain_vertex_mm_;
   std::array<WeightGradients, kDiamondComplexes[0].tetrahedron_count> plain_weight_;
   std::array<HapticCell, kSlots> cells_;
+  std::array<VoxelCell, 64> voxel_cells_;  // 4 × 4 × 4; without refinement, none is used
 };
 
 }  // namespace palpate

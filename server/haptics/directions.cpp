@@ -17,7 +17,7 @@ constexpr double kNoSlope = 1e-9;
 Cone BoxCone(const HapticSurface& surface, std::uint8_t faces) {
   Cone cone;
   for (int axis = 0; axis < 3; ++axis) {
-    const Vec3 normal = surface.X_ID.linear.row(axis);
+    const Vec3 normal = surface.X_LD.linear.row(axis);
     if (faces >> (2 * axis) & 1) cone.Add(HalfSpace(normal));
     if (faces >> (2 * axis + 1) & 1) cone.Add(HalfSpace(-normal));
   }
@@ -28,7 +28,7 @@ Cone BoxCone(const HapticSurface& surface, std::uint8_t faces) {
 Carrier CarrierIn(const HapticCell& cell, const Place& place, const Vec3i& offset,
                   std::uint8_t faces) {
   if (place.kind == Place::Kind::kSimplex) return CarrierInNeighbour(place.carrier, offset);
-  return Locate(cell, place.p_I - cell.cell.cast<double>(), faces);
+  return Locate(cell, place.p_L - cell.cell.cast<double>(), faces);
 }
 
 struct TetrahedronCone {
@@ -80,9 +80,9 @@ class DirectionSearch {
     if (best_.full) return;
     const Vec3i cell = place_.cell + offset;
     const std::uint8_t faces = FacesInNeighbour(place_.faces, offset);
-    if (!surface_.volume->HasCell(cell)) return VisitOutside(cell, faces);
+    if (!surface_.lattice.HasCell(cell)) return VisitOutside(cell, faces);
     HapticCell& entry = cache_.Densities(surface_, cell);
-    if (entry.IsFree(surface_.isovalue)) return VisitFreeCell(cell, faces);
+    if (entry.IsFree(surface_.isovalue)) return VisitFreeCell(entry, faces);
     if (!entry.IsCrossed(surface_.isovalue)) return;
     cache_.Decompose(surface_, entry);
     VisitTetrahedra(entry, CarrierIn(entry, place_, offset, faces), faces);
@@ -98,10 +98,11 @@ class DirectionSearch {
     Take(Candidate::Kind::kOutside, cell, faces, true);
   }
 
-  void VisitFreeCell(const Vec3i& cell, std::uint8_t faces) noexcept {
+  void VisitFreeCell(HapticCell& cell, std::uint8_t faces) noexcept {
     const ConeProjection projection = ProjectOnCone(w_mm_, BoxCone(surface_, faces), best_2_);
     if (!IsLonger(projection.d)) return;
-    Take(Candidate::Kind::kBox, cell, faces, projection.active == 0);
+    Take(Candidate::Kind::kBox, cell.cell, faces, projection.active == 0);
+    best_.entry = &cell;
   }
 
   void VisitTetrahedra(HapticCell& cell, const Carrier& carrier, std::uint8_t faces) noexcept {
@@ -227,7 +228,7 @@ bool FindFlanks(const HapticSurface& surface, const Place& place, HapticCell& ce
   if (!IsSingle(place.faces) || !IsSingle(here)) return false;
   const int face = std::countr_zero<unsigned>(place.faces), side = face % 2;
   const Vec3i offset = (2 * side - 1) * Vec3i::Unit(face / 2);
-  if (!surface.volume->HasCell(place.cell + offset)) return false;
+  if (!surface.lattice.HasCell(place.cell + offset)) return false;
   HapticCell& other = cache.Densities(surface, place.cell + offset);
   if (!other.IsCrossed(surface.isovalue)) return false;
   cache.Decompose(surface, other);
@@ -312,7 +313,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
   VisitNeighbours(place.faces, [&](const Vec3i& offset) {
     Candidate candidate;
     candidate.cell = place.cell + offset;
-    if (!surface.volume->HasCell(candidate.cell)) return;
+    if (!surface.lattice.HasCell(candidate.cell)) return;
     candidate.faces = FacesInNeighbour(place.faces, offset);
     HapticCell& cell = cache.Decomposed(surface, candidate.cell);
     candidate.kind = Candidate::Kind::kTetrahedron;

@@ -1,7 +1,7 @@
 // Finds the direction in which a point can move: examines the tetrahedra and free cells that hold
 // the point.
 //
-// Frame: D axes (mm) for directions; places in index coordinates.
+// Frame: D axes (mm) for directions; places in L.
 // Threads: pure functions. Real-time: no allocation, bounded.
 #pragma once
 
@@ -19,8 +19,9 @@ struct Candidate {
   Kind kind = Kind::kNone;
   Vec3i cell = Vec3i::Zero();
   std::uint8_t faces = 0;  // faces of `cell` that hold the point
-  // kTetrahedron. `entry`: the cell; valid until the cache fills its slot anew.
+  // kBox, kTetrahedron: the cell; valid until the cache fills its slot anew.
   HapticCell* entry = nullptr;
+  // kTetrahedron.
   Carrier carrier;  // with the vertex numbers of `cell`
   int tetrahedron = 0;
   Vec3 d_mm = Vec3::Zero();    // the remaining move, at full length

@@ -13,21 +13,23 @@ bool JumpToNearestVertex(const HapticSurface& surface, double limit_mm, Place& p
                          CellCache& cache) noexcept {
   double best_mm = std::numeric_limits<double>::infinity();
   Vec3i best = Vec3i::Zero();
-  // The least distance between neighbouring lattice planes. The place is up to a cell away from the
-  // middle of the shells.
+  // The least distance between neighbouring planes of voxels. The place is up to a cell away from
+  // the middle of the shells.
   const double plane_mm = 1.0 / surface.X_ID.linear.rowwise().norm().maxCoeff();
-  const Vec3 from_I = PlaceIndexPosition(surface, place, cache);
+  const Lattice& lattice = surface.lattice;
+  const Vec3 from_I = lattice.ToVoxels(PlaceLatticePosition(surface, place, cache));
+  const Vec3i middle = lattice.PartOf(place.cell).voxel_cell;
   for (int radius = 0; radius <= kMaxSearchRadius; ++radius) {
     if ((radius - 1) * plane_mm > std::min(best_mm, limit_mm)) break;
-    VisitShell(place.cell, radius, [&](const Vec3i& vertex) {
-      if (surface.ResolvedVertex(vertex) > surface.isovalue) return;
-      const Vec3 away = surface.X_DI.linear * (vertex.cast<double>() - from_I);
-      if (away.norm() < best_mm) best_mm = away.norm(), best = vertex;
+    VisitShell(middle, radius, [&](const Vec3i& voxel) {
+      if (surface.ResolvedVertex(voxel) > surface.isovalue) return;
+      const Vec3 away = surface.X_DI.linear * (voxel.cast<double>() - from_I);
+      if (away.norm() < best_mm) best_mm = away.norm(), best = voxel;
     });
   }
   if (!std::isfinite(best_mm)) return false;
   double density = 0.0;
-  place = PlaceAt(surface, best.cast<double>(), cache, density);
+  place = PlaceAt(surface, lattice.FromVoxels(best.cast<double>()), cache, density);
   return true;
 }
 
@@ -38,7 +40,7 @@ bool Eject(const HapticSurface& surface, double limit_mm, Place& place, bool& on
   on_surface = false;
   // A place outside of the lattice has no density to descend.
   if (place.kind == Place::Kind::kOutside) return surface.IsFreeOutside();
-  for (int n = 0; n < kMaxEjectMoves; ++n) {
+  for (int n = 0; n < kMaxEjectMoves * surface.lattice.refinement(); ++n) {
     const Candidate down = SteepestDescent(surface, place, cache);
     if (down.kind == Candidate::Kind::kNone) break;
     MoveInTetrahedron(surface, down, true, place, on_surface, cache);

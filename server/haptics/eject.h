@@ -1,7 +1,7 @@
 // Brings a point out of the object when the surface has moved over it.
 //
-// Threads: pure. Real-time: no allocation; at most kMaxEjectMoves moves and
-// kMaxSearchRadius shells of lattice vertices.
+// Threads: pure. Real-time: no allocation; at most kMaxEjectMoves moves for each
+// step of the refinement, and kMaxSearchRadius shells of voxels.
 #pragma once
 
 #include "server/haptics/moves.h"
@@ -12,7 +12,7 @@ inline constexpr int kMaxEjectMoves = 128;
 inline constexpr int kMaxSearchRadius = 6;  // voxels
 
 // Moves `place`, whose density is above τ, to free space. Descends the piecewise-linear density.
-// From a pit that stays above τ, jumps to the nearest free lattice vertex within `limit_mm`.
+// From a pit that stays above τ, jumps to the nearest free voxel within `limit_mm`.
 // Returns false if there is none within reach; `place` is then unspecified. Adds the number of
 // moves to `moves`.
 bool Eject(const HapticSurface& surface, double limit_mm, Place& place, bool& on_surface,

@@ -6,8 +6,9 @@
 // felt isovalue, and H is the same. The padding keeps its density. The space beyond the padding
 // belongs to the side below τ; around a level set, it belongs to the side above τ.
 //
-// Frames: I voxel index, D device (mm). Distances, projections and normals are taken in D, whatever
-// spacing, shear or mirror the volume's transform has.
+// Frames: I voxel index, L index of the lattice that H is made of (lattice.h), D device (mm).
+// Distances, projections and normals are taken in D, whatever spacing, shear or mirror the volume's
+// transform has.
 // Threads: plain values. Ownership: borrows the snapshot.
 #pragma once
 
@@ -16,19 +17,20 @@
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
 #include "server/haptics/settings.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/lattice.h"
 
 namespace palpate {
 
 struct HapticSurface {
   const VolumeSnapshot* volume = nullptr;
+  Lattice lattice;        // of `volume`
   double isovalue = 0.5;  // τ, normalised and felt
   FreeSide free_side = FreeSide::kBelow;
   DecompositionMethod method = DecompositionMethod::kTpbcc;
-  AffineMap X_DI;
-  AffineMap X_ID;
-  // Changes whenever anything changes except the isovalue, the side and voxels. The volume's
-  // revisions say which voxels changed.
+  AffineMap X_DI, X_ID;
+  AffineMap X_DL, X_LD;
+  // Changes whenever anything changes except the isovalue, the side, the refinement and voxels. The
+  // volume's revisions say which voxels changed.
   std::uint64_t geometry_revision = 0;
 
   // Shortest edge of a voxel in D. Tolerances are relative to it.
@@ -36,9 +38,9 @@ struct HapticSurface {
   double longest_voxel_mm = 1.0;
 
   double sign() const { return free_side == FreeSide::kBelow ? 1.0 : -1.0; }
-  // The felt density of a lattice vertex, ties resolved.
-  double ResolvedVertex(const Vec3i& vertex) const noexcept {
-    return sign() * volume->ResolvedVertex(vertex);
+  // The felt density of a voxel, ties resolved.
+  double ResolvedVertex(const Vec3i& voxel) const noexcept {
+    return sign() * volume->ResolvedVertex(voxel);
   }
   // Converts densities to felt ones, and back.
   CellDensities Felt(CellDensities densities) const noexcept {
@@ -61,12 +63,18 @@ struct HapticSurface {
     other.isovalue = -isovalue;
     return other;
   }
+  // The same volume with H made of cells of another size.
+  void Refine(int refinement) noexcept {
+    lattice = Lattice(*volume, refinement);
+    X_DL = lattice.OnLattice(X_DI);
+    X_LD = {refinement * X_ID.linear, lattice.FromVoxels(X_ID.translation)};
+  }
 };
 
 inline HapticSurface MakeHapticSurface(const VolumeSnapshot& volume, const AffineMap& X_DI,
                                        double isovalue, DecompositionMethod method,
                                        std::uint64_t geometry_revision,
-                                       FreeSide free_side = FreeSide::kBelow) {
+                                       FreeSide free_side = FreeSide::kBelow, int refinement = 1) {
   HapticSurface surface;
   surface.volume = &volume;
   surface.free_side = free_side;
@@ -74,6 +82,7 @@ inline HapticSurface MakeHapticSurface(const VolumeSnapshot& volume, const Affin
   surface.method = method;
   surface.X_DI = X_DI;
   surface.X_ID = X_DI.Inverse();
+  surface.Refine(refinement);
   surface.geometry_revision = geometry_revision;
   surface.voxel_mm = X_DI.linear.colwise().norm().minCoeff();
   surface.longest_voxel_mm = X_DI.linear.colwise().norm().maxCoeff();

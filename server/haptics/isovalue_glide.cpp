@@ -22,7 +22,7 @@ double Glide(const HapticSurface& surface, double last, double dt_s, RendererSta
   const Vec3 p_I = surface.X_ID.Apply(proxy.p_DH_mm);
   if (!proxy.on_surface) {
     double density = 0.0;
-    PlaceAt(surface, p_I, state.cache, density);
+    PlaceAt(surface, surface.X_LD.Apply(proxy.p_DH_mm), state.cache, density);
     if (density <= surface.isovalue) return surface.isovalue;
   }
   const double rate_per_s =

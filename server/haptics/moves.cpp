@@ -129,9 +129,15 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
 
 void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& place,
                CellCache& cache) noexcept {
-  const Vec3 d = surface.X_ID.linear * candidate.d_mm;
-  const Vec3 from = PlaceIndexPosition(surface, place, cache);
-  const Vec3 lo = candidate.cell.cast<double>(), hi = lo + Vec3::Ones();
+  const Vec3 d = surface.X_LD.linear * candidate.d_mm;
+  const Vec3 from = PlaceLatticePosition(surface, place, cache);
+  Vec3i first = candidate.cell;
+  int edge = 1;
+  if (candidate.entry->max_of_voxels <= surface.isovalue) {
+    edge = surface.lattice.refinement();
+    if (edge > 1) first -= surface.lattice.PartOf(candidate.cell).sub;
+  }
+  const Vec3 lo = first.cast<double>(), hi = lo + Vec3::Constant(edge);
   const auto stays = [&](int axis) {
     const int on = candidate.faces >> (2 * axis) & 3;
     return (on == 1 && d[axis] <= 0.0) || (on == 2 && d[axis] >= 0.0) || d[axis] == 0.0;
@@ -154,25 +160,26 @@ void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& 
       to[axis] = std::clamp(from[axis] + end * d[axis], lo[axis], hi[axis]);
     }
   }
-  SetBox(candidate.cell, to, place);
+  const Vec3 last = hi - Vec3::Ones();
+  SetBox(to.array().floor().matrix().cwiseMin(last).cast<int>(), to, place);
 }
 
-void MoveOut(const HapticSurface& surface, const Candidate& candidate, const Vec3& target_I,
+void MoveOut(const HapticSurface& surface, const Candidate& candidate, const Vec3& target_L,
              Place& place) noexcept {
   place.kind = Place::Kind::kOutside;
   place.faces = 0;
-  place.p_I = target_I;
+  place.p_L = target_L;
   // Rounding must not leave the point inside the lattice.
   for (int axis = 0; axis < 3; ++axis) {
-    const int size = surface.volume->size()[axis];
-    if (candidate.cell[axis] < -1) place.p_I[axis] = std::min(place.p_I[axis], -1.0);
-    if (candidate.cell[axis] >= size) place.p_I[axis] = std::max<double>(place.p_I[axis], size);
+    const int size = surface.lattice.size()[axis];
+    if (candidate.cell[axis] < -1) place.p_L[axis] = std::min(place.p_L[axis], -1.0);
+    if (candidate.cell[axis] >= size) place.p_L[axis] = std::max<double>(place.p_L[axis], size);
   }
 }
 
-void MoveOutside(const HapticSurface& surface, const Vec3& target_I, Place& place) noexcept {
-  const Vec3 lo = Vec3::Constant(-1.0), hi = surface.volume->size().cast<double>();
-  const Vec3 from = place.p_I, d = target_I - from;
+void MoveOutside(const HapticSurface& surface, const Vec3& target_L, Place& place) noexcept {
+  const Vec3 lo = Vec3::Constant(-1.0), hi = surface.lattice.size().cast<double>();
+  const Vec3 from = place.p_L, d = target_L - from;
   double enter = 0.0, leave = 1.0;
   int axis_in = -1;
   for (int axis = 0; axis < 3; ++axis) {
@@ -189,7 +196,7 @@ void MoveOutside(const HapticSurface& surface, const Vec3& target_I, Place& plac
   }
   if (axis_in < 0 || !(enter < leave)) {
     place.kind = Place::Kind::kOutside;
-    place.p_I = target_I;
+    place.p_L = target_L;
     place.faces = 0;
     return;
   }

@@ -1,6 +1,6 @@
 // Single moves of a point through the tetrahedra and cells that hold it.
 //
-// Frame: D axes (mm) for directions; places in index coordinates.
+// Frame: D axes (mm) for directions; places in L.
 // Threads: pure functions. Real-time: no allocation, bounded.
 #pragma once
 
@@ -17,16 +17,17 @@ enum class MoveEnd : std::uint8_t { kMore, kAtRest, kNone };
 MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
                           Place& place, bool& on_surface, CellCache& cache) noexcept;
 
-// Follows a kBox candidate to a face of the cell or the end of d.
+// Follows a kBox candidate to a face of the cell or the end of d. Where all of the cell of the
+// voxels is free, to a face of that: it is one box, since sub-cells of it are free, too.
 void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& place,
                CellCache& cache) noexcept;
 
-// Follows a kOutside candidate, which leaves the padded lattice and does not return, to target_I.
-void MoveOut(const HapticSurface& surface, const Candidate& candidate, const Vec3& target_I,
+// Follows a kOutside candidate, which leaves the padded lattice and does not return, to target_L.
+void MoveOut(const HapticSurface& surface, const Candidate& candidate, const Vec3& target_L,
              Place& place) noexcept;
 
-// Moves from outside of the padded lattice straight to target_I, or to the point where that line
+// Moves from outside of the padded lattice straight to target_L, or to the point where that line
 // enters the lattice.
-void MoveOutside(const HapticSurface& surface, const Vec3& target_I, Place& place) noexcept;
+void MoveOutside(const HapticSurface& surface, const Vec3& target_L, Place& place) noexcept;
 
 }  // namespace palpate

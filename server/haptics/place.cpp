@@ -98,35 +98,35 @@ Vec3 LocalPosition(const HapticCell& cell, const Carrier& carrier) {
   return p;
 }
 
-void SetBox(const Vec3i& cell, const Vec3& p_I, Place& place) {
+void SetBox(const Vec3i& cell, const Vec3& p_L, Place& place) {
   place.kind = Place::Kind::kBox;
   place.cell = cell;
-  place.p_I = p_I;
+  place.p_L = p_L;
   place.faces = 0;
   for (int axis = 0; axis < 3; ++axis) {
     for (int side = 0; side < 2; ++side) {
       const double face = cell[axis] + side;
-      if (std::abs(p_I[axis] - face) > kPlaceRounding) continue;
-      place.p_I[axis] = face;
+      if (std::abs(p_L[axis] - face) > kPlaceRounding) continue;
+      place.p_L[axis] = face;
       place.faces |= static_cast<std::uint8_t>(1u << (2 * axis + side));
     }
   }
 }
 
-Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
+Place PlaceAt(const HapticSurface& surface, const Vec3& p_L, CellCache& cache,
               double& density) noexcept {
   Place place;
-  place.p_I = p_I;
+  place.p_L = p_L;
   density = surface.DensityOutside();
-  const Vec3 lo = Vec3::Constant(-1.0), hi = surface.volume->size().cast<double>();
-  if (!((p_I.array() > lo.array()).all() && (p_I.array() < hi.array()).all())) return place;
-  SetBox(p_I.array().floor().matrix().cast<int>(), p_I, place);
+  const Vec3 lo = Vec3::Constant(-1.0), hi = surface.lattice.size().cast<double>();
+  if (!((p_L.array() > lo.array()).all() && (p_L.array() < hi.array()).all())) return place;
+  SetBox(p_L.array().floor().matrix().cast<int>(), p_L, place);
   if (cache.Densities(surface, place.cell).IsFree(surface.isovalue)) {
     density = PlaceDensity(surface, place, cache);
     return place;
   }
   const HapticCell& cell = cache.Decomposed(surface, place.cell);
-  SetSimplex(cell, Locate(cell, place.p_I - place.cell.cast<double>(), place.faces), -1, place);
+  SetSimplex(cell, Locate(cell, place.p_L - place.cell.cast<double>(), place.faces), -1, place);
   density = DensityAt(cell, place.carrier);
   return place;
 }
@@ -138,18 +138,18 @@ double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache&
   }
   const HapticCell& cell = cache.Densities(surface, place.cell);
   // Rounding of the interpolation must not give more than the densest corner.
-  return std::min(Trilinear(cell.densities).Value(place.p_I - place.cell.cast<double>()),
+  return std::min(Trilinear(cell.densities).Value(place.p_L - place.cell.cast<double>()),
                   cell.max_density);
 }
 
 Vec3 PlacePosition(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept {
-  if (place.kind != Place::Kind::kSimplex) return surface.X_DI.Apply(place.p_I);
+  if (place.kind != Place::Kind::kSimplex) return surface.X_DL.Apply(place.p_L);
   return PositionIn(cache.Decomposed(surface, place.cell), place.carrier);
 }
 
-Vec3 PlaceIndexPosition(const HapticSurface& surface, const Place& place,
-                        CellCache& cache) noexcept {
-  if (place.kind != Place::Kind::kSimplex) return place.p_I;
+Vec3 PlaceLatticePosition(const HapticSurface& surface, const Place& place,
+                          CellCache& cache) noexcept {
+  if (place.kind != Place::Kind::kSimplex) return place.p_L;
   return place.cell.cast<double>() +
          LocalPosition(cache.Decomposed(surface, place.cell), place.carrier);
 }

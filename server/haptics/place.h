@@ -10,7 +10,7 @@
 // also where rounding leaves it beside the face. All cells and tetrahedra that hold the point
 // follow from that.
 //
-// Frame: index coordinates.
+// Frame: L, index of the lattice that H is made of.
 // Threads: pure functions. Real-time: no allocation, bounded.
 #pragma once
 
@@ -72,7 +72,7 @@ struct Place {
   Kind kind = Kind::kOutside;
   Vec3i cell = Vec3i::Zero();  // kBox, kSimplex
   std::uint8_t faces = 0;      // faces of the cell that hold the point: bit 2 * axis + side
-  Vec3 p_I = Vec3::Zero();     // kOutside, kBox: exactly on those faces
+  Vec3 p_L = Vec3::Zero();     // kOutside, kBox: exactly on those faces
   Carrier carrier;             // kSimplex
   int tetrahedron = -1;        // kSimplex: the tetrahedron whose inside holds the point, or -1
 };
@@ -121,7 +121,7 @@ inline double DensityAt(const HapticCell& cell, const Carrier& carrier) {
   return density;
 }
 
-// The position of the point. By the cell's own vertices, which keeps more digits than the index.
+// The position of the point in D. By the cell's own vertices, which keeps more digits than L.
 inline Vec3 PositionIn(const HapticCell& cell, const Carrier& carrier) {
   Vec3 p_mm = Vec3::Zero();
   carrier.Visit([&](int n) { p_mm += carrier.weight[n] * cell.vertex_mm[carrier.vertex[n]]; });
@@ -158,18 +158,18 @@ inline void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetra
 }
 
 // Sets the place of a point in a free cell. One that rounding leaves beside a face is put on it.
-void SetBox(const Vec3i& cell, const Vec3& p_I, Place& place);
+void SetBox(const Vec3i& cell, const Vec3& p_L, Place& place);
 
-// Returns the place of an index position and sets `density` (felt). The place is a simplex also if
+// Returns the place of a position in L and sets `density` (felt). The place is a simplex also if
 // the density is above τ.
-Place PlaceAt(const HapticSurface& surface, const Vec3& p_I, CellCache& cache,
+Place PlaceAt(const HapticSurface& surface, const Vec3& p_L, CellCache& cache,
               double& density) noexcept;
 
-// The felt density and the position of a place. The index position of a simplex lies exactly on its
+// The felt density and the position of a place. The position of a simplex in L lies exactly on its
 // cell's faces.
 double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept;
 Vec3 PlacePosition(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept;
-Vec3 PlaceIndexPosition(const HapticSurface& surface, const Place& place,
-                        CellCache& cache) noexcept;
+Vec3 PlaceLatticePosition(const HapticSurface& surface, const Place& place,
+                          CellCache& cache) noexcept;
 
 }  // namespace palpate

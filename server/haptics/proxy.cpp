@@ -24,7 +24,7 @@ bool IsAtRest(const HapticSurface& surface, const Vec3& d_mm, const Vec3& w_mm) 
 bool PutAt(const HapticSurface& surface, const Vec3& p_D, double eject_limit_mm, Proxy& proxy,
            CellCache& cache, ProxyStep& step) noexcept {
   double density = 0.0;
-  proxy.place = PlaceAt(surface, surface.X_ID.Apply(p_D), cache, density);
+  proxy.place = PlaceAt(surface, surface.X_LD.Apply(p_D), cache, density);
   proxy.on_surface = false;
   if (density <= surface.isovalue) return true;
   step.mode = ProxyMode::kEjecting;
@@ -35,6 +35,7 @@ bool PutAt(const HapticSurface& surface, const Vec3& p_D, double eject_limit_mm,
 void SetSurface(const HapticSurface& surface, Proxy& proxy) {
   proxy.placed = true;
   proxy.geometry_revision = surface.geometry_revision;
+  proxy.refinement = surface.lattice.refinement();
   proxy.volume_revision = surface.volume->revision();
   proxy.loaded_revision = surface.volume->loaded_revision();
   proxy.free_side = surface.free_side;
@@ -49,10 +50,13 @@ double ReportedDensity(const HapticSurface& surface, const Place& place, double 
 // True if the place still means the same point with the same density, because its cell is
 // unchanged.
 bool Holds(const HapticSurface& surface, const Proxy& proxy) noexcept {
-  if (!proxy.placed || proxy.geometry_revision != surface.geometry_revision) return false;
+  if (!proxy.placed || proxy.geometry_revision != surface.geometry_revision ||
+      proxy.refinement != surface.lattice.refinement()) {
+    return false;
+  }
   return proxy.volume_revision == surface.volume->revision() ||
          proxy.place.kind == Place::Kind::kOutside ||
-         surface.volume->CellRevision(proxy.place.cell) <= proxy.volume_revision;
+         surface.lattice.CellRevision(proxy.place.cell) <= proxy.volume_revision;
 }
 
 // Brings the proxy to the surface of this step. Returns false if the proxy is buried.
@@ -85,7 +89,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   ProxyStep step;
   SetSurface(surface, proxy);
   double density = 0.0;
-  proxy.place = PlaceAt(surface, surface.X_ID.Apply(p_DHip_mm), cache, density);
+  proxy.place = PlaceAt(surface, surface.X_LD.Apply(p_DHip_mm), cache, density);
   proxy.on_surface = false;
   proxy.p_DH_mm = step.p_DH_mm = p_DHip_mm;
   step.density = ReportedDensity(surface, proxy.place, density);
@@ -100,12 +104,12 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
 [[gnu::flatten]] void Advance(const HapticSurface& surface, const Vec3& p_DHip_mm,
                               bool stops_on_surface, Proxy& proxy, CellCache& cache,
                               ProxyStep& step) noexcept {
-  const Vec3 p_IHip = surface.X_ID.Apply(p_DHip_mm);
+  const Vec3 p_LHip = surface.X_LD.Apply(p_DHip_mm);
   HapticCell* held = nullptr;
   const auto hold = [&](HapticCell* cell) {
     held = cell;
     proxy.p_DH_mm =
-        cell ? PositionIn(*cell, proxy.place.carrier) : surface.X_DI.Apply(proxy.place.p_I);
+        cell ? PositionIn(*cell, proxy.place.carrier) : surface.X_DL.Apply(proxy.place.p_L);
   };
   const bool in_simplex = proxy.place.kind == Place::Kind::kSimplex;
   hold(in_simplex ? &cache.Decomposed(surface, proxy.place.cell) : nullptr);
@@ -115,7 +119,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
       return;
     }
     if (proxy.place.kind == Place::Kind::kOutside) {
-      MoveOutside(surface, p_IHip, proxy.place);
+      MoveOutside(surface, p_LHip, proxy.place);
       ++step.moves;
       hold(nullptr);
       if (proxy.place.kind == Place::Kind::kOutside) return;
@@ -128,7 +132,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
     ++step.moves;
     switch (best.kind) {
       case Candidate::Kind::kOutside:
-        MoveOut(surface, best, p_IHip, proxy.place);
+        MoveOut(surface, best, p_LHip, proxy.place);
         proxy.on_surface = false;
         hold(nullptr);
         return;
@@ -193,7 +197,7 @@ bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) no
   const Place& place = proxy.place;
   // A place that no longer holds is found anew.
   if (!Holds(surface, proxy) || place.kind == Place::Kind::kOutside) return true;
-  if (!surface.volume->HasCell(place.cell)) return false;
+  if (!surface.lattice.HasCell(place.cell)) return false;
   if (place.kind == Place::Kind::kBox) return true;
   const TetrahedralComplex& complex = cache.Decomposed(surface, place.cell).parts.complex;
   const std::uint32_t tetrahedra = TetrahedraAt(complex, place.carrier);

@@ -19,7 +19,7 @@
 // Another loaded volume brings it out by at most a voxel, as much as another lattice of the same
 // volume may need: nobody asked for a push where a hand happens to be.
 //
-// Frame: D device (mm) at the interface, cells in index coordinates.
+// Frame: D device (mm) at the interface, cells in L.
 // Threads: pure; one thread per state. Real-time: no allocation, no locks.
 // Source: Corenthy et al., sections 4.1 and 4.2. Unlike there, the constraints of each tetrahedron
 // are kept apart: taken together as half-spaces, they hold the proxy at convex edges where it
@@ -45,6 +45,7 @@ struct Proxy {
   Vec3 p_DH_mm = Vec3::Zero();
   // The surface to which `place` refers.
   std::uint64_t geometry_revision = 0;
+  int refinement = 1;
   std::uint64_t volume_revision = 0;
   std::uint64_t loaded_revision = 0;
   FreeSide free_side = FreeSide::kBelow;

@@ -59,7 +59,7 @@ class Update {
       return false;
     }
     double density = 0.0;
-    PlaceAt(surface_, surface_.X_ID.Apply(state_.p_DHip_mm), state_.cache, density);
+    PlaceAt(surface_, surface_.X_LD.Apply(state_.p_DHip_mm), state_.cache, density);
     return density <= surface_.isovalue;
   }
 
@@ -68,6 +68,7 @@ class Update {
   double EnergyOfTheMove() noexcept {
     const Proxy& proxy = state_.proxy;
     const bool same = proxy.geometry_revision == felt().geometry_revision &&
+                      proxy.refinement == felt().lattice.refinement() &&
                       proxy.volume_revision == felt().volume->revision() &&
                       proxy.free_side == felt().free_side && proxy.isovalue == felt().isovalue;
     if (same || !settings_.passivity_control || !proxy.placed) return 0.0;
@@ -120,8 +121,8 @@ class Update {
 
   Vec3 Normal() noexcept {
     if (!settings_.force_shading) return output_.proxy.normal_D;
-    const Vec3 p_IH = PlaceIndexPosition(felt(), state_.proxy.place, state_.cache);
-    return ShadedNormal(felt(), p_IH, output_.proxy.normal_D);
+    const Vec3 p_LH = PlaceLatticePosition(felt(), state_.proxy.place, state_.cache);
+    return ShadedNormal(felt(), felt().lattice.ToVoxels(p_LH), output_.proxy.normal_D);
   }
 
   // The forces against the hand, without the effects that add energy by design.

@@ -4,6 +4,7 @@
 // Threads: plain values.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -22,6 +23,13 @@ struct NumberSetting {
   double HapticSettings::*member;
   double low, high;
   std::string_view unit;  // with a leading blank; empty: a ratio
+  bool whole;
+
+  // False for NaN.
+  bool Allows(double value) const {
+    return value >= low && value <= high && (!whole || value == std::floor(value));
+  }
+  std::string_view what() const { return whole ? "a whole number" : "a number"; }
 };
 
 struct FlagSetting {

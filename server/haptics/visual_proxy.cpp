@@ -22,9 +22,14 @@ constexpr int kMaxRefinements = 80;
 constexpr int kMaxQuickSteps = 6;
 constexpr int kMaxCells = 24;
 
-// Turns a covector of the index frame into a direction in D.
-Vec3 CovectorToDevice(const HapticSurface& surface, const Vec3& gradient_I) {
-  return surface.X_ID.linear.transpose() * gradient_I;
+// Turns a covector of L or I into a direction in D.
+Vec3 CovectorToDevice(const AffineMap& X_LD, const Vec3& gradient_L) {
+  return X_LD.linear.transpose() * gradient_L;
+}
+
+// F in a cell of the voxels. It is the same for every refinement.
+Trilinear InVoxels(const HapticSurface& surface, const Vec3i& cell) {
+  return Trilinear(surface.Felt(surface.volume->StoredCell(cell)));
 }
 
 void FillSurfacePiece(const HapticSurface& surface, const HapticCell& cell, int tetrahedron,
@@ -37,7 +42,7 @@ void FillSurfacePiece(const HapticSurface& surface, const HapticCell& cell, int 
   for (int n = 0; n < piece.count; ++n) {
     SurfacePiece::Corner& corner = piece.corners[n];
     corner.local = cuts[n].Between(cell.parts.position);
-    corner.normal_D = -CovectorToDevice(surface, f.Gradient(corner.local)).normalized();
+    corner.normal_D = -CovectorToDevice(surface.X_LD, f.Gradient(corner.local)).normalized();
   }
 }
 
@@ -158,7 +163,7 @@ struct Root {
 
 // Follows p_I + s u_I, with s in [0, reach_mm], starting in `cell`.
 Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& u_I,
-                double reach_mm, CellCache& cache) {
+                double reach_mm) {
   Root root;
   double travelled = 0.0;
   for (int n = 0; n < kMaxCells && travelled < reach_mm && surface.volume->HasCell(cell); ++n) {
@@ -170,7 +175,7 @@ Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& 
       const double s = std::max(0.0, (border - p_I[axis]) / u_I[axis]);
       if (s < end) end = s, axis_out = axis;
     }
-    const Trilinear f(cache.Densities(surface, cell).stored);
+    const Trilinear f = InVoxels(surface, cell);
     const Vec3 local = p_I - cell.cast<double>();
     const LineCubic cubic(f, local, u_I, surface.isovalue);
     const double s = FirstRoot(cubic, end, kRootTolerance / u_I.norm());
@@ -222,24 +227,24 @@ Root NearbyRoot(const HapticSurface& surface, const Start& start, const Vec3& u_
 }
 
 // Follows the line both ways, first the way that F's value suggests. Returns the nearer root.
-Root NearestRoot(const HapticSurface& surface, const Start& start, const Vec3& direction_D,
-                 CellCache& cache) {
+Root NearestRoot(const HapticSurface& surface, const Start& start, const Vec3& direction_D) {
   Vec3 u_I = surface.X_ID.linear * direction_D;
   const Root nearby = NearbyRoot(surface, start, u_I);
   if (nearby.s >= 0.0) return nearby;
   if (start.excess < 0.0) u_I = -u_I;
   const double reach_mm = kVisualReachVoxels * surface.longest_voxel_mm;
-  const Root first = FollowLine(surface, start.cell, start.p_I, u_I, reach_mm, cache);
+  const Root first = FollowLine(surface, start.cell, start.p_I, u_I, reach_mm);
   const double left_mm = first.s < 0.0 ? reach_mm : first.s;
-  const Root second = FollowLine(surface, start.cell, start.p_I, -u_I, left_mm, cache);
+  const Root second = FollowLine(surface, start.cell, start.p_I, -u_I, left_mm);
   return second.s < 0.0 ? first : second;
 }
 
 // Directions to try after n_E. In a crease of H, the normal of one facet can point across a slit of
 // V and miss V. The others are the normals of V's density in the cells that hold SCP_H, their mean
-// first, and the contact normal.
+// first, and the contact normal. The last lead to the vertices around SCP_H: these lie on both
+// sides of V, so that one of the lines meets it.
 struct Directions {
-  std::array<Vec3, 10> D;
+  std::array<Vec3, 14> D;
   int count = 0;
 
   void Add(const Vec3& direction) {
@@ -247,16 +252,17 @@ struct Directions {
   }
 };
 
-Directions FallbackDirections(const HapticSurface& surface, const Place& place, const Vec3& p_I,
-                              const Vec3& contact_normal_D, CellCache& cache) {
+Directions FallbackDirections(const HapticSurface& surface, const Place& place,
+                              const HapticCell& cell, const Vec3& p_I,
+                              const Vec3& contact_normal_D) {
   std::array<Vec3, 8> normals;
   int cells = 0;
   Vec3 sum = Vec3::Zero();
   VisitNeighbours(place.faces, [&](const Vec3i& offset) {
-    const Vec3i cell = place.cell + offset;
-    if (!surface.volume->HasCell(cell)) return;
-    const Trilinear f(cache.Densities(surface, cell).stored);
-    const Vec3 normal = -CovectorToDevice(surface, f.Gradient(p_I - cell.cast<double>()));
+    const Vec3i voxels = surface.lattice.PartOf(place.cell + offset).voxel_cell;
+    if (!surface.volume->HasCell(voxels)) return;
+    const Vec3 gradient_I = InVoxels(surface, voxels).Gradient(p_I - voxels.cast<double>());
+    const Vec3 normal = -CovectorToDevice(surface.X_ID, gradient_I);
     if (!(normal.norm() > 0.0)) return;
     normals[cells] = normal.normalized();
     sum += normals[cells++];
@@ -265,6 +271,9 @@ Directions FallbackDirections(const HapticSurface& surface, const Place& place, 
   directions.Add(sum);
   for (int n = 0; n < cells; ++n) directions.Add(normals[n]);
   directions.Add(contact_normal_D);
+  const Vec3 from_mm = PositionIn(cell, place.carrier) - cell.origin_mm;
+  place.carrier.Visit(
+      [&](int n) { directions.Add(cell.vertex_mm[place.carrier.vertex[n]] - from_mm); });
   return directions;
 }
 
@@ -274,24 +283,25 @@ VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
                             const Vec3& contact_normal_D, CellCache& cache) noexcept {
   VisualProxy visual;
   HapticCell& cell = cache.Decomposed(surface, place.cell);
-  const Vec3 local = LocalPosition(cell, place.carrier);
-  const Trilinear f(cell.stored);
-  const Start start{place.cell, place.cell.cast<double>() + local, local, f,
-                    f.Value(local) - surface.isovalue};
-  const Vec3 n_E = LineDirection(surface, place, local, cell, cache);
+  const Vec3 local_L = LocalPosition(cell, place.carrier);
+  const Vec3 p_I = surface.lattice.ToVoxels(place.cell.cast<double>() + local_L);
+  const Vec3i voxels = surface.lattice.PartOf(place.cell).voxel_cell;
+  const Trilinear f = InVoxels(surface, voxels);
+  const Vec3 local = surface.lattice.InVoxelCell(place.cell, local_L);
+  const Start start{voxels, p_I, local, f, f.Value(local) - surface.isovalue};
+  const Vec3 n_E = LineDirection(surface, place, local_L, cell, cache);
   Root root;
-  if (!n_E.isZero()) root = NearestRoot(surface, start, n_E, cache);
+  if (!n_E.isZero()) root = NearestRoot(surface, start, n_E);
   if (root.s < 0.0) {
-    const Directions others =
-        FallbackDirections(surface, place, start.p_I, contact_normal_D, cache);
+    const Directions others = FallbackDirections(surface, place, cell, p_I, contact_normal_D);
     for (int n = 0; n < others.count && root.s < 0.0; ++n) {
-      root = NearestRoot(surface, start, others.D[n], cache);
+      root = NearestRoot(surface, start, others.D[n]);
     }
   }
   if (root.s < 0.0) return visual;
   visual.found = true;
   visual.p_DV_mm = surface.X_DI.Apply(root.p_I);
-  const Vec3 gradient = CovectorToDevice(surface, root.gradient_I);
+  const Vec3 gradient = CovectorToDevice(surface.X_ID, root.gradient_I);
   visual.normal_D = gradient.norm() > 0.0 ? Vec3(-gradient.normalized()) : contact_normal_D;
   return visual;
 }

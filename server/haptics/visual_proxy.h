@@ -4,8 +4,8 @@
 // SCP_V is the nearest point where the line through SCP_H along n_E meets V. n_E is interpolated
 // from the normals of V's density at the corners of the piece of H that holds SCP_H. The density
 // along the line is a cubic in every cell. The line is followed both ways across cells. In a
-// crease, the line along n_E can miss V; the normals of V's density at SCP_H and the contact normal
-// are then tried.
+// crease, the line along n_E can miss V; the normals of V's density at SCP_H, the contact normal
+// and the ways to the vertices around SCP_H are then tried.
 //
 // V comes from the stored densities, H from the resolved ones (ties.h). If τ is the least value of
 // the volume, V does not exist although H does.

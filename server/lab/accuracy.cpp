@@ -159,8 +159,21 @@ Accuracy MeasureAccuracy(const CellDensities& d, double isovalue, const Decompos
   return {sum.difference * percent, sum.overlap * percent, sum.gap * percent};
 }
 
-double DifferenceOf(const CellDensities& d, double isovalue, ComparedMethod method, int columns) {
-  return MeasureAccuracy(d, isovalue, Decompose(d, method), columns).difference;
+double DifferenceOf(const CellDensities& d, double isovalue, ComparedMethod method, int columns,
+                    int refinement) {
+  // As many columns over the whole cell, rounded up.
+  const int columns_in_part = (columns + refinement - 1) / refinement;
+  double sum = 0.0;
+  for (int x = 0; x < refinement; ++x) {
+    for (int y = 0; y < refinement; ++y) {
+      for (int z = 0; z < refinement; ++z) {
+        const CellDensities part = SubCell(d, Vec3i(x, y, z), refinement);
+        if (refinement > 1 && !IsCrossed(part, isovalue)) continue;
+        sum += MeasureAccuracy(part, isovalue, Decompose(part, method), columns_in_part).difference;
+      }
+    }
+  }
+  return sum / (refinement * refinement * refinement);
 }
 
 }  // namespace palpate::lab

@@ -18,6 +18,7 @@
 // Source: Corenthy et al., section 5.1 and Tables 1 and 4.
 #pragma once
 
+#include "common/isosurface/sub_cell.h"
 #include "server/lab/compared_method.h"
 
 namespace palpate::lab {
@@ -32,7 +33,8 @@ struct Accuracy {
 Accuracy MeasureAccuracy(const CellDensities& d, double isovalue, const Decomposition& cell,
                          int columns);
 
-// R_D of the decomposition by `method`.
-double DifferenceOf(const CellDensities& d, double isovalue, ComparedMethod method, int columns);
+// R_D of the decomposition by `method`, of the whole cell or of its sub-cells (sub_cell.h).
+double DifferenceOf(const CellDensities& d, double isovalue, ComparedMethod method, int columns,
+                    int refinement = 1);
 
 }  // namespace palpate::lab

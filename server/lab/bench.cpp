@@ -56,15 +56,16 @@ ReplaySummary Total(const std::vector<ReplaySummary>& summaries) {
 
 }  // namespace
 
-ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes) {
+ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes, int refinement) {
   const LoadedSurface loaded = LoadSurface({.volume = slide.volume,
                                             .isovalue = 0.5,
                                             .normalized = true,
                                             .spacing_mm = {slide.spacing_mm}});
   const std::vector<Vec3> hips_mm = MakeTrajectory(
       *loaded.volume, {.isovalue = loaded.isovalue, .speed_cm_per_s = slide.speed_cm_per_s});
-  return ReplayAndJudge(loaded, DecompositionMethod::kTpbcc, HapticSettings{}, hips_mm, passes)
-      .summary;
+  HapticSettings settings;
+  settings.refinement = refinement;
+  return ReplayAndJudge(loaded, DecompositionMethod::kTpbcc, settings, hips_mm, passes).summary;
 }
 
 void RunBench(const BenchOptions& options, std::ostream& out) {
@@ -77,7 +78,7 @@ void RunBench(const BenchOptions& options, std::ostream& out) {
   std::vector<ReplaySummary> summaries;
   std::string trajectories;
   for (const FixedSlide& slide : kFixedSlides) {
-    summaries.push_back(RunFixedSlide(slide, options.passes));
+    summaries.push_back(RunFixedSlide(slide, options.passes, options.refinement.value_or(1)));
     if (!options.json) PrintTable(slide, summaries.back(), out);
     // The slide's name comes first in its object.
     trajectories += fmt::format("{}{{\"name\":\"{}\",{}", trajectories.empty() ? "" : ",",

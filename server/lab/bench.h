@@ -7,6 +7,7 @@
 
 #include <array>
 #include <iosfwd>
+#include <optional>
 
 #include "server/lab/replay_command.h"
 
@@ -30,11 +31,12 @@ inline constexpr std::array<FixedSlide, 8> kFixedSlides = {{
     {"gyroid_fine_50", "builtin:gyroid:128", 1.0 / 3.0, 50.0},
 }};
 
-ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes);
+ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes, int refinement = 1);
 
 struct BenchOptions {
   bool json = false;  // one line with one object that holds an object per slide; false: a table
   int passes = 1;
+  std::optional<int> refinement{};
 };
 
 void RunBench(const BenchOptions& options, std::ostream& out);

@@ -31,7 +31,7 @@ struct Tally {
   std::array<double, kMethodCount> difference{};  // sums of R_D
 };
 
-Tally TallyOf(const CellAt& cell) {
+Tally TallyOf(const CellAt& cell, int refinement) {
   constexpr int kColumns = 20;  // enough for means over many cells
   Tally tally;
   const unsigned used = Decompose(cell.d, ComparedMethod::kTpbcc).complex.used_vertices;
@@ -39,15 +39,17 @@ Tally TallyOf(const CellAt& cell) {
   ++(interior == 0 ? tally.diagonal : interior == 1 ? tally.one_vertex : tally.two_vertices);
   for (int m = 0; m < kMethodCount; ++m) {
     const auto method = static_cast<ComparedMethod>(m);
-    tally.difference[m] = DifferenceOf(cell.d, cell.isovalue, method, kColumns);
+    tally.difference[m] = DifferenceOf(cell.d, cell.isovalue, method, kColumns,
+                                       method == ComparedMethod::kTpbcc ? refinement : 1);
   }
   return tally;
 }
 
-void PrintTally(const char* name, const std::vector<CellAt>& cells, std::ostream& out) {
+void PrintTally(const char* name, const std::vector<CellAt>& cells, int refinement,
+                std::ostream& out) {
   std::vector<Tally> tallies(cells.size());
   tbb::parallel_for(std::size_t{0}, cells.size(),
-                    [&](std::size_t n) { tallies[n] = TallyOf(cells[n]); });
+                    [&](std::size_t n) { tallies[n] = TallyOf(cells[n], refinement); });
   Tally sum;
   for (const Tally& tally : tallies) {
     sum.diagonal += tally.diagonal;
@@ -115,8 +117,8 @@ void PrintTallies(const ExperimentOptions& options, std::ostream& out) {
         "", "cells", "diagonal", "one", "two");
   for (std::string_view name : kMethodNames) Print(out, " %15s", name.data());
   out << "\n";
-  PrintTally("uniform", RandomCells(options, false), out);
-  PrintTally("alternating", RandomCells(options, true), out);
+  PrintTally("uniform", RandomCells(options, false), options.refinement.value_or(1), out);
+  PrintTally("alternating", RandomCells(options, true), options.refinement.value_or(1), out);
   for (const DiamondVolume& volume : kVolumes) {
     const auto path = options.data_folder / volume.path;
     if (!std::filesystem::exists(path)) {
@@ -124,7 +126,8 @@ void PrintTallies(const ExperimentOptions& options, std::ostream& out) {
       continue;
     }
     const auto loaded = LoadVolume(path.string(), ImportProgramBesideThis());
-    PrintTally(volume.name, CrossedCells(*loaded, volume.isovalue, options.cells), out);
+    PrintTally(volume.name, CrossedCells(*loaded, volume.isovalue, options.cells),
+               options.refinement.value_or(1), out);
   }
 }
 

@@ -45,12 +45,12 @@ class Search {
  public:
   Search(FreshCells& cells, const Vec3& p_DHip_mm, double radius_mm)
       : cells_(cells), centre_mm_(p_DHip_mm) {
-    const Mat3& axes = cells.surface().X_DI.linear;
+    const Mat3& axes = cells.surface().X_DL.linear;
     reach_mm_ = radius_mm * (1.0 + kBallTolerance) + 0.5 * axes.colwise().norm().sum();
   }
 
   std::vector<Node> NodesAt(const Vec3& p_mm) {
-    const Holders holders = cells_.HoldersOf(cells_.surface().X_ID.Apply(p_mm));
+    const Holders holders = cells_.HoldersOf(cells_.surface().X_LD.Apply(p_mm));
     std::vector<Node> nodes;
     for (const Holder& holder : holders.tetrahedra) {
       const FreshCell& cell = cells_.At(holder.cell);
@@ -103,7 +103,7 @@ class Search {
       return;
     }
     const Vec3 middle_mm =
-        cells_.surface().X_DI.Apply(node.cell.cast<double>() + Vec3::Constant(0.5));
+        cells_.surface().X_DL.Apply(node.cell.cast<double>() + Vec3::Constant(0.5));
     if ((middle_mm - centre_mm_).norm() > reach_mm_) return;
     const auto key = cells_.KeyOf(node.cell) * 32 + static_cast<std::uint64_t>(node.tetrahedron);
     if (!seen_.insert(key).second) return;

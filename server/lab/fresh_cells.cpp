@@ -29,7 +29,8 @@ double LeastWeight(const Holder& holder) {
 }  // namespace
 
 double Holders::Density() const {
-  if (tetrahedra.empty()) return outside ? 0.0 : std::numeric_limits<double>::quiet_NaN();
+  if (tetrahedra.empty())
+    return outside ? density_outside : std::numeric_limits<double>::quiet_NaN();
   return std::max_element(
              tetrahedra.begin(), tetrahedra.end(),
              [](const Holder& a, const Holder& b) { return LeastWeight(a) < LeastWeight(b); })
@@ -39,7 +40,7 @@ double Holders::Density() const {
 FreshCells::FreshCells(const HapticSurface& surface) : surface_(surface) {}
 
 std::uint64_t FreshCells::KeyOf(const Vec3i& cell) const {
-  const Vec3i count = surface_.volume->size() + Vec3i::Ones();
+  const Vec3i count = surface_.lattice.size() + Vec3i::Ones();
   const auto at = (cell + Vec3i::Ones()).cast<std::uint64_t>();
   return (at.x() * static_cast<std::uint64_t>(count.y()) + at.y()) *
              static_cast<std::uint64_t>(count.z()) +
@@ -54,7 +55,7 @@ const FreshCell& FreshCells::At(const Vec3i& cell) {
   const auto [found, is_new] = cells_.try_emplace(KeyOf(cell));
   FreshCell& fresh = found->second;
   if (is_new) {
-    const CellDensities d = surface_.volume->ResolvedCell(cell);
+    const CellDensities d = surface_.lattice.ResolvedCell(cell);
     fresh.parts = Decompose(d, surface_.method);
     const auto free = std::count_if(d.begin(), d.end(), [&](double each) { return IsFree(each); });
     fresh.free = free == 8;
@@ -72,18 +73,19 @@ std::array<Vec3, 4> CornersOf(const Vec3i& cell, const FreshCell& fresh, int tet
   return corners;
 }
 
-Holders FreshCells::HoldersOf(const Vec3& p_I) {
+Holders FreshCells::HoldersOf(const Vec3& p_L) {
   Holders holders;
-  const Vec3 last = surface_.volume->size().cast<double>();
+  holders.density_outside = surface_.volume->BackgroundDensity();
+  const Vec3 last = surface_.lattice.size().cast<double>();
   const auto margin = Vec3::Constant(kHoldTolerance).array();
   holders.outside =
-      (p_I.array() <= -1.0 + margin).any() || (p_I.array() >= last.array() - margin).any();
+      (p_L.array() <= -1.0 + margin).any() || (p_L.array() >= last.array() - margin).any();
   // This check also keeps the cells' numbers representable.
-  if ((p_I.array() < -1.0 - margin).any() || (p_I.array() > last.array() + margin).any()) {
+  if ((p_L.array() < -1.0 - margin).any() || (p_L.array() > last.array() + margin).any()) {
     return holders;
   }
-  const Vec3i low = (p_I.array() - margin).floor().matrix().cast<int>();
-  const Vec3i high = (p_I.array() + margin).floor().matrix().cast<int>();
+  const Vec3i low = (p_L.array() - margin).floor().matrix().cast<int>();
+  const Vec3i high = (p_L.array() + margin).floor().matrix().cast<int>();
   for (int x = low.x(); x <= high.x(); ++x) {
     for (int y = low.y(); y <= high.y(); ++y) {
       for (int z = low.z(); z <= high.z(); ++z) {
@@ -92,7 +94,7 @@ Holders FreshCells::HoldersOf(const Vec3& p_I) {
         const FreshCell& fresh = At(cell);
         for (int t = 0; t < fresh.parts.complex.tetrahedron_count; ++t) {
           Holder holder{.cell = cell, .tetrahedron = t};
-          holder.weight = WeightsOf(CornersOf(cell, fresh, t), p_I);
+          holder.weight = WeightsOf(CornersOf(cell, fresh, t), p_L);
           if (!(LeastWeight(holder) >= -kHoldTolerance)) continue;
           for (int n = 0; n < 4; ++n) {
             holder.density +=

@@ -7,7 +7,7 @@
 //
 // Densities are normalised, not felt: on the side FreeSide::kAbove, a point is free if its density
 // is not below τ. Beyond the padded lattice the density is 0.
-// Frame: I, voxel index.
+// Frame: L, index of the lattice.
 // Threads: one per object. Errors: none.
 #pragma once
 
@@ -41,8 +41,9 @@ struct Holder {
 struct Holders {
   std::vector<Holder> tetrahedra;
   bool outside = false;  // beyond the padded lattice, or on its border
+  double density_outside = 0.0;
 
-  // The density in the tetrahedron in which the point lies deepest. 0 outside, NaN in a gap.
+  // The density in the tetrahedron in which the point lies deepest. NaN in a gap.
   double Density() const;
 };
 
@@ -56,10 +57,10 @@ class FreshCells {
   // Forgets the cells if there are very many.
   void Trim();
 
-  Holders HoldersOf(const Vec3& p_I);
+  Holders HoldersOf(const Vec3& p_L);
 
   const HapticSurface& surface() const { return surface_; }
-  bool HasCell(const Vec3i& cell) const { return surface_.volume->HasCell(cell); }
+  bool HasCell(const Vec3i& cell) const { return surface_.lattice.HasCell(cell); }
   // Normalised, not felt.
   double isovalue() const { return surface_.sign() * surface_.isovalue; }
   // How far a density is inside the object; positive there.
@@ -73,7 +74,7 @@ class FreshCells {
   std::unordered_map<std::uint64_t, FreshCell> cells_;
 };
 
-// Corners of a tetrahedron of a cell, in I.
+// Corners of a tetrahedron of a cell, in L.
 std::array<Vec3, 4> CornersOf(const Vec3i& cell, const FreshCell& fresh, int tetrahedron);
 
 }  // namespace palpate::lab

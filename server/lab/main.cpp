@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,13 @@ void AddOverwrite(arguments::Command& command, bool& overwrite) {
   command.add_flag("--overwrite", overwrite, "replace a file that is there");
 }
 
+void AddRefine(arguments::Command& command, std::optional<int>& refinement) {
+  command
+      .add_option("--refine", refinement,
+                  "parts that each edge of a voxel is cut into for the surface [1]")
+      ->check(arguments::Range(1, kMaxRefinement));
+}
+
 arguments::Command* AddCells(arguments::Command& app, Options& options) {
   arguments::Command* cells = app.add_subcommand(
       "cells",
@@ -81,6 +89,7 @@ arguments::Command* AddMesh(arguments::Command& app, Options& options) {
   mesh->add_option("--method", options.mesh.method, "decomposition")
       ->check(arguments::IsMember(kMethods))
       ->capture_default_str();
+  AddRefine(*mesh, options.mesh.refinement);
   mesh->add_option("--out", options.mesh.output,
                    "file to write, .ply or .obj, in world mm (LPS) [no file, only counts]");
   AddOverwrite(*mesh, options.mesh.overwrite);
@@ -105,6 +114,7 @@ arguments::Command* AddExperiment(arguments::Command& app, Options& options) {
       ->add_option("--columns", options.experiment.columns, "columns per axis, to integrate R_D")
       ->check(arguments::Range(1, 10'000))
       ->capture_default_str();
+  AddRefine(*experiment, options.experiment.refinement);
   experiment->add_option("--out", options.experiment.output_folder, "folder for the figures (SVG)")
       ->capture_default_str();
   AddOverwrite(*experiment, options.experiment.overwrite);
@@ -146,7 +156,7 @@ void AddRecordingReplay(arguments::Command& replay, RecordingReplayOptions& opti
   }
   needed.push_back(replay.get_option("--volume")->required(false));
   for (const char* name : {"--isovalue", "--trajectory", "--out", "--normalized", "--spacing-mm",
-                           "--method", "--stiffness", "--passes", "--set", "--hand"}) {
+                           "--method", "--refine", "--stiffness", "--passes", "--set", "--hand"}) {
     recording->excludes(replay.get_option(name));
   }
   replay.callback([recording, needed] {
@@ -200,6 +210,7 @@ arguments::Command* AddReplay(arguments::Command& app, ReplayOptions& options) {
   replay->add_option("--method", options.method, "decomposition")
       ->check(arguments::IsMember(kFeltMethods))
       ->capture_default_str();
+  AddRefine(*replay, options.refinement);
   replay->add_option("--stiffness", options.stiffness_n_per_mm, "N/mm [0.5]");
   replay
       ->add_option("--passes", options.passes,
@@ -248,6 +259,7 @@ arguments::Command* AddBench(arguments::Command& app, BenchOptions& options) {
   bench->add_option("--passes", options.passes, "as for replay")
       ->check(arguments::Range(1, 1000))
       ->capture_default_str();
+  AddRefine(*bench, options.refinement);
   return bench;
 }
 

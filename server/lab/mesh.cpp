@@ -88,13 +88,13 @@ void CopySlab(const std::vector<MeshSlab>& slabs, std::size_t n, const Offsets& 
 
 }  // namespace
 
-SurfaceMesh ExtractSurface(const VolumeSnapshot& volume, double isovalue, ComparedMethod method,
+SurfaceMesh ExtractSurface(const Lattice& lattice, double isovalue, ComparedMethod method,
                            const CellRange& range, const MeshProgress& progress) {
   const int layers = range.end.x() - range.first.x();
   std::vector<MeshSlab> slabs(static_cast<std::size_t>((layers + kLayers - 1) / kLayers));
   Progress report(progress, slabs.size());
   tbb::parallel_for(std::size_t{0}, slabs.size(), [&](std::size_t n) {
-    SlabRequest request{volume, isovalue, method, range, n + 1 < slabs.size()};
+    SlabRequest request{lattice, isovalue, method, range, n + 1 < slabs.size()};
     request.range.first.x() += static_cast<int>(n) * kLayers;
     request.range.end.x() = std::min(request.range.first.x() + kLayers, range.end.x());
     slabs[n] = MakeSlab(request);

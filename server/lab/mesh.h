@@ -5,7 +5,7 @@
 // whatever the densities are. A tetrahedron gives one triangle, or two that split a quadrilateral.
 // Normals (counter-clockwise) point to free space.
 //
-// Frame: I, voxel index. Isovalues are normalised.
+// Frame: L, index of the lattice; without refinement I, voxel index. Isovalues are normalised.
 // Threads: any ordinary thread; works on all cores. The mesh is the same for any number of cores.
 // Errors: Error.
 #pragma once
@@ -17,7 +17,7 @@
 
 #include "common/geometry/geometry.h"
 #include "server/lab/compared_method.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/lattice.h"
 
 namespace palpate::lab {
 
@@ -28,12 +28,12 @@ struct CellRange {
 };
 
 // All cells of the padded lattice. H is closed there if the isovalue is 0 or more.
-inline CellRange PaddedCells(const VolumeSnapshot& volume) {
-  return {Vec3i::Constant(-1), volume.size()};
+inline CellRange PaddedCells(const Lattice& lattice) {
+  return {Vec3i::Constant(-1), lattice.size()};
 }
 
 struct SurfaceMesh {
-  std::vector<Vec3> vertices;  // I
+  std::vector<Vec3> vertices;  // L
   std::vector<std::array<std::uint32_t, 3>> triangles;
   CellRange range;  // the cells that the mesh was made of
 };
@@ -42,7 +42,7 @@ struct SurfaceMesh {
 using MeshProgress = std::function<void(double fraction)>;
 
 // `progress` may be empty. Throws kTooLarge above 2³¹ vertices or 2³² / 3 triangles.
-SurfaceMesh ExtractSurface(const VolumeSnapshot& volume, double isovalue, ComparedMethod method,
+SurfaceMesh ExtractSurface(const Lattice& lattice, double isovalue, ComparedMethod method,
                            const CellRange& range, const MeshProgress& progress = {});
 
 }  // namespace palpate::lab

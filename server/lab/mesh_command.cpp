@@ -85,15 +85,17 @@ int RunMesh(const MeshOptions& options) {
                    [&](std::string_view stage, double fraction) { bar.Show(stage, fraction); });
     const double isovalue = ChooseIsovalue(*volume, options.isovalue, options.normalized_isovalue);
     const auto start = std::chrono::steady_clock::now();
+    const Lattice lattice(*volume, options.refinement.value_or(1));
     const SurfaceMesh mesh =
-        ExtractSurface(*volume, isovalue, method, PaddedCells(*volume),
+        ExtractSurface(lattice, isovalue, method, PaddedCells(lattice),
                        [&](double fraction) { bar.Show("extracting", fraction); });
     seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     bar.Show("counting", 1.0);
     statistics = MeasureMesh(mesh);
     bar.Show("writing", 1.0);
     if (!options.output.empty()) {
-      WriteMesh(mesh, volume->metadata().WorldFromIndex(), options.output, if_there);
+      WriteMesh(mesh, lattice.OnLattice(volume->metadata().WorldFromIndex()), options.output,
+                if_there);
     }
   }
   Print(statistics, seconds);

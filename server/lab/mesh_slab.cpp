@@ -95,10 +95,32 @@ class SlabBuilder {
   }
 
   void FillAbove(int i, std::vector<std::uint8_t>& plane) const {
-    for (int j = first_.y(); j <= end_.y(); ++j) {
-      for (int k = first_.z(); k <= end_.z(); ++k) {
-        plane[PlaneIndex(j, k)] =
-            request_.volume.ResolvedVertex(Vec3i(i, j, k)) > request_.isovalue;
+    const int edge = request_.lattice.refinement();
+    const Vec3i sub = request_.lattice.PartOf(Vec3i(i, first_.y(), first_.z())).sub;
+    for (int j = first_.y() - sub.y(); j <= end_.y(); j += edge) {
+      for (int k = first_.z() - sub.z(); k <= end_.z(); k += edge) {
+        if (edge > 1) {
+          FillAboveInCell(Vec3i(i, j, k), plane);
+        } else {
+          plane[PlaneIndex(j, k)] =
+              request_.lattice.volume().ResolvedVertex(Vec3i(i, j, k)) > request_.isovalue;
+        }
+      }
+    }
+  }
+
+  // Reads a cell of the voxels once for all vertices of the plane in it. `low`: the first of them.
+  void FillAboveInCell(const Vec3i& low, std::vector<std::uint8_t>& plane) const {
+    const int edge = request_.lattice.refinement();
+    const auto [voxel_cell, sub] = request_.lattice.PartOf(low);
+    const CellDensities d = request_.lattice.volume().ResolvedCell(voxel_cell);
+    const bool is_crossed = IsCrossed(d, request_.isovalue);
+    for (int y = 0; y < edge; ++y) {
+      for (int z = 0; z < edge; ++z) {
+        const int j = low.y() + y, k = low.z() + z;
+        if (j < first_.y() || j > end_.y() || k < first_.z() || k > end_.z()) continue;
+        const double density = is_crossed ? SubCell(d, Vec3i(sub.x(), y, z), edge)[0] : d[0];
+        plane[PlaneIndex(j, k)] = density > request_.isovalue;
       }
     }
   }
@@ -113,7 +135,7 @@ class SlabBuilder {
 
   void AddCell(const Vec3i& cell) {
     cell_ = cell;
-    decomposition_ = Decompose(request_.volume.ResolvedCell(cell), request_.method);
+    decomposition_ = Decompose(request_.lattice.ResolvedCell(cell), request_.method);
     const TetrahedralComplex& complex = decomposition_.complex;
     const auto [known, is_new] = signs_.try_emplace(complex.vertices);
     if (is_new) known->second = SignsOf(complex);

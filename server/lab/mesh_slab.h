@@ -3,7 +3,7 @@
 // The plane between two slabs is the lower plane of the upper slab. Edges of the complex in this
 // plane belong to the upper slab; the lower slab refers to them by key.
 //
-// Frame: I, voxel index. Threads: pure; slabs are made in parallel.
+// Frame: L, index of the lattice. Threads: pure; slabs are made in parallel.
 #pragma once
 
 #include <array>
@@ -30,7 +30,7 @@ struct MeshSlab {
 };
 
 struct SlabRequest {
-  const VolumeSnapshot& volume;
+  const Lattice& lattice;
   double isovalue;
   ComparedMethod method;
   CellRange range;      // the cells of the slab

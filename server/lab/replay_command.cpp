@@ -35,13 +35,15 @@ HapticSettings ParseSettings(const ReplayOptions& options) {
   if (options.stiffness_n_per_mm) {
     ApplySetting(fmt::format("stiffness_n_per_mm={}", *options.stiffness_n_per_mm), settings);
   }
+  if (options.refinement) settings.refinement = *options.refinement;
   return settings;
 }
 
 HapticSurface SurfaceOf(const LoadedSurface& loaded, DecompositionMethod method,
                         const HapticSettings& settings) {
   return MakeHapticSurface(*loaded.volume, loaded.volume->metadata().WorldFromIndex(),
-                           loaded.isovalue, method, 1, settings.free_side);
+                           loaded.isovalue, method, 1, settings.free_side,
+                           static_cast<int>(settings.refinement));
 }
 
 }  // namespace
@@ -59,13 +61,12 @@ LoadedSurface LoadSurface(const SurfaceOptions& options) {
 JudgedReplay ReplayAndJudge(const LoadedSurface& loaded, DecompositionMethod method,
                             const HapticSettings& settings, const std::vector<Vec3>& hips_mm,
                             int passes) {
-  const VolumeSnapshot& volume = *loaded.volume;
   const HapticSurface surface = SurfaceOf(loaded, method, settings);
   JudgedReplay judged;
   judged.ticks = Replay(surface, settings, hips_mm, passes);
-  const TriangleGrid triangles(
-      ExtractSurface(volume, loaded.isovalue, Compared(method), PaddedCells(volume)),
-      volume.metadata().WorldFromIndex());
+  const TriangleGrid triangles(ExtractSurface(surface.lattice, loaded.isovalue, Compared(method),
+                                              PaddedCells(surface.lattice)),
+                               surface.X_DL);
   judged.summary = Summarise(judged.ticks, JudgeReplay(surface, settings, triangles, judged.ticks));
   return judged;
 }

@@ -31,6 +31,7 @@ struct ReplayOptions {
   bool overwrite = false;        // of `output`
   std::string method = "tpbcc";  // one that can be felt
   std::optional<double> stiffness_n_per_mm{};
+  std::optional<int> refinement{};
   int passes = 1;
   bool hand = false;                    // the trajectory leads a hand that the force deflects
   std::vector<std::string> settings{};  // key=value

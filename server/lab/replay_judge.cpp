@@ -44,7 +44,7 @@ class Judge {
       side_ = output.free_side;
       last_mm_ = std::nullopt;
     }
-    const double density = cells().HoldersOf(surface_.X_ID.Apply(p_DH_mm)).Density();
+    const double density = cells().HoldersOf(surface_.X_LD.Apply(p_DH_mm)).Density();
     verdict_.density.push_back(surface_.volume->Denormalize(density));
     verdict_.contact_ticks += IsInContact(output);
     verdict_.iteration_cap_hits += output.proxy.capped;

@@ -50,12 +50,12 @@ double SquaredDistanceToFreePart(const Vec3& p, const Corners& corner,
 
 // True if a proxy on the border may leave the lattice because the HIP lies beyond the border by
 // more than rounding.
-bool MayLeave(const FreshCells& cells, const Vec3& p_IH, const Vec3& p_IHip) {
-  const Vec3 last = cells.surface().volume->size().cast<double>();
+bool MayLeave(const FreshCells& cells, const Vec3& p_LH, const Vec3& p_LHip) {
+  const Vec3 last = cells.surface().lattice.size().cast<double>();
   for (int axis = 0; axis < 3; ++axis) {
-    const double ahead = p_IHip[axis] - p_IH[axis];
-    if (p_IH[axis] <= -1.0 + kHoldTolerance && ahead < -kHoldTolerance) return true;
-    if (p_IH[axis] >= last[axis] - kHoldTolerance && ahead > kHoldTolerance) return true;
+    const double ahead = p_LHip[axis] - p_LH[axis];
+    if (p_LH[axis] <= -1.0 + kHoldTolerance && ahead < -kHoldTolerance) return true;
+    if (p_LH[axis] >= last[axis] - kHoldTolerance && ahead > kHoldTolerance) return true;
   }
   return false;
 }
@@ -66,10 +66,10 @@ double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_m
                     double hold_tolerance) {
   const HapticSurface& surface = cells.surface();
   const double distance_mm = (p_DH_mm - p_DHip_mm).norm();
-  const Vec3 p_IH = surface.X_ID.Apply(p_DH_mm);
-  const Holders holders = cells.HoldersOf(p_IH);
+  const Vec3 p_LH = surface.X_LD.Apply(p_DH_mm);
+  const Holders holders = cells.HoldersOf(p_LH);
   if (holders.outside && surface.IsFreeOutside() &&
-      (holders.tetrahedra.empty() || MayLeave(cells, p_IH, surface.X_ID.Apply(p_DHip_mm)))) {
+      (holders.tetrahedra.empty() || MayLeave(cells, p_LH, surface.X_LD.Apply(p_DHip_mm)))) {
     return distance_mm;
   }
   double nearest_squared = distance_mm * distance_mm;
@@ -80,7 +80,7 @@ double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_m
     Corners corner = CornersOf(holder.cell, cell, holder.tetrahedron);
     std::array<double, 4> inside{};
     for (int n = 0; n < 4; ++n) {
-      corner[n] = surface.X_DI.Apply(corner[n]);
+      corner[n] = surface.X_DL.Apply(corner[n]);
       const int vertex = cell.parts.complex.vertices[holder.tetrahedron][n];
       inside[n] = cells.Inside(cell.parts.density[vertex]);
     }

@@ -23,9 +23,9 @@ void SetNumber(const NumberSetting& setting, std::string_view value, HapticSetti
   double number = 0.0;
   const auto [stop, status] = std::from_chars(value.data(), value.data() + value.size(), number);
   const bool is_number = status == std::errc() && stop == value.data() + value.size();
-  if (!is_number || !(number >= setting.low && number <= setting.high)) {
-    Refuse(fmt::format("{}={}: give a number from {} to {}{}", setting.key, value, setting.low,
-                       setting.high, setting.unit));
+  if (!is_number || !setting.Allows(number)) {
+    Refuse(fmt::format("{}={}: give {} from {} to {}{}", setting.key, value, setting.what(),
+                       setting.low, setting.high, setting.unit));
   }
   settings.*setting.member = number;
 }

@@ -26,11 +26,15 @@ const google::protobuf::FieldDescriptor* Field(std::string_view name) {
 void TakeSettings(const v1::RenderSettings& message, RecordedScene& scene) {
   const auto& fields = *message.GetReflection();
   const auto has = [&](std::string_view key) { return fields.HasField(message, Field(key)); };
+  scene.settings.refinement = 1;  // as it was before there was the setting
   scene.isovalue = message.isovalue();
   scene.normalized_isovalue = message.normalized_isovalue();
   for (const NumberSetting& setting : kNumberSettings) {
     if (!has(setting.key)) continue;
     scene.settings.*setting.member = fields.GetDouble(message, Field(setting.key));
+    if (setting.whole && !setting.Allows(scene.settings.*setting.member)) {
+      throw DamagedBytes("damaged: a setting has no whole number");
+    }
   }
   for (const FlagSetting& setting : kFlagSettings) {
     if (!has(setting.key)) continue;

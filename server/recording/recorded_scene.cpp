@@ -66,7 +66,8 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
   Scene scene;
   scene.surface = MakeHapticSurface(*volume, recorded.X_DI, recorded.normalized_isovalue,
                                     recorded.settings.method, recorded.geometry_revision,
-                                    recorded.settings.free_side);
+                                    recorded.settings.free_side,
+                                    static_cast<int>(recorded.settings.refinement));
   scene.volume = std::move(volume);
   scene.isovalue = recorded.isovalue;
   scene.settings = recorded.settings;

@@ -1,5 +1,6 @@
 #include "server/recording/recorded_tick.h"
 
+#include <algorithm>
 #include <array>
 
 #include "server/recording/bytes.h"
@@ -53,6 +54,7 @@ TickSample SampleOf(const RecordedTick& tick) {
       .faulty_ticks = tick.faulty_ticks,
       .buttons = pose.buttons,
       .iterations = pose.iterations,
+      .refinement = std::max(pose.refinement, 1u),  // recordings before it have none
       .mode = pose.mode,
       .free_side = pose.free_side,
       .contact = pose.contact,

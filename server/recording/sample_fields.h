@@ -41,6 +41,7 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("volume_revision", sample.volume_revision);
   visit("update_ns", sample.update_ns);
   visit("iterations", sample.iterations);
+  visit("refinement", sample.refinement);
   visit("missed_ticks", sample.missed_ticks);
   visit("capped_ticks", sample.capped_ticks);
   visit("faulty_ticks", sample.faulty_ticks);

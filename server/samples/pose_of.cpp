@@ -36,6 +36,7 @@ PoseSample PoseOf(const TickSample& sample) {
   pose.forces =
       ForcesOf(sample.force_state, sample.force_reason, sample.force_limit_n, sample.replayed);
   pose.replayed = sample.replayed;
+  pose.refinement = sample.refinement;
   return pose;
 }
 

@@ -10,6 +10,7 @@ void AddScpV(const Scene& scene, CellCache& cache, TickSample& sample) noexcept 
   const bool is_flipped = sample.free_side != scene.surface.free_side;
   HapticSurface surface = is_flipped ? scene.surface.Flipped() : scene.surface;
   surface.isovalue = at.isovalue;
+  surface.Refine(static_cast<int>(sample.refinement));
   Place place;
   place.kind = Place::Kind::kSimplex;
   place.cell = Vec3i(at.cell.data());

@@ -20,12 +20,13 @@ inline constexpr std::uint64_t kKeyframeTicks = 64;
 
 // Trivially copyable: it goes through a ring to the pump thread.
 struct ServoKeyframe {
-  static constexpr std::size_t kBytes = 1000;
+  static constexpr std::size_t kBytes = 1001;
 
   std::uint64_t tick = 0;  // the tick that starts from this state
+  std::size_t size = 0;    // of the bytes that are used
   std::array<char, kBytes> bytes{};
 
-  std::string_view view() const { return {bytes.data(), bytes.size()}; }
+  std::string_view view() const { return {bytes.data(), size}; }
 };
 static_assert(std::is_trivially_copyable_v<ServoKeyframe>);
 

@@ -33,19 +33,21 @@ void VisitCarrier(CarrierT& carrier, Visit& visit) {
 
 template <class PlaceT, class Visit>
 void VisitPlace(PlaceT& place, Visit& visit) {
-  auto& [kind, cell, faces, p_I, carrier, tetrahedron] = place;
+  auto& [kind, cell, faces, p_L, carrier, tetrahedron] = place;
   visit(kind);
   VisitVector(cell, visit);
   visit(faces);
-  VisitVector(p_I, visit);
+  VisitVector(p_L, visit);
   VisitCarrier(carrier, visit);
   visit(tetrahedron);
 }
 
+// Without `refinement`: 1 is left out, as it was before there was another. Save and Load append it.
 template <class ProxyT, class Visit>
 void VisitProxy(ProxyT& proxy, Visit& visit) {
-  auto& [placed, on_surface, buried, place, p_DH_mm, geometry_revision, volume_revision,
+  auto& [placed, on_surface, buried, place, p_DH_mm, geometry_revision, refinement, volume_revision,
          loaded_revision, free_side, isovalue] = proxy;
+  static_cast<void>(refinement);
   visit(placed);
   visit(on_surface);
   visit(buried);
@@ -156,7 +158,7 @@ bool IsCarrier(const Carrier& carrier) {
 bool IsInBox(const Place& place) {
   std::uint8_t faces = 0;
   for (int axis = 0; axis < 3; ++axis) {
-    const double p = place.p_I[axis], low = place.cell[axis], high = low + 1.0;
+    const double p = place.p_L[axis], low = place.cell[axis], high = low + 1.0;
     if (!(p >= low && p <= high)) return false;
     if (p == low) faces |= static_cast<std::uint8_t>(1u << (2 * axis));
     if (p == high) faces |= static_cast<std::uint8_t>(2u << (2 * axis));
@@ -172,7 +174,7 @@ bool IsPlace(const Place& place) {
   }
   switch (place.kind) {
     case Place::Kind::kOutside:
-      return place.p_I.allFinite();
+      return place.p_L.allFinite();
     case Place::Kind::kBox:
       return IsInBox(place);
     case Place::Kind::kSimplex:
@@ -219,20 +221,26 @@ ServoKeyframe Save(const ServoMemory& memory) noexcept {
   };
   put(kLayout);
   VisitMemory(memory, put);
+  const int refinement = memory.renderer.proxy.refinement;
+  if (refinement != 1) put(static_cast<std::uint8_t>(refinement));
+  keyframe.size = at;
   return keyframe;
 }
 
 bool Load(std::string_view bytes, ServoMemory& memory) noexcept {
-  if (bytes.size() != ServoKeyframe::kBytes ||
-      static_cast<std::uint8_t>(bytes.front()) != kLayout) {
-    return false;
-  }
+  if (bytes.empty() || static_cast<std::uint8_t>(bytes.front()) != kLayout) return false;
   std::size_t at = 1;
   bool good = true;
   VisitMemory(memory, [&](auto& number) {
     good = good && at + sizeof number <= bytes.size() && FromBytes(&bytes[at], number);
     at += sizeof number;
   });
+  int& refinement = memory.renderer.proxy.refinement;
+  refinement = 1;
+  if (good && at + 1 == bytes.size()) {
+    refinement = static_cast<unsigned char>(bytes[at++]);
+    good = refinement > 1 && refinement <= kMaxRefinement;
+  }
   return good && at == bytes.size() && IsInRange(memory);
 }
 

@@ -55,8 +55,14 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   const std::uint64_t missed = input.missed_ticks - missed_ticks_;
   const double elapsed_s = kTickPeriodS * (1.0 + static_cast<double>(missed));
   missed_ticks_ = input.missed_ticks;
-  if (std::exchange(resumed_, false) && !Fits(scene.surface, renderer_.proxy, renderer_.cache)) {
+  // Another refinement would move the surface under the stylus.
+  HapticSurface surface = scene.surface;
+  if (renderer_.proxy.on_surface && renderer_.proxy.refinement != surface.lattice.refinement()) {
+    surface.Refine(renderer_.proxy.refinement);
+  }
+  if (std::exchange(resumed_, false) && !Fits(surface, renderer_.proxy, renderer_.cache)) {
     renderer_.proxy = Proxy();
+    surface = scene.surface;
   }
 
   const DeviceState& stylus = input.stylus;
@@ -66,8 +72,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   if (suspended) {
     output = SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_);
   } else {
-    HapticSurface surface = scene.surface;
-    surface.isovalue = GlideIsovalue(scene.surface, elapsed_s, renderer_);
+    surface.isovalue = GlideIsovalue(surface, elapsed_s, renderer_);
     if (surface.isovalue != scene.surface.isovalue) {
       sample.isovalue = scene.volume->Denormalize(surface.sign() * surface.isovalue);
     }
@@ -75,6 +80,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   }
   Describe(scene, output, sample);
   sample.surface_place = PlaceOf(renderer_.proxy);
+  sample.refinement = static_cast<std::uint32_t>(surface.lattice.refinement());
   if (suspended) {
     sample.mode = ProxyMode::kSuspended;
     sample.free_side = scene.settings.free_side;

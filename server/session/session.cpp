@@ -48,7 +48,11 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
 
 void CheckHaptics(const HapticSettings& haptics) {
   for (const NumberSetting& setting : kNumberSettings) {
-    CheckRange(setting.key, haptics.*setting.member, setting.low, setting.high, setting.unit);
+    const double value = haptics.*setting.member;
+    CheckRange(setting.key, value, setting.low, setting.high, setting.unit);
+    if (setting.Allows(value)) continue;
+    throw Error(ErrorKind::kInvalidArgument,
+                fmt::format("{} is {}: it must be {}", setting.key, value, setting.what()));
   }
 }
 
@@ -165,7 +169,8 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
   scene->series_position_frames = volume_->metadata().series_position_frames;
   scene->surface =
       MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue),
-                        settings_.haptics.method, geometry_revision_, settings_.haptics.free_side);
+                        settings_.haptics.method, geometry_revision_, settings_.haptics.free_side,
+                        static_cast<int>(settings_.haptics.refinement));
   if (has_volume_) {
     for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
   }

@@ -1,9 +1,9 @@
 // Steps the renderer, for a program that counts instructions: those of CountedTicks are the ticks'
 // own. Prints the ticks, how many were in contact, and the mean time of one.
 //
-//   counted_ticks SLIDE         a slide of palpate-lab bench
-//   counted_ticks free VOXELS   to and fro in free space, VOXELS in each tick
-//   counted_ticks along VOXELS  likewise along a wavy surface
+//   counted_ticks REFINEMENT SLIDE         a slide of palpate-lab bench
+//   counted_ticks REFINEMENT free VOXELS   to and fro in free space, VOXELS in each tick
+//   counted_ticks REFINEMENT along VOXELS  likewise along a wavy surface
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -75,10 +75,10 @@ Ride ToAndFro(double voxels, double z_mm) {
   return contacts;
 }
 
-void Run(const Ride& ride) {
+void Run(const Ride& ride, int refinement) {
   const HapticSurface surface =
       MakeHapticSurface(*ride.volume, ride.volume->metadata().WorldFromIndex(), ride.isovalue,
-                        DecompositionMethod::kTpbcc, 1);
+                        DecompositionMethod::kTpbcc, 1, FreeSide::kBelow, refinement);
   const auto state = std::make_unique<RendererState>();
   const std::span<const Vec3> hips_mm(ride.hips_mm);
   for (const Vec3& hip_mm : hips_mm.first(static_cast<std::size_t>(ride.first))) {
@@ -96,12 +96,14 @@ void Run(const Ride& ride) {
 
 int main(int count, char** arguments) {
   using namespace palpate;
-  const std::string_view what = count > 1 ? arguments[1] : "";
+  const int refinement = count > 1 ? std::atoi(arguments[1]) : 0;
+  const std::string_view what = count > 2 ? arguments[2] : "";
   const auto* slide = std::ranges::find(lab::kFixedSlides, what, &lab::FixedSlide::name);
-  if (count == 2 && slide != lab::kFixedSlides.end()) {
-    Run(Slide(*slide));
-  } else if (count == 3 && (what == "free" || what == "along")) {
-    Run(ToAndFro(std::atof(arguments[2]), what == "free" ? 18.4 : 10.4));
+  if (refinement < 1 || refinement > kMaxRefinement) return EXIT_FAILURE;
+  if (count == 3 && slide != lab::kFixedSlides.end()) {
+    Run(Slide(*slide), refinement);
+  } else if (count == 4 && (what == "free" || what == "along")) {
+    Run(ToAndFro(std::atof(arguments[3]), what == "free" ? 18.4 : 10.4), refinement);
   } else {
     return EXIT_FAILURE;
   }

@@ -14,6 +14,8 @@ from support import DaemonTest, wait_until
 def another(field):
     """A value of a setting that is not its default, by the list that is in the contract."""
     says = field.GetOptions().Extensions[setting_pb2.setting]
+    if says.whole:
+        return says.maximum
     if field.type == field.TYPE_DOUBLE:
         return says.minimum + 0.25 * (says.maximum - says.minimum)
     if field.type == field.TYPE_BOOL:
@@ -104,7 +106,7 @@ class SettingsTest(DaemonTest):
                    {"isovalue": None}, {"carve_tool": "off"}, {"carve_tool": 1},
                    {"free_side": "left"}, {"method": 0}, {"isovalue": True},
                    {"isovalue": np.bool_(True)}, {"isovalue": 10**400}, {"method": True},
-                   {"method": ""}, {"free_side": None}, {})
+                   {"method": ""}, {"free_side": None}, {"refinement": 2.5}, {})
         for changes in refused:
             with self.assertRaises(palpate.InvalidArgument, msg=str(changes)) as caught:
                 self.conn.settings.update(**changes)

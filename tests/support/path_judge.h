@@ -50,7 +50,7 @@ class PathJudge {
       if (held.p_mm == p_mm) return held.holders;
     }
     next_held_ ^= 1;
-    held_[next_held_] = {p_mm, cells_.HoldersOf(surface().X_ID.Apply(p_mm))};
+    held_[next_held_] = {p_mm, cells_.HoldersOf(surface().X_LD.Apply(p_mm))};
     return held_[next_held_].holders;
   }
 
@@ -106,8 +106,8 @@ class PathJudge {
   // Returns the fraction of the path to the HIP after which the density is above τ; 1 if there is
   // no such place.
   double WayToMaterial(const Vec3& from_mm, const Vec3& p_DHip_mm) {
-    const Vec3 from = surface().X_ID.Apply(from_mm), hip = surface().X_ID.Apply(p_DHip_mm);
-    const Vec3i last = surface().volume->size();
+    const Vec3 from = surface().X_LD.Apply(from_mm), hip = surface().X_LD.Apply(p_DHip_mm);
+    const Vec3i last = surface().lattice.size();
     const Vec3 low = from.cwiseMin(hip), high = from.cwiseMax(hip);
     // Beyond the lattice there is nothing to meet, and far places do not fit an integer.
     const auto cell_of = [&](const Vec3& p) -> Vec3i {
@@ -188,7 +188,7 @@ class PathJudge {
   }
 
   Vec3 MiddleOf(const Part& part) {
-    return surface().X_DI.Apply(part.at.cast<double>() + Vec3::Constant(0.5));
+    return surface().X_DL.Apply(part.at.cast<double>() + Vec3::Constant(0.5));
   }
 
   Part PartOf(const lab::Holder& holder) {
@@ -196,27 +196,27 @@ class PathJudge {
   }
 
   Part HalfSpace(int side) {
-    Vec3i at = surface().volume->size() / 2;
-    at[side / 2] = side % 2 == 0 ? -2 : surface().volume->size()[side / 2];
+    Vec3i at = surface().lattice.size() / 2;
+    at[side / 2] = side % 2 == 0 ? -2 : surface().lattice.size()[side / 2];
     return {0, 0, side, at};
   }
 
   // How far a point is inside the half-space, in voxels.
-  double InHalfSpace(const Vec3& p_I, int side) {
+  double InHalfSpace(const Vec3& p_L, int side) {
     const int axis = side / 2;
-    return side % 2 == 0 ? -1.0 - p_I[axis] : p_I[axis] - surface().volume->size()[axis];
+    return side % 2 == 0 ? -1.0 - p_L[axis] : p_L[axis] - surface().lattice.size()[axis];
   }
 
   // Returns the free parts that contain a point, also on their border.
   std::vector<Part> PartsAt(const Vec3& p_mm) {
-    const Vec3 p_I = surface().X_ID.Apply(p_mm);
+    const Vec3 p_L = surface().X_LD.Apply(p_mm);
     std::vector<Part> parts;
     for (const lab::Holder& holder : HoldersAt(p_mm).tetrahedra) {
       if (HasFreeCorner(holder)) parts.push_back(PartOf(holder));
     }
     if (!surface().IsFreeOutside()) return parts;
     for (int side = 0; side < 6; ++side) {
-      if (InHalfSpace(p_I, side) >= -kTolerance) parts.push_back(HalfSpace(side));
+      if (InHalfSpace(p_L, side) >= -kTolerance) parts.push_back(HalfSpace(side));
     }
     return parts;
   }
@@ -228,7 +228,7 @@ class PathJudge {
     for (int n = 0; n < 4; ++n) {
       const int vertex = fresh.parts.complex.vertices[part.tetrahedron][n];
       with_density.push_back(
-          {surface().X_DI.Apply(corners[n]), cells_.Inside(fresh.parts.density[vertex])});
+          {surface().X_DL.Apply(corners[n]), cells_.Inside(fresh.parts.density[vertex])});
     }
     return with_density;
   }
@@ -291,7 +291,7 @@ class PathJudge {
       }
     }
     const int axis = side / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
-    const Vec3i size = surface().volume->size();
+    const Vec3i size = surface().lattice.size();
     Vec3i cell;
     cell[axis] = side % 2 == 0 ? -1 : size[axis] - 1;
     for (cell[u] = -1; cell[u] < size[u]; ++cell[u]) {
@@ -319,11 +319,11 @@ class PathJudge {
 
   // True if the ball meets the common part of two half-spaces.
   bool IsEdgeWithinReach(int one, int other) {
-    const Vec3 hip = surface().X_ID.Apply(hip_mm_);
+    const Vec3 hip = surface().X_LD.Apply(hip_mm_);
     // Their normals in D, of length 1, and their distances from the HIP, in mm.
     const auto plane = [&](int side) {
       const double sign = side % 2 == 0 ? -1.0 : 1.0;
-      const Vec3 row = sign * surface().X_ID.linear.row(side / 2).transpose();
+      const Vec3 row = sign * surface().X_LD.linear.row(side / 2).transpose();
       return std::pair<Vec3, double>(row.normalized(), -InHalfSpace(hip, side) / row.norm());
     };
     const auto [a, way_a] = plane(one);

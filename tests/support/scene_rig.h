@@ -128,8 +128,9 @@ class SceneRig {
     AffineMap X_DI;
     X_DI.linear *= 1.7;
     X_DI.translation = Vec3(-40.0, -40.0, -40.0);
-    scene_.surface = MakeHapticSurface(*volume_, X_DI, tau_, DecompositionMethod::kTpbcc, revision_,
-                                       scene_.settings.free_side);
+    scene_.surface =
+        MakeHapticSurface(*volume_, X_DI, tau_, DecompositionMethod::kTpbcc, revision_,
+                          scene_.settings.free_side, static_cast<int>(scene_.settings.refinement));
     if (recorder_) Note(changed_bytes);
   }
   void Note(std::uint64_t changed_bytes) {

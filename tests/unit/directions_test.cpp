@@ -174,7 +174,7 @@ class PlainSearch {
   void VisitTetrahedra(HapticCell& cell, const Vec3i& offset, std::uint8_t faces, int& tetrahedra) {
     const Carrier carrier = place_.kind == Place::Kind::kSimplex
                                 ? CarrierInNeighbour(place_.carrier, offset)
-                                : Locate(cell, place_.p_I - cell.cell.cast<double>(), faces);
+                                : Locate(cell, place_.p_L - cell.cell.cast<double>(), faces);
     const PlainCell plain(surface_, cell.cell);
     for (int t = 0; t < plain.parts.complex.tetrahedron_count && !best_.full; ++t) {
       if (!(TetrahedraAt(plain.parts.complex, carrier) >> t & 1)) continue;

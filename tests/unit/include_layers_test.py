@@ -177,7 +177,7 @@ NAMES = {
 
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
 PLAIN_VOLUME_HEADERS = {"server/volume/brick_directory.h", "server/volume/brick_packer.h",
-                        "server/volume/snapshot.h",
+                        "server/volume/lattice.h", "server/volume/snapshot.h",
                         "server/volume/volume_metadata.h", "server/volume/edit.h",
                         "server/volume/filter.h", "server/volume/volume_export.h"}
 # What programs outside of the tree include.

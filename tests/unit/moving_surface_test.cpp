@@ -10,6 +10,7 @@
 
 #include "server/haptics/renderer.h"
 #include "server/safety/safety.h"
+#include "server/servo/tick_computation.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/scaled.h"
 #include "tests/support/tick_rig.h"
@@ -172,6 +173,40 @@ class Editor {
  private:
   std::mt19937_64 random_;
 };
+
+// It is asked for another refinement all the time, and takes one whenever it is free.
+TEST(MovingSurface, AnotherRefinementNeitherLosesAContactNorStepsTheForce) {
+  const auto volume = testing::Gyroid(24);
+  Scene scene;
+  scene.volume = volume;
+  scene.isovalue = volume->Denormalize(0.5);
+  scene.surface = MakeHapticSurface(*volume, AffineMap{}, 0.5, DecompositionMethod::kTpbcc, 1);
+  SafetyLimits limits;
+  limits.starts_on = true;
+  TickComputation computation(limits);
+  std::mt19937_64 random(12);
+  std::normal_distribution<double> normal;
+  TickInput input;
+  input.stylus.calibrated = true;
+  input.stylus.p_DHip_mm = Vec3::Constant(12.0);
+  TickSample last = computation.Run(scene, input);
+  int changes = 0, in_contact = 0, waits = 0;
+  for (int n = 0; n < 20'000; ++n) {
+    if (n % 10 == 0) scene.surface.Refine(1 + n / 10 % kMaxRefinement);
+    for (double& x : input.stylus.p_DHip_mm) x += 0.05 * normal(random) + 0.002 * (12.0 - x);
+    const TickSample sample = computation.Run(scene, input);
+    changes += sample.refinement != last.refinement;
+    in_contact += sample.refinement != last.refinement && last.contact;
+    waits += sample.refinement != static_cast<std::uint32_t>(scene.surface.lattice.refinement());
+    EXPECT_NE(sample.mode, ProxyMode::kInside);
+    EXPECT_LE((Vec3(sample.force_n.data()) - Vec3(last.force_n.data())).norm(),
+              limits.max_slew_n_per_s * kTickPeriodS + 1e-9);
+    last = sample;
+  }
+  EXPECT_EQ(in_contact, 0);
+  EXPECT_GT(changes, 200);
+  EXPECT_GT(waits, 1000);
+}
 
 HapticSurface SurfaceOf(const VolumeSnapshot& volume) {
   return MakeHapticSurface(volume, AffineMap{}, 0.5, DecompositionMethod::kTpbcc, 1);

@@ -289,7 +289,7 @@ TEST(MoveInBox, BeginsWhereTheSimplexIs) {
   Place place;
   place.kind = Place::Kind::kSimplex;
   place.cell = Vec3i(2, 3, 3);
-  place.p_I = Vec3(0.25, 7.5, -30.0);  // of no simplex
+  place.p_L = Vec3(0.25, 7.5, -30.0);  // of no simplex
   place.carrier.count = 1;
   place.carrier.vertex[0] = static_cast<std::uint8_t>(CornerAt(1, 0, 1));
   place.carrier.weight[0] = 1.0;
@@ -297,12 +297,35 @@ TEST(MoveInBox, BeginsWhereTheSimplexIs) {
   Candidate candidate;
   candidate.kind = Candidate::Kind::kBox;
   candidate.cell = Vec3i(3, 3, 4);
+  candidate.entry = &prober.cache.Densities(prober.surface, candidate.cell);
   candidate.faces = 0x15;
   candidate.d_mm = Vec3(0.0, 0.5, 0.0);
   MoveInBox(prober.surface, candidate, place, prober.cache);
   EXPECT_EQ(place.kind, Place::Kind::kBox);
-  EXPECT_EQ(place.p_I, Vec3(3.0, 3.5, 4.0));
+  EXPECT_EQ(place.p_L, Vec3(3.0, 3.5, 4.0));
   EXPECT_EQ(place.faces, 0x11);
+}
+
+// A free cell of the voxels is one box, however fine the lattice is.
+TEST(MoveInBox, CrossesAFreeVoxelInOneMove) {
+  Prober prober(MakeVolume({40, 40, 8}, [](int, int, int k) { return k; }), 1.0 / 7.0);
+  std::mt19937_64 random(8);
+  std::uniform_real_distribution<double> along(1.0, 38.0), height(-1.0, 0.9);
+  std::array<int, 3> moves{};
+  for (int n = 0; n < 200; ++n) {
+    const Vec3 from(along(random), along(random), height(random));
+    const Vec3 to(along(random), along(random), height(random));
+    for (const int refinement : {1, 2, 4}) {
+      prober.surface.Refine(refinement);
+      prober.proxy = Proxy();
+      prober.Step(from);
+      const ProxyStep step = prober.Step(to);
+      moves[refinement / 2] += step.moves;
+      ASSERT_NEAR((step.p_DH_mm - to).norm(), 0.0, 1e-9);
+    }
+  }
+  EXPECT_EQ(moves[1], moves[0]);
+  EXPECT_EQ(moves[2], moves[0]);
 }
 
 // All tetrahedra would be more than a cell has, and all faces more than a cone has room for.

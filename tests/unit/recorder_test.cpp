@@ -404,7 +404,7 @@ TEST_F(RecorderTest, KeyframesAreKeptWhereTheyAreNeeded) {
   const auto feed = [&](std::uint64_t first, std::uint64_t end) {
     for (std::uint64_t tick = first; tick < end; ++tick) {
       if (tick % kKeyframeTicks == 0) {
-        ServoKeyframe keyframe{.tick = tick};
+        ServoKeyframe keyframe{.tick = tick, .size = ServoKeyframe::kBytes};
         keyframe.bytes.front() = static_cast<char>(tick / kKeyframeTicks);
         recorder.OnKeyframe(keyframe);
       }

@@ -20,7 +20,8 @@
 namespace palpate {
 namespace {
 
-Scene SceneWithEverything(std::shared_ptr<const VolumeSnapshot> volume, double tau) {
+Scene SceneWithEverything(std::shared_ptr<const VolumeSnapshot> volume, double tau,
+                          int refinement = 1) {
   Scene scene;
   scene.settings.static_friction = 0.4;
   scene.settings.dynamic_friction = 0.3;
@@ -31,7 +32,8 @@ Scene SceneWithEverything(std::shared_ptr<const VolumeSnapshot> volume, double t
   AffineMap X_DI;
   X_DI.linear *= 1.7;
   X_DI.translation = Vec3(-40.0, -40.0, -40.0);
-  scene.surface = MakeHapticSurface(*volume, X_DI, tau, DecompositionMethod::kTpbcc, 1);
+  scene.surface = MakeHapticSurface(*volume, X_DI, tau, DecompositionMethod::kTpbcc, 1,
+                                    FreeSide::kBelow, refinement);
   scene.isovalue = volume->Denormalize(tau);
   scene.volume = std::move(volume);
   return scene;
@@ -40,7 +42,7 @@ Scene SceneWithEverything(std::shared_ptr<const VolumeSnapshot> volume, double t
 // From a keyframe on, in each of many states, and a cold cache of cells.
 TEST(ServoKeyframe, GoesOnBitForBit) {
   const auto volume = testing::Gyroid();
-  const Scene scenes[] = {SceneWithEverything(volume, 0.47), SceneWithEverything(volume, 0.55)};
+  const Scene scenes[] = {SceneWithEverything(volume, 0.47), SceneWithEverything(volume, 0.55, 3)};
   const DeviceDescription spec = SimulatedDeviceSpec();
   SimulatedDevice device(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1));
   device.Start();
@@ -109,7 +111,7 @@ void SetBox(Touch& touch, double y_mm = 20.5, std::uint8_t faces = 0x21) {
   touch.memory.renderer.proxy.on_surface = false;
   touch.place().kind = Place::Kind::kBox;
   touch.place().cell = Vec3i(20, 20, 20);
-  touch.place().p_I = Vec3(20.0, y_mm, 21.0);
+  touch.place().p_L = Vec3(20.0, y_mm, 21.0);
   touch.place().faces = faces;
 }
 
@@ -155,7 +157,7 @@ TEST(ServoKeyframe, StatesThatNoServoHasAreRefused) {
   EXPECT_TRUE(refuses([](Touch& t) {
     SetBox(t);
     t.place().kind = Place::Kind::kOutside;
-    t.place().p_I.x() = kInfinity;
+    t.place().p_L.x() = kInfinity;
   }));
   EXPECT_TRUE(refuses([](Touch& t) { t.memory.renderer.has_hip = false; }));
   // Positions, directions and isovalues that are none, or too large.
@@ -192,6 +194,10 @@ TEST(ServoKeyframe, APlaceThatItsCellLacksIsNotUsed) {
     place.tetrahedron = 29;
   });
   expect_anew("a cell outside", [](Place& place) { place.cell = Vec3i(-2, 48, 1 << 30); });
+  Touch waiting = touch;  // for another refinement, on a lattice that the scene does not have
+  waiting.memory.renderer.proxy.refinement = 3;
+  waiting.place().cell = Vec3i(-2, 48, 1 << 30);
+  EXPECT_TRUE(testing::SameSample(waiting.Next(), expected));
   EXPECT_FALSE(testing::SameSample(touch.Next(), expected));
 }
 
@@ -204,7 +210,9 @@ TEST(ServoKeyframe, DamagedOnesDoNoHarm) {
   ServoMemory memory;
   EXPECT_FALSE(Load("", memory));
   EXPECT_FALSE(Load(good.substr(1), memory));
-  EXPECT_FALSE(Load(good + "x", memory));
+  for (const char refinement : {0, 1, kMaxRefinement + 1, -1}) {
+    EXPECT_FALSE(Load(good + refinement, memory));
+  }
   std::mt19937 random(1);
   int refused = 0;
   for (std::size_t at = 0; at < good.size(); ++at) {

@@ -43,10 +43,14 @@ double DensityOf(const VolumeSnapshot& volume, double isovalue) {
   return density;
 }
 
-// The daemon's surface at an isovalue in data units.
-lab::SurfaceMesh MeshOf(const VolumeSnapshot& volume, double isovalue, DecompositionMethod method) {
-  return lab::ExtractSurface(volume, DensityOf(volume, isovalue), lab::Compared(method),
-                             lab::PaddedCells(volume));
+// The daemon's surface at an isovalue in data units. Vertices in I.
+lab::SurfaceMesh MeshOf(const VolumeSnapshot& volume, double isovalue, DecompositionMethod method,
+                        int refinement = 1) {
+  const Lattice lattice(volume, refinement);
+  lab::SurfaceMesh mesh = lab::ExtractSurface(lattice, DensityOf(volume, isovalue),
+                                              lab::Compared(method), lab::PaddedCells(lattice));
+  for (Vec3& vertex : mesh.vertices) vertex = lattice.ToVoxels(vertex);
+  return mesh;
 }
 
 // levels: 0 for continuous values.
@@ -70,12 +74,14 @@ TEST(HapticPatch, HasTheVerticesOfTheDaemonsSurface) {
       double isovalue = metadata.value_min + share * range;
       if (levels != 0) isovalue = std::floor(isovalue);
       for (const auto method : {DecompositionMethod::kBcc, DecompositionMethod::kTpbcc}) {
-        const auto mesh = MeshOf(*snapshot, isovalue, method);
-        const auto patch = HapticPatch(volume, isovalue, method, Vec3(5, 4, 8), 40.0);
-        ASSERT_GT(mesh.vertices.size(), 100u);
-        ASSERT_EQ(patch.size() % 2, 0u);
-        ASSERT_EQ(Distinct(patch), Distinct(mesh.vertices))
-            << levels << ' ' << share << ' ' << NameOf(method);
+        for (const int refinement : {1, 2, 3}) {
+          const auto mesh = MeshOf(*snapshot, isovalue, method, refinement);
+          const auto patch = HapticPatch(volume, isovalue, method, refinement, Vec3(5, 4, 8), 40.0);
+          ASSERT_GT(mesh.vertices.size(), 100u);
+          ASSERT_EQ(patch.size() % 2, 0u);
+          ASSERT_EQ(Distinct(patch), Distinct(mesh.vertices))
+              << levels << ' ' << share << ' ' << NameOf(method) << ' ' << refinement;
+        }
       }
     }
   }
@@ -92,7 +98,7 @@ TEST(HapticPatch, RoundsTheIsovalueAsTheDaemonDoes) {
   for (int n = 0; n < 100; ++n) {
     const double isovalue = uniform(random);
     stepped += DensityOf(*snapshot, isovalue) != snapshot->Normalize(isovalue);
-    ASSERT_EQ(Distinct(HapticPatch(volume, isovalue, method, Vec3(3, 3, 3), 9.0)),
+    ASSERT_EQ(Distinct(HapticPatch(volume, isovalue, method, 1, Vec3(3, 3, 3), 9.0)),
               Distinct(MeshOf(*snapshot, isovalue, method).vertices));
   }
   EXPECT_GT(stepped, 10);
@@ -122,7 +128,7 @@ TEST(HapticPatch, ConsistsOfEdgesOfTheSurface) {
   const double isovalue = 600.0;
   const auto method = DecompositionMethod::kTpbcc;
   const auto mesh = MeshOf(*snapshot, isovalue, method);
-  const auto lines = HapticPatch(volume, isovalue, method, Vec3(4, 4, 4), 40.0);
+  const auto lines = HapticPatch(volume, isovalue, method, 1, Vec3(4, 4, 4), 40.0);
   std::vector<Line> edges;
   for (const auto& t : mesh.triangles) {
     for (int n = 0; n < 3; ++n) {
@@ -158,13 +164,13 @@ TEST(HapticPatch, HasTheLinesThatCellsShareOnce) {
       std::size_t repeated_in_cells = 0;
       for (int n = 0; n < 5 * 5 * 5; ++n) {
         const Vec3 middle = Vec3(n / 25, n / 5 % 5, n % 5) + Vec3::Constant(0.5);
-        const auto of_cell = HapticPatch(volume, isovalue, method, middle, 0.25);
+        const auto of_cell = HapticPatch(volume, isovalue, method, 1, middle, 0.25);
         alone.insert(alone.end(), of_cell.begin(), of_cell.end());
         // Where densities tie, lines of two faces may fall together, and are tiny.
         repeated_in_cells += DistinctLines(of_cell).second;
       }
       const auto [expected, shared] = DistinctLines(alone);
-      const auto patch = HapticPatch(volume, isovalue, method, Vec3::Constant(2.5), 2.25);
+      const auto patch = HapticPatch(volume, isovalue, method, 1, Vec3::Constant(2.5), 2.25);
       const auto [seen, repeated] = DistinctLines(patch);
       ASSERT_TRUE(seen == expected) << levels << ' ' << NameOf(method);
       EXPECT_LE(repeated, levels == 0 ? 0 : repeated_in_cells);
@@ -184,7 +190,7 @@ TEST(HapticPatch, HoldsTheCellsOfItsBoxAndNoOthers) {
     const Vec3i first = (center.array() - 2.5).floor().matrix().cast<int>().cwiseMax(-1);
     const Vec3i end =
         (center.array() + 2.5).floor().matrix().cast<int>().cwiseMin(19) + Vec3i::Ones();
-    const auto patch = HapticPatch(volume, 700.0, method, center, 2.5);
+    const auto patch = HapticPatch(volume, 700.0, method, 1, center, 2.5);
     if ((first.array() >= end.array()).any()) {
       EXPECT_TRUE(patch.empty());
       continue;
@@ -197,16 +203,16 @@ TEST(HapticPatch, HoldsTheCellsOfItsBoxAndNoOthers) {
 
 TEST(HapticPatch, IsEmptyWhereThereIsNothing) {
   const auto method = DecompositionMethod::kTpbcc;
-  EXPECT_TRUE(HapticPatch(ViewVolume(), 0.5, method, Vec3::Zero(), 5.0).empty());
+  EXPECT_TRUE(HapticPatch(ViewVolume(), 0.5, method, 1, Vec3::Zero(), 5.0).empty());
   const ViewVolume volume = CopyOf(*RandomVolume(Vec3i(8, 8, 8), 0, 1));
   const double infinite = std::numeric_limits<double>::infinity();
   for (const double bad : {std::nan(""), infinite, 1e300, -1e300}) {
-    EXPECT_TRUE(HapticPatch(volume, 700.0, method, Vec3(bad, 0, 0), 5.0).empty());
+    EXPECT_TRUE(HapticPatch(volume, 700.0, method, 1, Vec3(bad, 0, 0), 5.0).empty());
   }
-  EXPECT_TRUE(HapticPatch(volume, 700.0, method, Vec3::Zero(), -1.0).empty());
-  EXPECT_TRUE(HapticPatch(volume, 700.0, method, Vec3::Zero(), std::nan("")).empty());
-  EXPECT_TRUE(HapticPatch(volume, 1e9, method, Vec3(4, 4, 4), 5.0).empty());
-  EXPECT_FALSE(HapticPatch(volume, 700.0, method, Vec3(4, 4, 4), 1e300).empty());
+  EXPECT_TRUE(HapticPatch(volume, 700.0, method, 1, Vec3::Zero(), -1.0).empty());
+  EXPECT_TRUE(HapticPatch(volume, 700.0, method, 1, Vec3::Zero(), std::nan("")).empty());
+  EXPECT_TRUE(HapticPatch(volume, 1e9, method, 1, Vec3(4, 4, 4), 5.0).empty());
+  EXPECT_FALSE(HapticPatch(volume, 700.0, method, 1, Vec3(4, 4, 4), 1e300).empty());
 }
 
 }  // namespace

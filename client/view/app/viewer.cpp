@@ -14,6 +14,7 @@
 #include "client/view/scene/surface_bounds.h"
 #include "client/view/scene/value_window.h"
 #include "common/error/error.h"
+#include "common/isosurface/sub_cell.h"
 
 namespace palpate::view {
 namespace {
@@ -293,15 +294,19 @@ void Viewer::UpdateHapticLines(const Vec3& p_I) {
     return;
   }
   const ViewVolume& volume = feed_.volume();
-  const Felt felt{.cell = p_I.array().floor().cast<int>(),
-                  .isovalue = feed_.settings()->isovalue,
-                  .method = feed_.settings()->method,
-                  .version = volume.version(),
-                  .radius_voxels = state_.overlay.haptic_surface_radius_voxels};
+  const Felt felt{
+      .cell = p_I.array().floor().cast<int>(),
+      .isovalue = feed_.settings()->isovalue,
+      .method = feed_.settings()->method,
+      // The one in use. A daemon that does not know it has 1.
+      .refinement = std::clamp(static_cast<int>(feed_.pose()->refinement), 1, kMaxRefinement),
+      .version = volume.version(),
+      .radius_voxels = state_.overlay.haptic_surface_radius_voxels};
   if (felt_ == felt) return;
   felt_ = felt;
   const Vec3 center_I = felt.cell.cast<double>() + Vec3::Constant(0.5);
-  haptic_lines_I_ = HapticPatch(volume, felt.isovalue, felt.method, center_I, felt.radius_voxels);
+  haptic_lines_I_ = HapticPatch(volume, felt.isovalue, felt.method, felt.refinement, center_I,
+                                felt.radius_voxels);
 }
 
 void Viewer::Draw(const ImageSize& size) {

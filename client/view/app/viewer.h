@@ -211,6 +211,7 @@ class Viewer {
     Vec3i cell = Vec3i::Zero();
     double isovalue = 0.0;
     DecompositionMethod method{};
+    int refinement = 1;
     std::uint64_t version = 0;
     double radius_voxels = 0.0;
     friend bool operator==(const Felt&, const Felt&) = default;

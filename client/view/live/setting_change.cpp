@@ -33,7 +33,9 @@ bool IsShown(const client::Setting& setting, const client::Settings& settings) {
 std::string SliderFormat(const client::Setting& setting) {
   const auto& number = std::get<client::NumberSetting>(setting.kind);
   // A pixel of the slider is about a hundredth of the range.
-  std::string format = number.maximum - number.minimum < 10.0 ? "%.2f" : "%.1f";
+  std::string format = number.whole                             ? "%.0f"
+                       : number.maximum - number.minimum < 10.0 ? "%.2f"
+                                                                : "%.1f";
   if (!setting.unit.empty()) format.append(" ").append(setting.unit);
   return format;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/isosurface/sub_cell.h"
 #include "common/isosurface/ties.h"
 
 namespace palpate::view {
@@ -93,7 +94,7 @@ void AddEdges(const Decomposition& parts, double isovalue, const Vec3i& cell, co
 }  // namespace
 
 std::vector<Vec3> HapticPatch(const ViewVolume& volume, double isovalue, DecompositionMethod method,
-                              const Vec3& center_I, double radius_voxels) {
+                              int refinement, const Vec3& center_I, double radius_voxels) {
   std::vector<Vec3> points;
   if (!volume.lattice() || !center_I.allFinite() || !(radius_voxels >= 0.0)) return points;
   const VolumeLattice& lattice = *volume.lattice();
@@ -112,10 +113,22 @@ std::vector<Vec3> HapticPatch(const ViewVolume& volume, double isovalue, Decompo
         const Vec3i cell(i, j, k);
         const CellDensities densities = ResolvedCell(volume, normalization, cell);
         if (!IsCrossed(densities, density)) continue;
-        AddEdges(Decompose(densities, method), density, cell, last, points);
+        for (int n = 0; n < refinement * refinement * refinement; ++n) {
+          const Vec3i sub(n / (refinement * refinement), n / refinement % refinement,
+                          n % refinement);
+          const CellDensities part = SubCell(densities, sub, refinement);
+          if (!IsCrossed(part, density)) continue;
+          // On the daemon's refined lattice, whose index -1 is the voxels'
+          // (server/volume/lattice.h).
+          const Vec3i in_L = refinement * (cell + Vec3i::Ones()) - Vec3i::Ones() + sub;
+          const Vec3i last_in_L = refinement * (last + Vec3i::Constant(2)) - Vec3i::Constant(2);
+          AddEdges(Decompose(part, method), density, in_L, last_in_L, points);
+        }
       }
     }
   }
+  if (refinement == 1) return points;
+  for (Vec3& point : points) point = (point + Vec3::Ones()) / refinement - Vec3::Ones();
   return points;
 }
 

@@ -16,6 +16,6 @@ namespace palpate::view {
 // Returns the edges of H's triangles in cells within `radius_voxels` of `center_I` along each axis.
 // Each edge appears once, as a pair of points.
 std::vector<Vec3> HapticPatch(const ViewVolume& volume, double isovalue, DecompositionMethod method,
-                              const Vec3& center_I, double radius_voxels);
+                              int refinement, const Vec3& center_I, double radius_voxels);
 
 }  // namespace palpate::view

@@ -25,7 +25,7 @@ bool IsNumberBelow(double count, double value) {
 bool IsInRange(const client::Setting& setting, double value) {
   if (!std::isfinite(value)) return false;
   if (const auto* number = std::get_if<client::NumberSetting>(&setting.kind)) {
-    return value >= number->minimum && value <= number->maximum;
+    return number->Allows(value);
   }
   double count = 2.0;  // a flag
   if (const auto* choice = std::get_if<client::ChoiceSetting>(&setting.kind)) {

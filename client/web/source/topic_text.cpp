@@ -20,9 +20,10 @@ std::string Dump(const Json& json) {
 Json ToJson(const Setting& setting) {
   Json json{{"key", setting.key},   {"label", setting.label}, {"unit", setting.unit},
             {"help", setting.help}, {"kind", "flag"},         {"minimum", nullptr},
-            {"maximum", nullptr},   {"words", Json::array()}};
+            {"maximum", nullptr},   {"whole", false},         {"words", Json::array()}};
   if (const auto* number = std::get_if<client::NumberSetting>(&setting.kind)) {
     json["kind"] = "number";
+    json["whole"] = number->whole;
     if (std::isfinite(number->minimum)) json["minimum"] = number->minimum;
     if (std::isfinite(number->maximum)) json["maximum"] = number->maximum;
   } else if (const auto* choice = std::get_if<client::ChoiceSetting>(&setting.kind)) {

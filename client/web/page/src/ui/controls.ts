@@ -16,12 +16,12 @@ interface Control {
 // `id`: of the element with the label. `set` steers.
 type Builder = (setting: SettingInfo, id: string, set: (value: number) => void) => Control;
 
-const numberControl: Builder = ({ label, unit, minimum, maximum }, id, set) => {
+const numberControl: Builder = ({ label, unit, minimum, maximum, whole }, id, set) => {
   const bounds = { ...(minimum !== null && { min: minimum }), ...(maximum !== null && { max: maximum }) };
-  const inputs = [make("input", { id, type: "number", step: "any", ...bounds })];
+  const inputs = [make("input", { id, type: "number", step: whole ? 1 : "any", ...bounds })];
   if (minimum !== null && maximum !== null) {
     const name = unit ? `${label}, ${unit}` : label;
-    inputs.unshift(make("input", { type: "range", step: (maximum - minimum) / 200, "aria-label": name, ...bounds }));
+    inputs.unshift(make("input", { type: "range", step: whole ? 1 : (maximum - minimum) / 200, "aria-label": name, ...bounds }));
   }
   for (const input of inputs) {
     input.addEventListener(input.type === "range" ? "input" : "change", () => {

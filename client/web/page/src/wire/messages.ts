@@ -13,6 +13,7 @@ export interface SettingInfo {
   kind: "number" | "flag" | "choice";
   minimum: number | null; // null: no bound
   maximum: number | null;
+  whole: boolean; // only whole numbers
   words: string[]; // of a choice
 }
 
