@@ -16,7 +16,8 @@ namespace palpate {
 inline constexpr int kMaxRefinement = 4;
 
 // The corners of the sub-cell at `sub`, each of its coordinates in [0, refinement): interpolated
-// along x, then y, then z. No value lies beyond those between which it lies.
+// along x, then y, then z. No value lies beyond those between which it lies,
+// but for rounding of thirds.
 CellDensities SubCell(const CellDensities& d, const Vec3i& sub, int refinement);
 
 }  // namespace palpate

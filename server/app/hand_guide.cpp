@@ -67,6 +67,7 @@ void HandGuide::OnScene(const Scene& scene, std::span<const BrickChange> /*chang
     newest_revision_ = scene.volume->revision();
     newest_surface_ = scene.surface;
     newest_surface_.volume = nullptr;
+    newest_surface_.lattice = {};
     newest_stiffness_n_per_mm_ = felt->stiffness_n_per_mm;
     waiting_.swap(felt);
   }

@@ -17,9 +17,9 @@ Vec3 ContactForce(const HapticSettings& settings, const ProxyStep& step, const V
 // Drag against the stylus's motion.
 Vec3 ViscousForce(const HapticSettings& settings, const Vec3& velocity_mm_per_s) noexcept;
 
-// Pulls a point in free space towards H. The force is zero on H and at the magnet's range, and
-// greatest half way. The range is at most MaxNearestMm(). Where the nearest point jumps from one
-// wall to another, the direction jumps too.
+// Pulls a point in free space towards H (of a surface with refinement 1, which bounds the time).
+// The force is zero on H and at the magnet's range, and greatest half way. The range is at most
+// MaxNearestMm(). Where the nearest point jumps from one wall to another, the direction jumps too.
 Vec3 MagneticForce(const HapticSurface& surface, const HapticSettings& settings, const Vec3& p_D,
                    CellCache& cache) noexcept;
 

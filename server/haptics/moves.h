@@ -17,8 +17,8 @@ enum class MoveEnd : std::uint8_t { kMore, kAtRest, kNone };
 MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
                           Place& place, bool& on_surface, CellCache& cache) noexcept;
 
-// Follows a kBox candidate to a face of the cell or the end of d. Where all of the cell of the
-// voxels is free, to a face of that: it is one box, since sub-cells of it are free, too.
+// Follows a kBox candidate to a face of the cell or the end of d. If the whole voxel cell
+// is free, follows it to a face of the voxel cell.
 void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& place,
                CellCache& cache) noexcept;
 

@@ -44,7 +44,7 @@ double BallOfCell(const Mat3& X) {
   return longest;
 }
 
-// Visits cells of the voxels and keeps the nearest point to `p_D`.
+// Visits cells and keeps the nearest point to `p_D`.
 class NearestSearch {
  public:
   NearestSearch(const HapticSurface& surface, const Vec3& p_D, double reach_mm, CellCache& cache)
@@ -62,23 +62,11 @@ class NearestSearch {
   void Visit(const Vec3i& index) noexcept {
     if (!surface_.volume->HasCell(index) || DistanceBound(index) > best_mm_) return;
     if (!MayBeCrossed(index)) return;
-    const int edge = surface_.lattice.refinement();
-    const Vec3i first = edge * (index + Vec3i::Ones()) - Vec3i::Ones();
-    for (int x = 0; x < edge; ++x) {
-      for (int y = 0; y < edge; ++y) {
-        for (int z = 0; z < edge; ++z) VisitSubCell(first + Vec3i(x, y, z));
-      }
-    }
-  }
-
- private:
-  void VisitSubCell(const Vec3i& index) noexcept {
-    HapticCell& cell = cache_.Densities(surface_, index);
-    if (!cell.IsCrossed(surface_.isovalue)) return;
-    cache_.Decompose(surface_, cell);
+    HapticCell& cell = cache_.Decomposed(surface_, index);
     for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) VisitTetrahedron(cell, t);
   }
 
+ private:
   // The cell is at least as far away as the farthest slab that it lies in, and as the ball around
   // it.
   double DistanceBound(const Vec3i& index) const noexcept {

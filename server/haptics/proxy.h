@@ -10,7 +10,7 @@
 // - the piecewise-linear density at SCP_H is at most τ (no fall-through), except while ejecting
 //   or buried;
 // - each move starts in the tetrahedron or cell where the previous move ended, except for the jump
-//   to a free lattice vertex while ejecting;
+//   to a free voxel while ejecting;
 // - a proxy at rest is a local minimum of its distance to the HIP;
 // - the work is bounded; the next step continues the rest.
 // If a change of τ or of the data puts the proxy inside the object, the proxy is ejecting: it moves

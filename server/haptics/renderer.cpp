@@ -156,7 +156,12 @@ class Update {
 
   Vec3 Magnet() noexcept {
     if (state_.proxy.on_surface || state_.proxy.buried) return Vec3::Zero();
-    return MagneticForce(felt(), settings_, state_.p_DHip_mm, state_.cache);
+    if (!(settings_.magnet_force_n > 0.0)) return Vec3::Zero();
+    // Sub-cells would be too many to search in a tick, and no hand tells their magnet from this
+    // one.
+    HapticSurface whole_cells = felt();
+    whole_cells.Refine(1);
+    return MagneticForce(whole_cells, settings_, state_.p_DHip_mm, state_.magnet_cache);
   }
 
   const HapticSurface& surface_;

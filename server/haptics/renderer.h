@@ -50,6 +50,7 @@ struct RendererMemory {
 struct RendererState : RendererMemory {
   PassivityDevice device;  // the same for all steps
   CellCache cache;
+  CellCache magnet_cache;
 };
 
 struct HapticOutput {

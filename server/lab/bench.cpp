@@ -78,7 +78,7 @@ void RunBench(const BenchOptions& options, std::ostream& out) {
   std::vector<ReplaySummary> summaries;
   std::string trajectories;
   for (const FixedSlide& slide : kFixedSlides) {
-    summaries.push_back(RunFixedSlide(slide, options.passes, options.refinement.value_or(1)));
+    summaries.push_back(RunFixedSlide(slide, options.passes, options.refinement));
     if (!options.json) PrintTable(slide, summaries.back(), out);
     // The slide's name comes first in its object.
     trajectories += fmt::format("{}{{\"name\":\"{}\",{}", trajectories.empty() ? "" : ",",

@@ -7,7 +7,6 @@
 
 #include <array>
 #include <iosfwd>
-#include <optional>
 
 #include "server/lab/replay_command.h"
 
@@ -36,7 +35,7 @@ ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes, int refinement 
 struct BenchOptions {
   bool json = false;  // one line with one object that holds an object per slide; false: a table
   int passes = 1;
-  std::optional<int> refinement{};
+  int refinement = 2;
 };
 
 void RunBench(const BenchOptions& options, std::ostream& out);

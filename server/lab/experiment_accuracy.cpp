@@ -21,7 +21,7 @@ Measured Measure(const ExperimentOptions& options) {
       const auto method = static_cast<ComparedMethod>(m);
       measured.difference[m].push_back(
           DifferenceOf(DensitiesFor(row, method), row.isovalue, method, options.columns,
-                       method == ComparedMethod::kTpbcc ? options.refinement.value_or(1) : 1));
+                       method == ComparedMethod::kTpbcc ? options.refinement : 1));
     }
   }
   return measured;
@@ -67,7 +67,7 @@ void PrintTable4(const ExperimentOptions& options, std::ostream& out) {
     best += all[3][r] < std::min({all[0][r], all[1][r], all[2][r]});
   }
   Print(out, "tpbcc, cells cut into %d^3: the least of all in %d of %zu, mean %.3f\n",
-        options.refinement.value_or(1), best, measured.rows.size(), Mean(measured.difference[3]));
+        options.refinement, best, measured.rows.size(), Mean(measured.difference[3]));
 }
 
 void PrintTable1(const ExperimentOptions& options, std::ostream& out) {

@@ -117,8 +117,8 @@ void PrintTallies(const ExperimentOptions& options, std::ostream& out) {
         "", "cells", "diagonal", "one", "two");
   for (std::string_view name : kMethodNames) Print(out, " %15s", name.data());
   out << "\n";
-  PrintTally("uniform", RandomCells(options, false), options.refinement.value_or(1), out);
-  PrintTally("alternating", RandomCells(options, true), options.refinement.value_or(1), out);
+  PrintTally("uniform", RandomCells(options, false), options.refinement, out);
+  PrintTally("alternating", RandomCells(options, true), options.refinement, out);
   for (const DiamondVolume& volume : kVolumes) {
     const auto path = options.data_folder / volume.path;
     if (!std::filesystem::exists(path)) {
@@ -127,7 +127,7 @@ void PrintTallies(const ExperimentOptions& options, std::ostream& out) {
     }
     const auto loaded = LoadVolume(path.string(), ImportProgramBesideThis());
     PrintTally(volume.name, CrossedCells(*loaded, volume.isovalue, options.cells),
-               options.refinement.value_or(1), out);
+               options.refinement, out);
   }
 }
 

@@ -62,8 +62,10 @@ void Explore(const ExploredVolume& volume, const Resolution& resolution,
   const std::vector<Vec3> hips_mm = MakeTrajectory(
       *loaded.volume,
       {.kind = TrajectoryKind::kFreehand, .isovalue = loaded.isovalue, .seed = options.seed});
+  HapticSettings settings;
+  settings.refinement = options.refinement;
   const ReplaySummary s =
-      ReplayAndJudge(loaded, DecompositionMethod::kTpbcc, HapticSettings{}, hips_mm, 1).summary;
+      ReplayAndJudge(loaded, DecompositionMethod::kTpbcc, settings, hips_mm, 1).summary;
   Print(out, "%-24s %9.5f  %-10s %7.2f %9.1f %6.1f %7d %6d\n", volume.name, s.mean_ns * 1e-6,
         resolution.published_ms, static_cast<double>(s.p99_ns) * 1e-3, MeanSpeed(hips_mm),
         100.0 * s.contact_share(), s.verdict.fall_throughs, *s.verdict.sticks);

@@ -13,13 +13,15 @@ namespace {
 struct Experiment {
   const char* name;
   void (*run)(const ExperimentOptions&, std::ostream&);
+  bool refines = false;
   bool draws = false;  // NAME.svg
 };
 
 constexpr Experiment kExperiments[] = {
-    {"table1", PrintTable1},          {"table3", PrintTable3},         {"table4", PrintTable4},
-    {"figure9", PrintFigure9, true},  {"diamond", PrintDiamond, true}, {"topology", PrintTopology},
-    {"figure11", PrintFigure11, true}};
+    {"table1", PrintTable1, true},           {"table3", PrintTable3, true},
+    {"table4", PrintTable4, true},           {"figure9", PrintFigure9, false, true},
+    {"diamond", PrintDiamond, true, true},   {"topology", PrintTopology},
+    {"figure11", PrintFigure11, false, true}};
 
 }  // namespace
 
@@ -62,6 +64,9 @@ void RunExperiment(const ExperimentOptions& options, std::ostream& out) {
   }
   for (const Experiment& experiment : kExperiments) {
     if (options.name != experiment.name) continue;
+    if (options.refinement != 1 && !experiment.refines) {
+      throw Error(ErrorKind::kInvalidArgument, "--refine changes nothing in " + options.name);
+    }
     if (experiment.draws) {
       CheckNewFile(options.output_folder / (options.name + ".svg"), ReplacesIf(options.overwrite));
     }

@@ -15,7 +15,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <iosfwd>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,7 +24,7 @@ struct ExperimentOptions {
   std::string name;                           // one of ExperimentNames()
   std::filesystem::path table;                // Table 4 as CSV, for table1, table4 and figure11
   std::int64_t cells = 20000;                 // for topology and diamond: cells of each kind
-  std::optional<int> refinement{};            // of tpbcc, for table1, table4 and diamond
+  int refinement = 1;                         // of tpbcc; not for figures and topology
   int columns = 1000;                         // per axis, for R_D (accuracy.h)
   int laps = 10;                              // for figure9
   std::uint64_t seed = 1;                     // for topology, diamond and table3

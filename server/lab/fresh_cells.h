@@ -6,7 +6,7 @@
 // is continuous there.
 //
 // Densities are normalised, not felt: on the side FreeSide::kAbove, a point is free if its density
-// is not below τ. Beyond the padded lattice the density is 0.
+// is not below τ. Beyond the padded lattice the density is the background's.
 // Frame: L, index of the lattice.
 // Threads: one per object. Errors: none.
 #pragma once

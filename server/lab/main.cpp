@@ -49,11 +49,13 @@ void AddOverwrite(arguments::Command& command, bool& overwrite) {
   command.add_flag("--overwrite", overwrite, "replace a file that is there");
 }
 
-void AddRefine(arguments::Command& command, std::optional<int>& refinement) {
-  command
-      .add_option("--refine", refinement,
-                  "parts that each edge of a voxel is cut into for the surface [1]")
-      ->check(arguments::Range(1, kMaxRefinement));
+constexpr const char* kAboutRefine =
+    "parts that each edge of a voxel is cut into for the surface, 1 to 4";
+
+void AddRefine(arguments::Command& command, int& refinement) {
+  command.add_option("--refine", refinement, kAboutRefine)
+      ->check(arguments::Range(1, kMaxRefinement))
+      ->capture_default_str();
 }
 
 arguments::Command* AddCells(arguments::Command& app, Options& options) {
@@ -210,7 +212,8 @@ arguments::Command* AddReplay(arguments::Command& app, ReplayOptions& options) {
   replay->add_option("--method", options.method, "decomposition")
       ->check(arguments::IsMember(kFeltMethods))
       ->capture_default_str();
-  AddRefine(*replay, options.refinement);
+  replay->add_option("--refine", options.refinement, std::string(kAboutRefine) + " [2]")
+      ->check(arguments::Range(1, kMaxRefinement));
   replay->add_option("--stiffness", options.stiffness_n_per_mm, "N/mm [0.5]");
   replay
       ->add_option("--passes", options.passes,

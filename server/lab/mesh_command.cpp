@@ -85,7 +85,7 @@ int RunMesh(const MeshOptions& options) {
                    [&](std::string_view stage, double fraction) { bar.Show(stage, fraction); });
     const double isovalue = ChooseIsovalue(*volume, options.isovalue, options.normalized_isovalue);
     const auto start = std::chrono::steady_clock::now();
-    const Lattice lattice(*volume, options.refinement.value_or(1));
+    const Lattice lattice(*volume, options.refinement);
     const SurfaceMesh mesh =
         ExtractSurface(lattice, isovalue, method, PaddedCells(lattice),
                        [&](double fraction) { bar.Show("extracting", fraction); });

@@ -17,7 +17,7 @@ struct MeshOptions {
   std::optional<double> isovalue{};
   std::optional<double> normalized_isovalue{};
   std::string method = "tpbcc";  // one of kMethodNames
-  std::optional<int> refinement{};
+  int refinement = 1;
   std::filesystem::path output;  // .ply or .obj; empty: no file, only counts
   bool overwrite = false;        // of `output`
   std::filesystem::path import_program = ImportProgramBesideThis();

@@ -157,6 +157,7 @@ void TakeSettings(std::string_view text, RecordedScene& scene) {
     }
     text.remove_prefix(end + 1);
   }
+  scene.settings.refinement = 1;  // there was no other
 }
 
 // Any byte: a bool may only be 0 or 1 in memory.

@@ -54,6 +54,7 @@ struct TickSample {
   std::uint32_t iterations = 0;
   // The servo leaves SCP_V out and tells this; scp_v.h adds SCP_V. Not recorded.
   SurfacePlace surface_place{};
+  // Of H in this tick.
   std::uint32_t refinement = 1;
   ProxyMode mode = ProxyMode::kFree;
   FreeSide free_side = FreeSide::kBelow;

@@ -42,7 +42,8 @@ void VisitPlace(PlaceT& place, Visit& visit) {
   visit(tetrahedron);
 }
 
-// Without `refinement`: 1 is left out, as it was before there was another. Save and Load append it.
+// `refinement` is not visited: Save appends it only if it is not 1, so that older keyframes stay
+// valid.
 template <class ProxyT, class Visit>
 void VisitProxy(ProxyT& proxy, Visit& visit) {
   auto& [placed, on_surface, buried, place, p_DH_mm, geometry_revision, refinement, volume_revision,

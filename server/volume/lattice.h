@@ -4,7 +4,7 @@
 // H then comes nearer to V like 1 / refinement², and has the same topology. In a sub-cell, H and V
 // are equivalent as in any cell; sub-cells that share a face have the same four values there, bit
 // for bit. The resolved values of the voxels are interpolated, not resolved anew: so H is that of
-// one function F for every refinement, and ties give no sub-cell a saddle that F has not.
+// one function F for every refinement, and ties give no sub-cell a saddle that F does not have.
 //
 // Frames: L index of the lattice, I voxel index. Index -1 is the same in both, so the padding stays
 // one voxel wide: p_I = (p_L + 1) / refinement - 1. With refinement 1 both are the same.

@@ -115,7 +115,8 @@ TEST(Guests, GetWhatIsDeclaredAndNothingElse) {
                                                            "forces.state",
                                                            "forces.reason",
                                                            "forces.limit_n",
-                                                           "replayed"};
+                                                           "replayed",
+                                                           "refinement"};
   EXPECT_EQ(ShownOfPoses(), pose);
   const std::set<std::string> facts = ShownOfFacts(false);
   EXPECT_EQ(ShownOfFacts(true), facts);

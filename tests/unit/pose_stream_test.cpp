@@ -150,6 +150,7 @@ TEST(PoseSample, HasTheFieldsOfTheTick) {
   sample.force_state = ForceState::kHeld;
   sample.force_reason = ForceReason::kStale;
   sample.force_limit_n = 25;
+  sample.refinement = 26;
   EXPECT_EQ(PoseOf(sample), (PoseSample{.tick = 1,
                                         .time_ns = 2,
                                         .hip_mm = Vec3(3, 4, 5),
@@ -167,7 +168,8 @@ TEST(PoseSample, HasTheFieldsOfTheTick) {
                                         .iterations = 23,
                                         .capped_ticks = 24,
                                         .free_side = FreeSide::kAbove,
-                                        .forces = {ForceState::kHeld, ForceReason::kStale, 25}}));
+                                        .forces = {ForceState::kHeld, ForceReason::kStale, 25},
+                                        .refinement = 26}));
 }
 
 TEST(PoseSample, LeavesOutWhatIsAbsent) {

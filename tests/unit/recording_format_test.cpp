@@ -45,6 +45,7 @@ HapticSettings RandomSettings(std::uint64_t seed) {
   std::uniform_real_distribution<double> uniform(0.0, 3.0);
   HapticSettings settings;
   for (const NumberSetting& number : kNumberSettings) settings.*number.member = uniform(random);
+  settings.refinement = static_cast<double>(1 + random() % 4);
   for (const FlagSetting& flag : kFlagSettings) settings.*flag.member = random() % 2 == 1;
   settings.free_side = static_cast<FreeSide>(1 + random() % 2);
   settings.method = DecompositionMethod::kBcc;
@@ -185,10 +186,12 @@ TEST(RecordingFormat, ScenesComeBackBitForBit) {
 TEST(RecordingFormat, ScenesOfOtherVersionsAreRead) {
   v1::RecordedScene message = ToProto(SceneAt(1));
   message.mutable_settings()->clear_stiffness_n_per_mm();
+  message.mutable_settings()->clear_refinement();
   message.clear_safety();
   message.clear_device();
   RecordedScene read = FromProto(message);
   EXPECT_EQ(read.settings.stiffness_n_per_mm, 0.5);  // whatever the default is now
+  EXPECT_EQ(read.settings.refinement, 1);
   EXPECT_EQ(read.safety, SafetyLimits{});
   EXPECT_EQ(read.device, PassivityDevice{});
   auto& settings = *message.mutable_settings();
@@ -198,6 +201,11 @@ TEST(RecordingFormat, ScenesOfOtherVersionsAreRead) {
   EXPECT_NE(read.unknown_settings[0].find("1000"), std::string::npos);
   settings.set_free_side(static_cast<v1::FreeSide>(9));
   EXPECT_THROW(FromProto(message), DamagedBytes);
+  for (const double refinement : {0.0, 2.5, 5.0, std::numeric_limits<double>::quiet_NaN()}) {
+    message = ToProto(SceneAt(1));
+    message.mutable_settings()->set_refinement(refinement);
+    EXPECT_THROW(FromProto(message), DamagedBytes) << refinement;
+  }
 }
 
 TEST(RecordingFormat, DevicesThatCannotBeAreRefused) {
