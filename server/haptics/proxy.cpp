@@ -105,6 +105,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
                               bool stops_on_surface, Proxy& proxy, CellCache& cache,
                               ProxyStep& step) noexcept {
   const Vec3 p_LHip = surface.X_LD.Apply(p_DHip_mm);
+  const int most_moves = kMaxProxyMoves * surface.lattice.refinement();
   HapticCell* held = nullptr;
   const auto hold = [&](HapticCell* cell) {
     held = cell;
@@ -114,7 +115,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   const bool in_simplex = proxy.place.kind == Place::Kind::kSimplex;
   hold(in_simplex ? &cache.Decomposed(surface, proxy.place.cell) : nullptr);
   while (!(stops_on_surface && proxy.on_surface)) {
-    if (step.moves >= kMaxProxyMoves) {
+    if (step.moves >= most_moves) {
       step.capped = true;
       return;
     }

@@ -34,7 +34,7 @@
 
 namespace palpate {
 
-// The most moves per step.
+// The most moves per step, for each step of the refinement: so a way is as long for every one.
 inline constexpr int kMaxProxyMoves = 512;
 
 struct Proxy {

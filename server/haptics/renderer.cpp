@@ -161,7 +161,7 @@ class Update {
     // one.
     HapticSurface whole_cells = felt();
     whole_cells.Refine(1);
-    return MagneticForce(whole_cells, settings_, state_.p_DHip_mm, state_.magnet_cache);
+    return MagneticForce(whole_cells, settings_, state_.p_DHip_mm, *state_.magnet_cache);
   }
 
   const HapticSurface& surface_;

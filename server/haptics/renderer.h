@@ -12,6 +12,8 @@
 // Real-time: no allocation, no locks; bounded by the bounds of the proxy.
 #pragma once
 
+#include <memory>
+
 #include "server/haptics/friction.h"
 #include "server/haptics/haptic_surface.h"
 #include "server/haptics/passivity.h"
@@ -50,7 +52,8 @@ struct RendererMemory {
 struct RendererState : RendererMemory {
   PassivityDevice device;  // the same for all steps
   CellCache cache;
-  CellCache magnet_cache;
+  // Not within: two caches would fill a small stack.
+  std::unique_ptr<CellCache> magnet_cache = std::make_unique<CellCache>();
 };
 
 struct HapticOutput {
