@@ -5,7 +5,7 @@
 // from the normals of V's density at the corners of the piece of H that holds SCP_H. The density
 // along the line is a cubic in every cell. The line is followed both ways across cells. In a
 // crease, the line along n_E can miss V; the normals of V's density at SCP_H, the contact normal
-// and the ways to the vertices around SCP_H are then tried.
+// and, on a refined lattice, the ways to the vertices around SCP_H are then tried.
 //
 // V comes from the stored densities, H from the resolved ones (ties.h). If τ is the least value of
 // the volume, V does not exist although H does.
