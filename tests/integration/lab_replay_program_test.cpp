@@ -107,7 +107,8 @@ TEST_F(LabReplayProgram, JudgesTheSlideAndHasTheDensityOfItsOwnCells) {
   const ProcessResult rubbed =
       Replay(trajectory_, out_, {"--overwrite", "--set", "dynamic_friction=0.3"});
   EXPECT_TRUE(Json::parse(rubbed.output)["sticks"].is_null());
-  ASSERT_EQ(Replay(trajectory_, out_, {"--overwrite"}).exit_code, 0);
+  // Whole cells are what `cells` tells of.
+  ASSERT_EQ(Replay(trajectory_, out_, {"--overwrite", "--refine", "1"}).exit_code, 0);
   const auto volume = LoadVolume(
       kVolume, std::filesystem::path(test::kPalpateLab).parent_path() / "palpate-import");
   const double isovalue = std::stod(kIsovalue);
