@@ -27,8 +27,8 @@ def instructions_per_tick(refinement, slide):
     with tempfile.NamedTemporaryFile() as profile:
         run = subprocess.run(
             ["valgrind", "--tool=callgrind", f"--callgrind-out-file={profile.name}",
-             "--collect-atstart=no", "--toggle-collect=palpate::CountedTicks*", COUNTED_TICKS, refinement,
-             slide],
+             "--collect-atstart=no", "--toggle-collect=palpate::CountedTicks*", COUNTED_TICKS,
+             refinement, slide],
             check=True, capture_output=True, text=True)
     ticks = int(re.search(r"(\d+) ticks", run.stdout)[1])
     return int(re.search(r"Collected : (\d+)", run.stderr)[1]) / ticks
@@ -39,8 +39,8 @@ class Instructions(unittest.TestCase):
         for (refinement, slide), reached in REACHED.items():
             with self.subTest(slide, refinement=refinement):
                 count = instructions_per_tick(refinement, slide)
-                print(f"{slide}, refinement {refinement}: {count:.0f} instructions per tick, {count / reached:.3f} of what "
-                      "was reached")
+                print(f"{slide}, refinement {refinement}: {count:.0f} instructions per tick, "
+                      f"{count / reached:.3f} of what was reached")
                 # Nothing counted would be few, too.
                 self.assertGreater(count, 100)
                 self.assertLess(count, MOST * reached)

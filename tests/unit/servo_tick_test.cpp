@@ -80,7 +80,7 @@ TEST_F(HardwareTick, AnotherRefinementWaitsUntilTheHandIsFree) {
   EXPECT_EQ(waiting.refinement, 1u);
   EXPECT_EQ(waiting.scp_h_mm, before.scp_h_mm);
   EXPECT_EQ(waiting.force_n, before.force_n);
-  // A keyframe remembers what is waited for.
+  // A keyframe has the refinement in use, and leaves out a 1.
   EXPECT_EQ(tick_.Keyframe().view().size(), 1000u);
   TickAt(Vec3(0, 0, 13));
   EXPECT_EQ(Tick().refinement, 3u);
