@@ -16,8 +16,7 @@ namespace palpate {
 inline constexpr int kMaxRefinement = 4;
 
 // The corners of the sub-cell at `sub`, each of its coordinates in [0, refinement): interpolated
-// along x, then y, then z. No value lies beyond those between which it lies,
-// but for rounding of thirds.
+// along x, then y, then z. But for rounding of thirds, each value lies between those of the cell.
 CellDensities SubCell(const CellDensities& d, const Vec3i& sub, int refinement);
 
 }  // namespace palpate

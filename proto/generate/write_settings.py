@@ -93,7 +93,8 @@ def entry(setting: Setting) -> str:
         limits = [f"{side}std::numeric_limits<double>::infinity()" for side in ("-", "")]
         if setting.minimum is not None:
             limits = [repr(setting.minimum), repr(setting.maximum)]
-        kind = f"NumberSetting{{{members}, {', '.join(limits)}, {value(setting)}, {str(setting.whole).lower()}}}"
+        numbers = ", ".join([*limits, value(setting), str(setting.whole).lower()])
+        kind = f"NumberSetting{{{members}, {numbers}}}"
     elif setting.kind == "flag":
         kind = f"FlagSetting{{{members}, {value(setting)}}}"
     else:

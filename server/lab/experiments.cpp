@@ -13,15 +13,18 @@ namespace {
 struct Experiment {
   const char* name;
   void (*run)(const ExperimentOptions&, std::ostream&);
-  bool refines = false;
-  bool draws = false;  // NAME.svg
+  bool refines = false;  // has a use for --refine
+  bool draws = false;    // NAME.svg
 };
 
 constexpr Experiment kExperiments[] = {
-    {"table1", PrintTable1, true},           {"table3", PrintTable3, true},
-    {"table4", PrintTable4, true},           {"figure9", PrintFigure9, false, true},
-    {"diamond", PrintDiamond, true, true},   {"topology", PrintTopology},
-    {"figure11", PrintFigure11, false, true}};
+    {.name = "table1", .run = PrintTable1, .refines = true},
+    {.name = "table3", .run = PrintTable3, .refines = true},
+    {.name = "table4", .run = PrintTable4, .refines = true},
+    {.name = "figure9", .run = PrintFigure9, .draws = true},
+    {.name = "diamond", .run = PrintDiamond, .refines = true, .draws = true},
+    {.name = "topology", .run = PrintTopology},
+    {.name = "figure11", .run = PrintFigure11, .draws = true}};
 
 }  // namespace
 

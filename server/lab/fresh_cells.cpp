@@ -29,8 +29,9 @@ double LeastWeight(const Holder& holder) {
 }  // namespace
 
 double Holders::Density() const {
-  if (tetrahedra.empty())
+  if (tetrahedra.empty()) {
     return outside ? density_outside : std::numeric_limits<double>::quiet_NaN();
+  }
   return std::max_element(
              tetrahedra.begin(), tetrahedra.end(),
              [](const Holder& a, const Holder& b) { return LeastWeight(a) < LeastWeight(b); })
