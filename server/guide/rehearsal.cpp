@@ -48,7 +48,7 @@ bool Rehearsal::ComeDown(const TouchPoint& point) {
 
 bool Rehearsal::Touches(const TouchPoint& point) const {
   const double depth_mm = (point.p_D_mm - point.p_DHand_mm).norm();
-  return proxy_.on_surface &&
+  return proxy_.on_surface() &&
          (proxy_.p_DH_mm - hand_mm_).norm() <= (1.0 + kSlackShare) * depth_mm + kSlackMm;
 }
 

@@ -92,6 +92,7 @@ HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
     const Lattice::Part part = surface.lattice.PartOf(cell);
     const VoxelCell& voxels = VoxelCellOf(surface, part.voxel_cell);
     entry.densities = SubCell(voxels.densities, part.sub, refinement_);
+    entry.min_of_voxels = voxels.min_density;
     entry.max_of_voxels = voxels.max_density;
   }
   entry.min_density = entry.max_density = entry.densities[0];
@@ -99,7 +100,10 @@ HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
     entry.min_density = std::min(entry.min_density, density);
     entry.max_density = std::max(entry.max_density, density);
   }
-  if (refinement_ == 1) entry.max_of_voxels = entry.max_density;
+  if (refinement_ == 1) {
+    entry.min_of_voxels = entry.min_density;
+    entry.max_of_voxels = entry.max_density;
+  }
   entry.decomposed = false;
   return entry;
 }
@@ -117,7 +121,9 @@ const CellCache::VoxelCell& CellCache::VoxelCellOf(const HapticSurface& surface,
   entry.filled = generation_;
   entry.cell = cell;
   entry.densities = surface.Felt(surface.volume->ResolvedCell(cell));
-  entry.max_density = *std::ranges::max_element(entry.densities);
+  const auto [low, high] = std::ranges::minmax_element(entry.densities);
+  entry.min_density = *low;
+  entry.max_density = *high;
   return entry;
 }
 

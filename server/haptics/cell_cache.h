@@ -50,7 +50,8 @@ struct HapticCell {
   CellDensities densities{};  // felt, ties resolved
   double min_density = 0.0;
   double max_density = 0.0;
-  double max_of_voxels = 0.0;                // of the cell of the voxels that this one lies in
+  double min_of_voxels = 0.0;  // of the cell of the voxels that this one lies in
+  double max_of_voxels = 0.0;
   Decomposition parts;                       // valid once `decomposed`
   std::array<Vec3, kMaxVertices> vertex_mm;  // valid once `decomposed`; D axes, relative to d0
   Vec3 origin_mm = Vec3::Zero();             // valid once `decomposed`; position of d0 in D
@@ -60,10 +61,13 @@ struct HapticCell {
   std::array<HalfSpace, kMaxTetrahedra> fall;
   SurfacePiece piece;  // the last requested one
 
-  bool IsCrossed(double isovalue) const {
-    return min_density <= isovalue && isovalue < max_density;
+  bool IsFree(const HapticSurface& surface) const {
+    return max_density <= surface.isovalue && min_density >= surface.lower;
   }
-  bool IsFree(double isovalue) const { return max_density <= isovalue; }
+  // A part of it may be free, and a part not.
+  bool IsCrossed(const HapticSurface& surface) const {
+    return min_density <= surface.isovalue && max_density >= surface.lower && !IsFree(surface);
+  }
 
   // Computes where τ cuts the edges of a tetrahedron. These are the corners of H's piece there, in
   // cyclic order.
@@ -109,7 +113,7 @@ class CellCache {
   struct VoxelCell {
     Vec3i cell = Vec3i::Zero();
     CellDensities densities{};  // felt, ties resolved
-    double max_density = 0.0;
+    double min_density = 0.0, max_density = 0.0;
     std::uint64_t filled = 0, volume_revision = 0;  // as those of the slots below
   };
 

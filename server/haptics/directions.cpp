@@ -31,24 +31,39 @@ Carrier CarrierIn(const HapticCell& cell, const Place& place, const Vec3i& offse
   return Locate(cell, place.p_L - cell.cell.cast<double>(), faces);
 }
 
+// Whether a move across H's level sets crosses the bound. `along`: its product with `fall`, minus
+// the gradient of the density.
+bool Crosses(Contact contact, double along) {
+  return contact == Contact::kUpper ? along < 0.0 : contact == Contact::kLower && along > 0.0;
+}
+
+// The half-space on the free side of a bound.
+HalfSpace FreeSideOf(const HalfSpace& fall, Contact bound) {
+  HalfSpace free = fall;
+  if (bound == Contact::kLower) free.normal = -fall.normal;
+  return free;
+}
+
 struct TetrahedronCone {
   Cone cone;
   int surface_number = -1;  // number of the half-space under H
 };
 
 TetrahedronCone MakeTetrahedronCone(const HapticCell& cell, int tetrahedron, std::uint16_t mask,
-                                    const TetrahedronGradients& gradients, bool on_surface) {
+                                    const TetrahedronGradients& gradients, Contact contact) {
   TetrahedronCone result;
   const auto& vertices = cell.parts.complex.vertices[tetrahedron];
   for (int n = 0; n < 4; ++n) {
     if (!(mask >> vertices[n] & 1)) result.cone.Add(gradients.weight[n]);
   }
-  if (on_surface) result.surface_number = result.cone.Add(gradients.fall);
+  if (contact != Contact::kNone) {
+    result.surface_number = result.cone.Add(FreeSideOf(gradients.fall, contact));
+  }
   return result;
 }
 
 // Inside a tetrahedron, only H limits the direction.
-void SetDirectionInside(HapticCell& cell, const Place& place, bool on_surface, const Vec3& w_mm,
+void SetDirectionInside(HapticCell& cell, const Place& place, Contact contact, const Vec3& w_mm,
                         CellCache& cache, Candidate& best) noexcept {
   const auto& [fall, fall2] = cache.Gradients(cell, place.tetrahedron).fall;
   const double along = fall.dot(w_mm);
@@ -58,7 +73,7 @@ void SetDirectionInside(HapticCell& cell, const Place& place, bool on_surface, c
   best.carrier = place.carrier;
   best.tetrahedron = place.tetrahedron;
   best.d_mm = w_mm;
-  best.along_surface = on_surface && along < 0.0;
+  best.along_surface = Crosses(contact, along);
   best.full = !best.along_surface;
   if (!best.full) best.d_mm -= (along / fall2) * fall;
 }
@@ -66,11 +81,11 @@ void SetDirectionInside(HapticCell& cell, const Place& place, bool on_surface, c
 // Visits the cells that hold a place, one by one, and keeps the longest projection.
 class DirectionSearch {
  public:
-  DirectionSearch(const HapticSurface& surface, const Place& place, bool on_surface,
+  DirectionSearch(const HapticSurface& surface, const Place& place, Contact contact,
                   const Vec3& w_mm, CellCache& cache, int& tetrahedra, Candidate& best)
       : surface_(surface),
         place_(place),
-        on_surface_(on_surface),
+        contact_(contact),
         w_mm_(w_mm),
         cache_(cache),
         tetrahedra_(tetrahedra),
@@ -82,8 +97,8 @@ class DirectionSearch {
     const std::uint8_t faces = FacesInNeighbour(place_.faces, offset);
     if (!surface_.lattice.HasCell(cell)) return VisitOutside(cell, faces);
     HapticCell& entry = cache_.Densities(surface_, cell);
-    if (entry.IsFree(surface_.isovalue)) return VisitFreeCell(entry, faces);
-    if (!entry.IsCrossed(surface_.isovalue)) return;
+    if (entry.IsFree(surface_)) return VisitFreeCell(entry, faces);
+    if (!entry.IsCrossed(surface_)) return;
     cache_.Decompose(surface_, entry);
     VisitTetrahedra(entry, CarrierIn(entry, place_, offset, faces), faces);
   }
@@ -113,7 +128,7 @@ class DirectionSearch {
       const int t = std::countr_zero(left);
       ++tetrahedra_;
       const TetrahedronCone tangent =
-          MakeTetrahedronCone(cell, t, mask, cache_.Gradients(cell, t), on_surface_);
+          MakeTetrahedronCone(cell, t, mask, cache_.Gradients(cell, t), contact_);
       const ConeProjection projection = ProjectOnCone(w_mm_, tangent.cone, best_2_);
       if (!IsLonger(projection.d)) continue;
       longest = t;
@@ -149,7 +164,7 @@ class DirectionSearch {
 
   const HapticSurface& surface_;
   const Place& place_;
-  const bool on_surface_;
+  const Contact contact_;
   const Vec3& w_mm_;
   CellCache& cache_;
   int& tetrahedra_;
@@ -165,7 +180,7 @@ struct Flank {
   std::uint8_t faces;
   int tetrahedron;
   const HalfSpace* inward;  // behind the triangle
-  const HalfSpace* fall;    // under H
+  const HalfSpace* fall;    // towards lower densities
   Vec3 d_mm;
   bool along_surface;
   double into;    // greater than 0: d leads into the tetrahedron
@@ -180,7 +195,7 @@ struct Flank {
     tetrahedron = std::countr_zero(tetrahedra);
   }
 
-  void Pull(const Vec3& w_mm, double w2, bool on_surface, CellCache& cache) noexcept {
+  void Pull(const Vec3& w_mm, double w2, Contact contact, CellCache& cache) noexcept {
     const TetrahedronGradients gradients = cache.Gradients(*cell, tetrahedron);
     const auto& vertices = cell->parts.complex.vertices[tetrahedron];
     const unsigned others = cell->parts.complex.vertex_mask[tetrahedron] & ~triangle->Mask();
@@ -189,7 +204,7 @@ struct Flank {
     inward = &gradients.weight[n];
     fall = &gradients.fall;
     const double along = fall->normal.dot(w_mm);
-    along_surface = on_surface && along < 0.0;
+    along_surface = Crosses(contact, along);
     d_mm = w_mm;
     if (along_surface) d_mm -= (along / fall->normal2) * fall->normal;
     into = inward->normal.dot(d_mm);
@@ -216,7 +231,7 @@ bool IsSingle(unsigned bits) { return bits != 0 && (bits & (bits - 1)) == 0; }
 // room for the triangle in another cell. Returns false if it is not between two tetrahedra.
 bool FindFlanks(const HapticSurface& surface, const Place& place, HapticCell& cell,
                 CellCache& cache, Carrier& mapped, std::array<Flank, 2>& flanks) noexcept {
-  if (!cell.IsCrossed(surface.isovalue)) return false;
+  if (!cell.IsCrossed(surface)) return false;
   const std::uint32_t here = TetrahedraAt(cell.parts.complex, place.carrier);
   if (place.faces == 0) {
     const std::uint32_t second = here & (here - 1);
@@ -230,7 +245,7 @@ bool FindFlanks(const HapticSurface& surface, const Place& place, HapticCell& ce
   const Vec3i offset = (2 * side - 1) * Vec3i::Unit(face / 2);
   if (!surface.lattice.HasCell(place.cell + offset)) return false;
   HapticCell& other = cache.Densities(surface, place.cell + offset);
-  if (!other.IsCrossed(surface.isovalue)) return false;
+  if (!other.IsCrossed(surface)) return false;
   cache.Decompose(surface, other);
   mapped = CarrierInNeighbour(place.carrier, offset);
   const std::uint32_t there = TetrahedraAt(other.parts.complex, mapped);
@@ -248,13 +263,13 @@ bool FindFlanks(const HapticSurface& surface, const Place& place, HapticCell& ce
 // takes a direction for one of the other's, too, that is not: within 10⁻³ of its length. This does
 // not.) Returns false if the triangle is not between two tetrahedra.
 bool FindAtTriangle(const HapticSurface& surface, const Place& place, HapticCell& cell,
-                    bool on_surface, const Vec3& w_mm, CellCache& cache, int& tetrahedra,
+                    Contact contact, const Vec3& w_mm, CellCache& cache, int& tetrahedra,
                     Candidate& best) noexcept {
   std::array<Flank, 2> flanks;
   Carrier mapped;
   if (!FindFlanks(surface, place, cell, cache, mapped, flanks)) return false;
   const double w2 = w_mm.squaredNorm();
-  for (Flank& flank : flanks) flank.Pull(w_mm, w2, on_surface, cache);
+  for (Flank& flank : flanks) flank.Pull(w_mm, w2, contact, cache);
   const bool into_first = flanks[0].into > 0.0;
   if (flanks[0].is_clear && flanks[1].is_clear && into_first != (flanks[1].into > 0.0)) {
     const Flank& to = flanks[into_first ? 0 : 1];
@@ -268,7 +283,7 @@ bool FindAtTriangle(const HapticSurface& surface, const Place& place, HapticCell
     ++tetrahedra;
     Cone cone;
     cone.Add(*flank.inward);
-    if (on_surface) cone.Add(*flank.fall);
+    if (contact != Contact::kNone) cone.Add(FreeSideOf(*flank.fall, contact));
     const ConeProjection projection = ProjectOnCone(w_mm, cone, best_2);
     const double length2 = projection.d.squaredNorm();
     if (!(length2 > best_2)) continue;
@@ -282,22 +297,22 @@ bool FindAtTriangle(const HapticSurface& surface, const Place& place, HapticCell
 }  // namespace
 
 Candidate BestDirection(const HapticSurface& surface, const Place& place, HapticCell* held,
-                        bool on_surface, const Vec3& w_mm, CellCache& cache,
+                        Contact contact, const Vec3& w_mm, CellCache& cache,
                         int& tetrahedra) noexcept {
   Candidate best;
   if (place.kind == Place::Kind::kSimplex && place.carrier.count >= 3) {
     HapticCell& cell = held ? *held : cache.Decomposed(surface, place.cell);
     if (place.tetrahedron >= 0) {
       ++tetrahedra;
-      SetDirectionInside(cell, place, on_surface, w_mm, cache, best);
+      SetDirectionInside(cell, place, contact, w_mm, cache, best);
       return best;
     }
     if (place.carrier.count == 3 &&
-        FindAtTriangle(surface, place, cell, on_surface, w_mm, cache, tetrahedra, best)) {
+        FindAtTriangle(surface, place, cell, contact, w_mm, cache, tetrahedra, best)) {
       return best;
     }
   }
-  DirectionSearch search(surface, place, on_surface, w_mm, cache, tetrahedra, best);
+  DirectionSearch search(surface, place, contact, w_mm, cache, tetrahedra, best);
   if (place.faces == 0) {
     search.Visit(Vec3i::Zero());
   } else {
@@ -306,8 +321,8 @@ Candidate BestDirection(const HapticSurface& surface, const Place& place, Haptic
   return best;
 }
 
-Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
-                          CellCache& cache) noexcept {
+Candidate SteepestWay(const HapticSurface& surface, const Place& place, Contact towards,
+                      CellCache& cache) noexcept {
   Candidate best;
   double best_slope = 0.0;
   VisitNeighbours(place.faces, [&](const Vec3i& offset) {
@@ -324,8 +339,9 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
          left &= left - 1) {
       const int t = std::countr_zero(left);
       const TetrahedronGradients gradients = cache.Gradients(cell, t);
-      const TetrahedronCone tangent = MakeTetrahedronCone(cell, t, mask, gradients, false);
-      const Vec3 d = ProjectOnCone(gradients.fall.normal, tangent.cone).d;
+      const TetrahedronCone tangent = MakeTetrahedronCone(cell, t, mask, gradients, Contact::kNone);
+      const Vec3 steepest = FreeSideOf(gradients.fall, towards).normal;
+      const Vec3 d = ProjectOnCone(steepest, tangent.cone).d;
       // d is orthogonal to the part that the cone cuts off, so the slope along d is |d|.
       const double slope = d.norm();
       if (!(slope > best_slope * kSteeper)) continue;
@@ -333,7 +349,7 @@ Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
       best_slope = slope;
       best = candidate;
       best.tetrahedron = t;
-      // Long enough for the density to fall by its whole range.
+      // Long enough for the density to change by its whole range.
       best.d_mm = d / (slope * slope);
     }
   });

@@ -25,20 +25,21 @@ struct Candidate {
   Carrier carrier;  // with the vertex numbers of `cell`
   int tetrahedron = 0;
   Vec3 d_mm = Vec3::Zero();    // the remaining move, at full length
-  bool along_surface = false;  // d lies in H
+  bool along_surface = false;  // d lies in H, on which the place rests
   bool full = false;           // d is the whole requested move
 };
 
 // Returns the longest projection of `w_mm` on the tangent cones of all tetrahedra and free cells
-// that hold the place. On H (`on_surface`), directions into the object are excluded. `held`: the
-// place's cell in `cache`, decomposed, if the caller has it; its slot was not filled anew since.
-// Adds the number of examined tetrahedra to `tetrahedra`.
+// that hold the place. On H, directions across the bound that it rests on (`contact`) are excluded.
+// `held`: the place's cell in `cache`, decomposed, if the caller has it; its slot was not filled
+// anew since. Adds the number of examined tetrahedra to `tetrahedra`.
 Candidate BestDirection(const HapticSurface& surface, const Place& place, HapticCell* held,
-                        bool on_surface, const Vec3& w_mm, CellCache& cache,
+                        Contact contact, const Vec3& w_mm, CellCache& cache,
                         int& tetrahedra) noexcept;
 
-// Returns the direction in which the density falls most steeply.
-Candidate SteepestDescent(const HapticSurface& surface, const Place& place,
-                          CellCache& cache) noexcept;
+// Returns the direction in which the density falls most steeply, or, towards the lower bound,
+// rises.
+Candidate SteepestWay(const HapticSurface& surface, const Place& place, Contact towards,
+                      CellCache& cache) noexcept;
 
 }  // namespace palpate

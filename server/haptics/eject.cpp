@@ -22,7 +22,7 @@ bool JumpToNearestVertex(const HapticSurface& surface, double limit_mm, Place& p
   for (int radius = 0; radius <= kMaxSearchRadius; ++radius) {
     if ((radius - 1) * plane_mm > std::min(best_mm, limit_mm)) break;
     VisitShell(middle, radius, [&](const Vec3i& voxel) {
-      if (surface.ResolvedVertex(voxel) > surface.isovalue) return;
+      if (!surface.Holds(surface.ResolvedVertex(voxel))) return;
       const Vec3 away = surface.X_DI.linear * (voxel.cast<double>() - from_I);
       if (away.norm() < best_mm) best_mm = away.norm(), best = voxel;
     });
@@ -35,21 +35,23 @@ bool JumpToNearestVertex(const HapticSurface& surface, double limit_mm, Place& p
 
 }  // namespace
 
-bool Eject(const HapticSurface& surface, double limit_mm, Place& place, bool& on_surface,
+bool Eject(const HapticSurface& surface, double limit_mm, Place& place, Contact& contact,
            CellCache& cache, int& moves) noexcept {
-  on_surface = false;
+  contact = Contact::kNone;
   // A place outside of the lattice has no density to descend.
   if (place.kind == Place::Kind::kOutside) return surface.IsFreeOutside();
+  const bool is_above = PlaceDensity(surface, place, cache) > surface.isovalue;
+  const Contact out_to = is_above ? Contact::kUpper : Contact::kLower;
   for (int n = 0; n < kMaxEjectMoves * surface.lattice.refinement(); ++n) {
-    const Candidate down = SteepestDescent(surface, place, cache);
-    if (down.kind == Candidate::Kind::kNone) break;
-    MoveInTetrahedron(surface, down, true, place, on_surface, cache);
+    const Candidate way = SteepestWay(surface, place, out_to, cache);
+    if (way.kind == Candidate::Kind::kNone) break;
+    MoveInTetrahedron(surface, way, out_to, place, contact, cache);
     ++moves;
-    // Also set if rounding stopped the move above the surface; the density tells.
-    if (on_surface) break;
+    // Also set if rounding stopped the move before the surface; the density tells.
+    if (contact != Contact::kNone) break;
   }
-  if (PlaceDensity(surface, place, cache) <= surface.isovalue) return true;
-  on_surface = false;
+  if (surface.Holds(PlaceDensity(surface, place, cache))) return true;
+  contact = Contact::kNone;
   return JumpToNearestVertex(surface, limit_mm, place, cache);
 }
 

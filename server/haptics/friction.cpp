@@ -34,14 +34,12 @@ Load LoadOn(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& pr
 // Keeps the proxy at its place on H. If H has moved, the proxy moves with H.
 ProxyStep Stay(const HapticSurface& surface, const Vec3& p_DHip_mm, const Vec3& normal_D,
                double eject_limit_mm, Proxy& proxy, CellCache& cache) noexcept {
-  const bool was_on_surface = proxy.on_surface;
+  const bool was_on_surface = proxy.on_surface();
   const Vec3 stay_mm = proxy.p_DH_mm;
   ProxyStep step = StepProxy(surface, stay_mm, eject_limit_mm, proxy, cache);
-  if (was_on_surface && !proxy.on_surface && !proxy.buried) {
+  if (was_on_surface && !proxy.on_surface() && !proxy.buried) {
     const double height_mm = std::max(0.0, normal_D.dot(stay_mm - p_DHip_mm));
     DropToSurface(surface, stay_mm - height_mm * normal_D, proxy, cache, step);
-    step.p_DH_mm = proxy.p_DH_mm;
-    step.density = surface.sign() * PlaceDensity(surface, proxy.place, cache);
   }
   return step;
 }
@@ -52,7 +50,7 @@ ProxyStep Slide(const HapticSurface& surface, double kinetic, const Vec3& p_DHip
   const Proxy start = proxy;
   const ProxyStep rest = StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
   sticking = false;
-  if (!proxy.on_surface) return rest;
+  if (!proxy.on_surface()) return rest;
   const Vec3 back_mm = start.p_DH_mm - rest.p_DH_mm;
   const double way_mm = back_mm.norm();
   const double depth_mm = (rest.p_DH_mm - p_DHip_mm).norm();
@@ -63,26 +61,26 @@ ProxyStep Slide(const HapticSurface& surface, double kinetic, const Vec3& p_DHip
   const Vec3 target_mm = p_DHip_mm + back_mm * (lag_mm / way_mm);
   ProxyStep step = StepProxy(surface, target_mm, eject_limit_mm, proxy, cache);
   AddWork(rest, step);
-  if (proxy.on_surface) step.normal_D = LoadOn(surface, p_DHip_mm, proxy, cache).normal_D;
+  if (proxy.on_surface()) step.normal_D = LoadOn(surface, p_DHip_mm, proxy, cache).normal_D;
   return step;
 }
 
 }  // namespace
 
-ProxyStep StepWithFriction(const HapticSurface& surface, const HapticSettings& settings,
+ProxyStep StepWithFriction(const HapticSurface& surface, const HapticLayer& layer,
                            const Vec3& p_DHip_mm, double eject_limit_mm, Proxy& proxy,
                            FrictionState& state, CellCache& cache) noexcept {
-  const double kinetic = settings.dynamic_friction;
-  const double hold = std::max(settings.static_friction, kinetic);
+  const double kinetic = layer.dynamic_friction;
+  const double hold = std::max(layer.static_friction, kinetic);
   if (!(hold > 0.0) || !proxy.placed || proxy.buried) {
     state = {};
     return StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
   }
   ProxyStep kept = Stay(surface, p_DHip_mm, state.normal_D, eject_limit_mm, proxy, cache);
-  if (!proxy.on_surface) {
+  if (!proxy.on_surface()) {
     ProxyStep step = StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
     AddWork(kept, step);
-    state = {proxy.on_surface, step.normal_D};  // a proxy that touches H sticks at first
+    state = {proxy.on_surface(), step.normal_D};  // a proxy that touches H sticks at first
     return step;
   }
   const Load load = LoadOn(surface, p_DHip_mm, proxy, cache);

@@ -15,7 +15,6 @@
 #pragma once
 
 #include "server/haptics/proxy.h"
-#include "server/haptics/settings.h"
 
 namespace palpate {
 
@@ -25,9 +24,9 @@ struct FrictionState {
   Vec3 normal_D = Vec3::Zero();  // of the last contact
 };
 
-// As StepProxy. normal_D is the direction in which H pushes at SCP_H. The friction tilts the force
-// away from it.
-ProxyStep StepWithFriction(const HapticSurface& surface, const HapticSettings& settings,
+// As StepProxy, with the friction of `layer`. normal_D is the direction in which H pushes at SCP_H.
+// The friction tilts the force away from it.
+ProxyStep StepWithFriction(const HapticSurface& surface, const HapticLayer& layer,
                            const Vec3& p_DHip_mm, double eject_limit_mm, Proxy& proxy,
                            FrictionState& state, CellCache& cache) noexcept;
 

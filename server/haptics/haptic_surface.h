@@ -1,6 +1,10 @@
 // The surface that the stylus feels: a volume, an isovalue, the side from which it is felt, and the
 // volume's place.
 //
+// Free space is where the felt density is at most `isovalue`, and at least `lower`. Together, they
+// bound a band between two layers (layers.h). Without layers, only `isovalue` bounds free space,
+// or, once the stylus has popped through, only `lower`.
+//
 // Densities are normalised over the volume's range. To feel H from the side above τ, densities and
 // isovalue change their sign; these are the "felt" values. On either side, material lies above the
 // felt isovalue, and H is the same. The padding keeps its density. The space beyond the padding
@@ -9,27 +13,37 @@
 // Frames: I voxel index, L index of the lattice that H is made of (lattice.h), D device (mm).
 // Distances, projections and normals are taken in D, whatever spacing, shear or mirror the volume's
 // transform has.
-// Threads: plain values. Ownership: borrows the snapshot.
+// Threads: plain values. Ownership: borrows the snapshot and the layers.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "common/geometry/geometry.h"
 #include "common/isosurface/decomposition.h"
+#include "server/haptics/layers.h"
 #include "server/haptics/settings.h"
 #include "server/volume/lattice.h"
 
 namespace palpate {
 
+inline constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+
+// The bound of free space that a point rests on.
+enum class Contact : std::uint8_t { kNone, kUpper, kLower };
+
 struct HapticSurface {
   const VolumeSnapshot* volume = nullptr;
-  Lattice lattice;        // of `volume`
-  double isovalue = 0.5;  // τ, normalised and felt
+  Lattice lattice;             // of `volume`
+  double isovalue = 0.5;       // τ, normalised and felt; kUnbounded: none
+  double lower = -kUnbounded;  // another τ, normalised and felt
+  // The isosurfaces in place of `isovalue`; null: only that one.
+  const HapticLayers* layers = nullptr;
   FreeSide free_side = FreeSide::kBelow;
   DecompositionMethod method = DecompositionMethod::kTpbcc;
   AffineMap X_DI, X_ID;
   AffineMap X_DL, X_LD;
-  // Changes whenever anything changes except the isovalue, the side, the refinement and voxels. The
+  // Changes whenever anything changes except isovalues, the side, the refinement and voxels. The
   // volume's revisions say which voxels changed.
   std::uint64_t geometry_revision = 0;
 
@@ -48,26 +62,41 @@ struct HapticSurface {
     for (double& density : densities) density = -density;
     return densities;
   }
-  // The felt density beyond the padded lattice.
+  // Whether a felt density is that of free space.
+  bool Holds(double density) const { return density <= isovalue && density >= lower; }
+  // The felt density beyond the padded lattice. Of a density's volume it is beyond every τ.
   double DensityOutside() const {
     if (volume->metadata().is_level_set) return sign() * volume->BackgroundDensity();
-    return IsFreeOutside() ? 0.0 : 1.0;
+    if (!IsLowOutside()) return 1.0;
+    return lower == -kUnbounded ? 0.0 : -1.0;
   }
   bool IsFreeOutside() const {
-    return (free_side == FreeSide::kBelow) != volume->metadata().is_level_set;
+    return IsLowOutside() ? lower == -kUnbounded : isovalue == kUnbounded;
   }
-  // The same H from its other side.
+  // The same H, of a surface without a lower bound, from its other side.
   HapticSurface Flipped() const {
     HapticSurface other = *this;
     other.free_side = free_side == FreeSide::kBelow ? FreeSide::kAbove : FreeSide::kBelow;
     other.isovalue = -isovalue;
     return other;
   }
+  // One of the two bounds alone, on the side that makes it the upper one.
+  HapticSurface Facing(Contact bound) const {
+    HapticSurface facing = bound == Contact::kLower ? Flipped() : *this;
+    if (bound == Contact::kLower) facing.isovalue = -lower;
+    facing.lower = -kUnbounded;
+    return facing;
+  }
   // The same volume with H made of cells of another size.
   void Refine(int refinement) noexcept {
     lattice = Lattice(*volume, refinement);
     X_DL = lattice.OnLattice(X_DI);
     X_LD = {refinement * X_ID.linear, lattice.FromVoxels(X_ID.translation)};
+  }
+
+ private:
+  bool IsLowOutside() const {
+    return (free_side == FreeSide::kBelow) != volume->metadata().is_level_set;
   }
 };
 

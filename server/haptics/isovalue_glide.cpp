@@ -1,6 +1,7 @@
 #include "server/haptics/isovalue_glide.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace palpate {
 namespace {
@@ -16,34 +17,39 @@ double GradientPerMm(const HapticSurface& surface, const Vec3& p_I) {
   return (surface.X_ID.linear.transpose() * f.Gradient(p_I - cell.cast<double>())).norm();
 }
 
-// From `last` towards the isovalue of `surface`, both felt on the proxy's side.
-double Glide(const HapticSurface& surface, double last, double dt_s, RendererState& state) {
-  const Proxy& proxy = state.proxy;
+// The greatest step of an isovalue in this tick.
+double StepAt(const HapticSurface& surface, double dt_s, const Proxy& proxy) {
   const Vec3 p_I = surface.X_ID.Apply(proxy.p_DH_mm);
-  if (!proxy.on_surface) {
-    double density = 0.0;
-    PlaceAt(surface, surface.X_LD.Apply(proxy.p_DH_mm), state.cache, density);
-    if (density <= surface.isovalue) return surface.isovalue;
-  }
   const double rate_per_s =
       std::clamp(kGlideSpeedMmPerS * GradientPerMm(surface, p_I), kMinGlidePerS, kMaxGlidePerS);
-  const double step = rate_per_s * std::min(dt_s, kLongestGlideTickS);
-  return last + std::clamp(surface.isovalue - last, -step, step);
+  return rate_per_s * std::min(dt_s, kLongestGlideTickS);
+}
+
+double Towards(double asked, double last, double step) {
+  if (std::isinf(asked) || std::isinf(last)) return asked;
+  return last + std::clamp(asked - last, -step, step);
 }
 
 }  // namespace
 
-double GlideIsovalue(const HapticSurface& surface, double dt_s, RendererState& state) noexcept {
-  const Proxy& proxy = state.proxy;
-  const HapticSurface other = surface.Flipped();
-  const HapticSurface& felt = state.popped ? other : surface;
-  if (!proxy.placed || proxy.buried || proxy.isovalue == felt.isovalue ||
-      proxy.free_side != felt.free_side ||
-      proxy.loaded_revision != felt.volume->loaded_revision()) {
-    return surface.isovalue;
+std::optional<GlidingBounds> Glide(const HapticSurface& surface, double dt_s, const Proxy& proxy,
+                                   CellCache& cache) noexcept {
+  if (!proxy.placed || proxy.buried ||
+      (proxy.isovalue == surface.isovalue && proxy.lower == surface.lower) ||
+      proxy.free_side != surface.free_side ||
+      proxy.loaded_revision != surface.volume->loaded_revision()) {
+    return std::nullopt;
   }
-  const double isovalue = Glide(felt, proxy.isovalue, dt_s, state);
-  return state.popped ? -isovalue : isovalue;
+  if (!proxy.on_surface()) {
+    double density = 0.0;
+    PlaceAt(surface, surface.X_LD.Apply(proxy.p_DH_mm), cache, density);
+    if (surface.Holds(density)) return std::nullopt;
+  }
+  const double step = StepAt(surface, dt_s, proxy);
+  const GlidingBounds bounds{Towards(surface.isovalue, proxy.isovalue, step),
+                             Towards(surface.lower, proxy.lower, step)};
+  if (bounds.isovalue - bounds.lower < kLeastBand) return std::nullopt;
+  return bounds;
 }
 
 }  // namespace palpate

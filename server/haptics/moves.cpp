@@ -8,7 +8,7 @@ namespace palpate {
 namespace {
 
 constexpr int kCorrectionTries = 12;
-// A density below τ by less than this, of the greatest of the simplex, is τ but for rounding.
+// A density within τ by less than this, of the greatest of the simplex, is τ but for rounding.
 constexpr double kDensityRounding = 1e-15;
 // Moving weight onto H leaves each vertex more than this, so that Normalize drops none.
 constexpr double kLeastWeight = 1e-11;
@@ -17,10 +17,14 @@ constexpr double kAlongFaceTolerance = 1e-12;
 
 // Moves weight from the densest vertex to the least dense one until the density is at most τ. If
 // `on_surface`, moves weight back at first where Normalize took the point off H. The simplex stays
-// the same or loses a vertex. Returns false if the density stays above τ.
-bool CorrectDensity(const HapticCell& cell, double isovalue, bool on_surface, Carrier& carrier) {
-  const auto density = [&](int n) { return cell.parts.density[carrier.vertex[n]]; };
-  double excess = DensityAt(cell, carrier) - isovalue;
+// the same or loses a vertex. Returns false if the density stays above τ. For a lower bound, all
+// densities change their sign.
+template <Contact kSide>
+bool CorrectDensity(const HapticCell& cell, double bound, bool on_surface, Carrier& carrier) {
+  constexpr double sign = kSide == Contact::kLower ? -1.0 : 1.0;
+  const double isovalue = sign * bound;
+  const auto density = [&](int n) { return sign * cell.parts.density[carrier.vertex[n]]; };
+  double excess = sign * DensityAt(cell, carrier) - isovalue;
   // The usual case: τ but for rounding.
   if (!(excess > 0.0) && excess >= -kDensityRounding * std::abs(density(0))) return true;
   for (int tries = 0; tries < kCorrectionTries; ++tries) {
@@ -42,9 +46,25 @@ bool CorrectDensity(const HapticCell& cell, double isovalue, bool on_surface, Ca
     less -= shift;
     more += shift;
     carrier.Normalize();
-    excess = DensityAt(cell, carrier) - isovalue;
+    excess = sign * DensityAt(cell, carrier) - isovalue;
   }
   return !(excess > 0.0);
+}
+
+// Keeps the density within its bounds, and on that of `contact`. Returns the bound at which it
+// could not; kNone: it could.
+Contact KeepWithin(const HapticSurface& surface, const HapticCell& cell, Contact contact,
+                   Carrier& carrier) {
+  using enum Contact;
+  if (surface.isovalue != kUnbounded &&
+      !CorrectDensity<kUpper>(cell, surface.isovalue, contact == kUpper, carrier)) {
+    return kUpper;
+  }
+  if (surface.lower != -kUnbounded &&
+      !CorrectDensity<kLower>(cell, surface.lower, contact == kLower, carrier)) {
+    return kLower;
+  }
+  return kNone;
 }
 
 // Barycentric weights of a point in a tetrahedron, and their rates along a move.
@@ -75,21 +95,30 @@ Course CourseOf(const Candidate& candidate, const std::array<std::uint8_t, 4>& v
   return course;
 }
 
-// Returns the share of the move after which it meets H; infinity if it does not meet H.
-double WayToSurface(const HapticSurface& surface, const HapticCell& cell,
-                    const Candidate& candidate, const TetrahedronGradients& gradients,
-                    bool descending) {
-  constexpr double kNever = std::numeric_limits<double>::infinity();
-  if (candidate.along_surface) return kNever;
+// The bound that a move meets, and after which share of the move.
+struct Meeting {
+  Contact bound = Contact::kNone;
+  double share = std::numeric_limits<double>::infinity();
+};
+
+Meeting MeetingOf(const HapticSurface& surface, const HapticCell& cell, const Candidate& candidate,
+                  const TetrahedronGradients& gradients, Contact out_to) {
+  if (candidate.along_surface) return {};
   const double slope = -gradients.fall.normal.dot(candidate.d_mm);
-  if (descending ? !(slope < 0.0) : !(slope > 0.0)) return kNever;
-  return std::max(0.0, (surface.isovalue - DensityAt(cell, candidate.carrier)) / slope);
+  // Within free space, the density rises to the upper bound; from beyond that, it falls to it.
+  const bool is_within = out_to == Contact::kNone;
+  const bool is_upper = is_within ? slope > 0.0 : out_to == Contact::kUpper;
+  const double bound = is_upper ? surface.isovalue : surface.lower;
+  if (is_upper == is_within ? !(slope > 0.0) : !(slope < 0.0)) return {};
+  if (std::isinf(bound)) return {};
+  return {is_upper ? Contact::kUpper : Contact::kLower,
+          std::max(0.0, (bound - DensityAt(cell, candidate.carrier)) / slope)};
 }
 
 }  // namespace
 
-MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
-                          Place& place, bool& on_surface, CellCache& cache) noexcept {
+MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, Contact out_to,
+                          Place& place, Contact& contact, CellCache& cache) noexcept {
   HapticCell& cell = *candidate.entry;
   const auto& vertices = cell.parts.complex.vertices[candidate.tetrahedron];
   const TetrahedronGradients gradients = cache.Gradients(cell, candidate.tetrahedron);
@@ -102,29 +131,43 @@ MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candida
       hit = n;
     }
   }
-  const double to_surface = WayToSurface(surface, cell, candidate, gradients, descending);
-  const bool reached = to_surface < end;
-  if (reached) end = to_surface, hit = -1;
+  const Meeting meeting = MeetingOf(surface, cell, candidate, gradients, out_to);
+  const bool reached = meeting.share < end;
+  if (reached) end = meeting.share, hit = -1;
   Carrier moved;
   moved.count = 4;
   moved.vertex = vertices;
   for (int n = 0; n < 4; ++n) moved.weight[n] = course.weight[n] + end * course.rate[n];
   if (hit >= 0) moved.weight[hit] = 0.0;
   moved.Normalize();
-  const bool on = reached || candidate.along_surface;
-  if ((on || !descending) && !CorrectDensity(cell, surface.isovalue, on, moved)) {
+  const Contact on = reached ? meeting.bound : candidate.along_surface ? contact : Contact::kNone;
+  const bool is_out = out_to == Contact::kNone || on != Contact::kNone;
+  const Contact beyond = is_out ? KeepWithin(surface, cell, on, moved) : Contact::kNone;
+  if (beyond != Contact::kNone) {
     // H comes first, but rounding put a face before it. The point stays, and the next move takes H
     // into account.
-    const bool new_constraint = !on_surface;
+    const bool new_constraint = contact == Contact::kNone;
     SetSimplex(cell, candidate.carrier, candidate.tetrahedron, place);
-    on_surface = true;
+    contact = beyond;
     return new_constraint ? MoveEnd::kMore : MoveEnd::kNone;
   }
   SetSimplex(cell, moved, candidate.tetrahedron, place);
-  on_surface = on;
+  contact = on;
   // Inside the tetrahedron, the part of the move that was cut off is across H.
   const bool whole = hit < 0 && !reached && place.tetrahedron >= 0;
   return whole ? MoveEnd::kAtRest : MoveEnd::kMore;
+}
+
+bool CrossBound(const HapticSurface& surface, Contact bound, Place& place,
+                CellCache& cache) noexcept {
+  const HapticCell& cell = cache.Decomposed(surface, place.cell);
+  Carrier carrier = place.carrier;
+  const bool crosses = bound == Contact::kUpper
+                           ? CorrectDensity<Contact::kLower>(cell, surface.isovalue, true, carrier)
+                           : CorrectDensity<Contact::kUpper>(cell, surface.lower, true, carrier);
+  if (!crosses) return false;
+  SetSimplex(cell, carrier, place.tetrahedron, place);
+  return true;
 }
 
 void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& place,
@@ -133,7 +176,8 @@ void MoveInBox(const HapticSurface& surface, const Candidate& candidate, Place& 
   const Vec3 from = PlaceLatticePosition(surface, place, cache);
   Vec3i first = candidate.cell;
   int edge = 1;
-  if (candidate.entry->max_of_voxels <= surface.isovalue) {
+  if (candidate.entry->max_of_voxels <= surface.isovalue &&
+      candidate.entry->min_of_voxels >= surface.lower) {
     edge = surface.lattice.refinement();
     if (edge > 1) first -= surface.lattice.PartOf(candidate.cell).sub;
   }

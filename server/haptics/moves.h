@@ -12,10 +12,16 @@ namespace palpate {
 // closer. kNone: rounding allowed no move.
 enum class MoveEnd : std::uint8_t { kMore, kAtRest, kNone };
 
-// Follows a kTetrahedron candidate to a face, to the end of d, or to H. `descending` false: meets H
-// from below, where the density rises to τ. True: from above, where it falls to τ. Sets on_surface.
-MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, bool descending,
-                          Place& place, bool& on_surface, CellCache& cache) noexcept;
+// Follows a kTetrahedron candidate to a face, to the end of d, or to H, which it meets from within
+// free space. With `out_to`, it comes from beyond that bound, and meets only that one. Sets
+// `contact`.
+MoveEnd MoveInTetrahedron(const HapticSurface& surface, const Candidate& candidate, Contact out_to,
+                          Place& place, Contact& contact, CellCache& cache) noexcept;
+
+// Brings a place on a bound to the other side of the bound, which its simplex must reach: by no
+// more than rounding. Returns false, and changes nothing, if it cannot.
+bool CrossBound(const HapticSurface& surface, Contact bound, Place& place,
+                CellCache& cache) noexcept;
 
 // Follows a kBox candidate to a face of the cell or the end of d. If the whole voxel cell
 // is free, follows it to a face of the voxel cell.

@@ -121,7 +121,7 @@ Place PlaceAt(const HapticSurface& surface, const Vec3& p_L, CellCache& cache,
   const Vec3 lo = Vec3::Constant(-1.0), hi = surface.lattice.size().cast<double>();
   if (!((p_L.array() > lo.array()).all() && (p_L.array() < hi.array()).all())) return place;
   SetBox(p_L.array().floor().matrix().cast<int>(), p_L, place);
-  if (cache.Densities(surface, place.cell).IsFree(surface.isovalue)) {
+  if (cache.Densities(surface, place.cell).IsFree(surface)) {
     density = PlaceDensity(surface, place, cache);
     return place;
   }
@@ -137,9 +137,11 @@ double PlaceDensity(const HapticSurface& surface, const Place& place, CellCache&
     return DensityAt(cache.Decomposed(surface, place.cell), place.carrier);
   }
   const HapticCell& cell = cache.Densities(surface, place.cell);
-  // Rounding of the interpolation must not give more than the densest corner.
-  return std::min(Trilinear(cell.densities).Value(place.p_L - place.cell.cast<double>()),
-                  cell.max_density);
+  // Rounding of the interpolation must not take it out of a free cell.
+  double density = Trilinear(cell.densities).Value(place.p_L - place.cell.cast<double>());
+  if (surface.isovalue != kUnbounded) density = std::min(density, cell.max_density);
+  if (surface.lower != -kUnbounded) density = std::max(density, cell.min_density);
+  return density;
 }
 
 Vec3 PlacePosition(const HapticSurface& surface, const Place& place, CellCache& cache) noexcept {

@@ -1,7 +1,8 @@
 // Describes exactly where a point is in the decomposed volume.
 //
 // With tolerances, a point could slip between tetrahedra. So a place is combinatorial:
-// - in a free cell (no density above τ): the cell and the faces that the point lies on;
+// - in a free cell (all its densities are free space's): the cell and the faces that the point lies
+// on;
 // - in any other cell: the smallest simplex (tetrahedron, triangle, edge or vertex) that holds the
 //   point, with positive barycentric weights;
 // - outside of the padded lattice: the position. All of the outside is free, or none of it
@@ -161,7 +162,7 @@ inline void SetSimplex(const HapticCell& cell, const Carrier& carrier, int tetra
 void SetBox(const Vec3i& cell, const Vec3& p_L, Place& place);
 
 // Returns the place of a position in L and sets `density` (felt). The place is a simplex also if
-// the density is above τ.
+// the density is not free space's.
 Place PlaceAt(const HapticSurface& surface, const Vec3& p_L, CellCache& cache,
               double& density) noexcept;
 

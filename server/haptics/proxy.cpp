@@ -19,16 +19,16 @@ bool IsAtRest(const HapticSurface& surface, const Vec3& d_mm, const Vec3& w_mm) 
          std::max(kRestTolerance * w_mm.norm(), kRestTolerancePerVoxel * surface.longest_voxel_mm);
 }
 
-// Puts the proxy at p_D. Returns false if p_D is inside the object and there is no free space
+// Puts the proxy at p_D. Returns false if p_D is not in free space and there is no free space
 // within eject_limit_mm.
 bool PutAt(const HapticSurface& surface, const Vec3& p_D, double eject_limit_mm, Proxy& proxy,
            CellCache& cache, ProxyStep& step) noexcept {
   double density = 0.0;
   proxy.place = PlaceAt(surface, surface.X_LD.Apply(p_D), cache, density);
-  proxy.on_surface = false;
-  if (density <= surface.isovalue) return true;
+  proxy.contact = Contact::kNone;
+  if (surface.Holds(density)) return true;
   step.mode = ProxyMode::kEjecting;
-  return Eject(surface, eject_limit_mm, proxy.place, proxy.on_surface, cache, step.moves) &&
+  return Eject(surface, eject_limit_mm, proxy.place, proxy.contact, cache, step.moves) &&
          (PlacePosition(surface, proxy.place, cache) - p_D).norm() <= eject_limit_mm;
 }
 
@@ -40,6 +40,7 @@ void SetSurface(const HapticSurface& surface, Proxy& proxy) {
   proxy.loaded_revision = surface.volume->loaded_revision();
   proxy.free_side = surface.free_side;
   proxy.isovalue = surface.isovalue;
+  proxy.lower = surface.lower;
 }
 
 // The density as samples report it.
@@ -59,12 +60,16 @@ bool Holds(const HapticSurface& surface, const Proxy& proxy) noexcept {
          surface.lattice.CellRevision(proxy.place.cell) <= proxy.volume_revision;
 }
 
+bool HasBoundsOf(const HapticSurface& surface, const Proxy& proxy) noexcept {
+  return proxy.isovalue == surface.isovalue && proxy.lower == surface.lower &&
+         proxy.free_side == surface.free_side;
+}
+
 // Brings the proxy to the surface of this step. Returns false if the proxy is buried.
 bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_limit_mm,
              Proxy& proxy, CellCache& cache, ProxyStep& step) noexcept {
   const bool same_geometry = Holds(surface, proxy);
-  const bool same_side = proxy.free_side == surface.free_side;
-  if (same_geometry && same_side && proxy.isovalue == surface.isovalue) {
+  if (same_geometry && HasBoundsOf(surface, proxy)) {
     proxy.volume_revision = surface.volume->revision();
     return true;
   }
@@ -72,12 +77,12 @@ bool Refresh(const HapticSurface& surface, const Vec3& p_DHip_mm, double eject_l
   const bool simplex_holds = same_geometry && proxy.place.kind == Place::Kind::kSimplex;
   const Vec3 from = proxy.placed ? proxy.p_DH_mm : p_DHip_mm;
   SetSurface(surface, proxy);
-  // Only τ or the side changed: the simplex still holds the proxy, to the last bit.
+  // Only the bounds or the side changed: the simplex still holds the proxy, to the last bit.
   if (simplex_holds) {
-    proxy.on_surface = false;
-    if (PlaceDensity(surface, proxy.place, cache) <= surface.isovalue) return true;
+    proxy.contact = Contact::kNone;
+    if (surface.Holds(PlaceDensity(surface, proxy.place, cache))) return true;
     step.mode = ProxyMode::kEjecting;
-    return Eject(surface, eject_limit_mm, proxy.place, proxy.on_surface, cache, step.moves) &&
+    return Eject(surface, eject_limit_mm, proxy.place, proxy.contact, cache, step.moves) &&
            (PlacePosition(surface, proxy.place, cache) - from).norm() <= eject_limit_mm;
   }
   return PutAt(surface, from, eject_limit_mm, proxy, cache, step);
@@ -90,10 +95,10 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   SetSurface(surface, proxy);
   double density = 0.0;
   proxy.place = PlaceAt(surface, surface.X_LD.Apply(p_DHip_mm), cache, density);
-  proxy.on_surface = false;
+  proxy.contact = Contact::kNone;
   proxy.p_DH_mm = step.p_DH_mm = p_DHip_mm;
   step.density = ReportedDensity(surface, proxy.place, density);
-  proxy.buried = density > surface.isovalue;
+  proxy.buried = !surface.Holds(density);
   if (proxy.buried) step.mode = ProxyMode::kInside;
   return step;
 }
@@ -114,7 +119,7 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
   };
   const bool in_simplex = proxy.place.kind == Place::Kind::kSimplex;
   hold(in_simplex ? &cache.Decomposed(surface, proxy.place.cell) : nullptr);
-  while (!(stops_on_surface && proxy.on_surface)) {
+  while (!(stops_on_surface && proxy.on_surface())) {
     if (step.moves >= most_moves) {
       step.capped = true;
       return;
@@ -128,23 +133,23 @@ ProxyStep StepBuried(const HapticSurface& surface, const Vec3& p_DHip_mm, Proxy&
     }
     const Vec3 w_mm = p_DHip_mm - proxy.p_DH_mm;
     const Candidate best =
-        BestDirection(surface, proxy.place, held, proxy.on_surface, w_mm, cache, step.tetrahedra);
+        BestDirection(surface, proxy.place, held, proxy.contact, w_mm, cache, step.tetrahedra);
     if (best.kind == Candidate::Kind::kNone || IsAtRest(surface, best.d_mm, w_mm)) return;
     ++step.moves;
     switch (best.kind) {
       case Candidate::Kind::kOutside:
         MoveOut(surface, best, p_LHip, proxy.place);
-        proxy.on_surface = false;
+        proxy.contact = Contact::kNone;
         hold(nullptr);
         return;
       case Candidate::Kind::kBox:
         MoveInBox(surface, best, proxy.place, cache);
-        proxy.on_surface = false;
+        proxy.contact = Contact::kNone;
         hold(nullptr);
         break;
       case Candidate::Kind::kTetrahedron: {
         const MoveEnd end =
-            MoveInTetrahedron(surface, best, false, proxy.place, proxy.on_surface, cache);
+            MoveInTetrahedron(surface, best, Contact::kNone, proxy.place, proxy.contact, cache);
         hold(best.entry);
         step.capped = end == MoveEnd::kNone;
         if (end != MoveEnd::kMore) return;
@@ -162,7 +167,8 @@ Vec3 FacetNormal(const HapticSurface& surface, const Proxy& proxy, CellCache& ca
   for (std::uint32_t left = TetrahedraAt(cell.parts.complex, proxy.place.carrier); left;
        left &= left - 1) {
     const Vec3& fall = cache.Gradients(cell, std::countr_zero(left)).fall.normal;
-    if (!fall.isZero(0.0)) return fall.normalized();
+    if (fall.isZero(0.0)) continue;
+    return proxy.contact == Contact::kLower ? Vec3(-fall.normalized()) : fall.normalized();
   }
   return Vec3::Zero();
 }
@@ -184,7 +190,7 @@ ProxyStep StepProxy(const HapticSurface& surface, Vec3 p_DHip_mm, double eject_l
   Advance(surface, p_DHip_mm, false, proxy, cache, step);
   step.p_DH_mm = proxy.p_DH_mm;
   step.density = ReportedDensity(surface, proxy.place, PlaceDensity(surface, proxy.place, cache));
-  if (proxy.on_surface) {
+  if (proxy.on_surface()) {
     const Vec3 push = step.p_DH_mm - p_DHip_mm;
     step.normal_D = push.norm() > kRestTolerancePerVoxel * surface.voxel_mm
                         ? push.normalized()
@@ -208,6 +214,8 @@ bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) no
 void DropToSurface(const HapticSurface& surface, Vec3 p_DHip_mm, Proxy& proxy, CellCache& cache,
                    ProxyStep& step) noexcept {
   Advance(surface, p_DHip_mm, true, proxy, cache, step);
+  step.p_DH_mm = proxy.p_DH_mm;
+  step.density = ReportedDensity(surface, proxy.place, PlaceDensity(surface, proxy.place, cache));
 }
 
 Vec3 FreePart(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,
@@ -215,8 +223,7 @@ Vec3 FreePart(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& 
   if (proxy.place.kind == Place::Kind::kOutside) return Vec3::Zero();
   const Vec3 w_mm = p_DHip_mm - PlacePosition(surface, proxy.place, cache);
   int tetrahedra = 0;
-  return BestDirection(surface, proxy.place, nullptr, proxy.on_surface, w_mm, cache, tetrahedra)
-      .d_mm;
+  return BestDirection(surface, proxy.place, nullptr, proxy.contact, w_mm, cache, tetrahedra).d_mm;
 }
 
 double RestResidual(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& proxy,

@@ -7,14 +7,14 @@
 // until no projection is left. This one rule gives free and constrained mode.
 //
 // Guarantees at every move of every step, whatever the HIP does:
-// - the piecewise-linear density at SCP_H is at most τ (no fall-through), except while ejecting
-//   or buried;
+// - the piecewise-linear density at SCP_H is within the bounds of the surface (no fall-through),
+//   except while ejecting or buried;
 // - each move starts in the tetrahedron or cell where the previous move ended, except for the jump
 //   to a free voxel while ejecting;
 // - a proxy at rest is a local minimum of its distance to the HIP;
 // - the work is bounded; the next step continues the rest.
-// If a change of τ or of the data puts the proxy inside the object, the proxy is ejecting: it moves
-// out down the density gradient, or to the nearest free lattice vertex. If that is farther away
+// If a change of τ or of the data puts the proxy beyond a bound, the proxy is ejecting: it moves
+// out along the density gradient, or to the nearest free lattice vertex. If that is farther away
 // than `eject_limit_mm`, the proxy is buried: no surface is felt until the HIP is in free space.
 // Another loaded volume brings it out by at most a voxel, as much as another lattice of the same
 // volume may need: nobody asked for a push where a hand happens to be.
@@ -39,7 +39,7 @@ inline constexpr int kMaxProxyMoves = 512;
 
 struct Proxy {
   bool placed = false;
-  bool on_surface = false;
+  Contact contact = Contact::kNone;
   bool buried = false;
   Place place;
   Vec3 p_DH_mm = Vec3::Zero();
@@ -50,6 +50,9 @@ struct Proxy {
   std::uint64_t loaded_revision = 0;
   FreeSide free_side = FreeSide::kBelow;
   double isovalue = 0.0;
+  double lower = -kUnbounded;
+
+  bool on_surface() const { return contact != Contact::kNone; }
 };
 
 struct ProxyStep {
@@ -73,7 +76,8 @@ ProxyStep StepProxy(const HapticSurface& surface, Vec3 p_DHip_mm, double eject_l
 bool Fits(const HapticSurface& surface, const Proxy& proxy, CellCache& cache) noexcept;
 
 // Moves the proxy from free space straight towards the HIP, to the point where that line meets H,
-// without sliding. Adds its work to `step`. The proxy must refer to `surface` already.
+// without sliding. Adds its work to `step`, and sets the position and density there. The proxy must
+// refer to `surface` already.
 void DropToSurface(const HapticSurface& surface, Vec3 p_DHip_mm, Proxy& proxy, CellCache& cache,
                    ProxyStep& step) noexcept;
 

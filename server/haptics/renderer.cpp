@@ -4,10 +4,13 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <span>
 
 #include "server/haptics/effects.h"
 #include "server/haptics/force_shading.h"
 #include "server/haptics/friction.h"
+#include "server/haptics/isovalue_glide.h"
+#include "server/haptics/moves.h"
 
 namespace palpate {
 namespace {
@@ -32,120 +35,265 @@ void TrackHip(const Vec3& p_DHip_mm, double since_s, RendererState& state) {
   state.has_hip = true;
 }
 
-// One haptic update in progress.
+// The layers of a surface.
+template <bool kLayered>
+class Layers {
+ public:
+  Layers(const HapticSurface& surface, const HapticSettings&) : layers_(surface.layers->all()) {}
+  int count() const { return static_cast<int>(layers_.size()); }
+  const HapticLayer& operator[](int n) const { return layers_[static_cast<std::size_t>(n)]; }
+
+ private:
+  std::span<const HapticLayer> layers_;
+};
+
+// The one surface of settings without layers.
+template <>
+class Layers<false> {
+ public:
+  Layers(const HapticSurface& surface, const HapticSettings& settings)
+      : one_{.isovalue = surface.isovalue,
+             .stiffness_n_per_mm = settings.stiffness_n_per_mm,
+             .damping_n_s_per_m = settings.damping_n_s_per_m,
+             .static_friction = settings.static_friction,
+             .dynamic_friction = settings.dynamic_friction,
+             .pop_in_n = settings.pop_force_n,
+             .pop_out_n = settings.pop_force_n,
+             .viscosity_n_s_per_m = settings.viscosity_n_s_per_m} {}
+  static constexpr int count() { return 1; }
+  const HapticLayer& operator[](int) const { return one_; }
+
+ private:
+  HapticLayer one_;
+};
+
+// One haptic update in progress. The one surface has code of its own: layers would cost it 4 % of a
+// tick.
+template <bool kLayered>
 class Update {
  public:
   Update(const HapticSurface& surface, const HapticSettings& settings, double dt_s,
          RendererState& state, HapticOutput& output)
-      : surface_(surface), settings_(settings), dt_s_(dt_s), state_(state), output_(output) {}
+      : surface_(surface),
+        settings_(settings),
+        dt_s_(dt_s),
+        state_(state),
+        output_(output),
+        layers_(surface, settings) {}
 
   void Run() noexcept {
-    const bool penetrable = settings_.pop_force_n > 0.0;
-    if (!penetrable || IsOnOwnSideOfNewVolume()) state_.popped = false;
-    ChooseSide();
+    ChooseBand();
     const double budget_mj = EnergyOfTheMove();
-    StepOnBothSides(penetrable);
+    StepAndPop();
     state_.limited_D_n = LimitedForce(budget_mj);
     const Vec3 pop_D_n = FadingPop();
     state_.felt_D_n = state_.limited_D_n + pop_D_n;
     state_.by_design_D_n = pop_D_n + Magnet();
     output_.force_D_n = state_.limited_D_n + state_.by_design_D_n;
+    Tell();
   }
 
  private:
-  // The stylus feels a new volume from the side that the HIP is on.
-  bool IsOnOwnSideOfNewVolume() noexcept {
-    if (!state_.popped || state_.proxy.geometry_revision == surface_.geometry_revision) {
-      return false;
-    }
-    double density = 0.0;
-    PlaceAt(surface_, surface_.X_LD.Apply(state_.p_DHip_mm), state_.cache, density);
-    return density <= surface_.isovalue;
+  // --- The band between two layers that the proxy is in
+
+  const HapticSurface& felt() const { return band_ ? *band_ : surface_; }
+  HapticSurface& band() noexcept { return band_ ? *band_ : band_.emplace(surface_); }
+  int count() const { return layers_.count(); }
+  double Lower(int passed) const { return passed > 0 ? layers_[passed - 1].isovalue : -kUnbounded; }
+  double Upper(int passed) const {
+    return passed < count() ? layers_[passed].isovalue : kUnbounded;
   }
+
+  // A layer that cannot be passed any more holds the stylus from outside again.
+  bool MayPass(int layer) const { return layers_[layer].pop_in_n > 0.0; }
+
+  void FollowPassed() noexcept {
+    while (passed_ < count() && MayPass(passed_) && (state_.passed & layers_[passed_].bit()) != 0) {
+      ++passed_;
+    }
+  }
+
+  void ChooseBand() noexcept {
+    if (state_.passed != 0) FollowPassed();
+    if (kLayered || passed_ > 0) {
+      band().lower = Lower(passed_);
+      band().isovalue = Upper(passed_);
+    }
+    if (state_.glides) {
+      if (const auto bounds = Glide(felt(), dt_s_, state_.proxy, state_.cache)) {
+        band().lower = bounds->lower;
+        band().isovalue = bounds->isovalue;
+      }
+    }
+    // In a new volume the stylus is no deeper than where the HIP is.
+    if (passed_ > 0 && state_.proxy.geometry_revision != surface_.geometry_revision) {
+      double density = 0.0;
+      PlaceAt(felt(), surface_.X_LD.Apply(state_.p_DHip_mm), state_.cache, density);
+      while (passed_ > 0 && density <= felt().lower) Pass(-1);
+    }
+  }
+
+  // Goes on to the next band (1) or back to the last one (-1). The bound between them stays where
+  // it is: it may be gliding.
+  void Pass(int way) noexcept {
+    HapticSurface& surface = band();
+    passed_ += way;
+    if (way > 0) {
+      surface.lower = surface.isovalue;
+      surface.isovalue = Upper(passed_);
+    } else {
+      surface.isovalue = surface.lower;
+      surface.lower = Lower(passed_);
+    }
+  }
+
+  // The bound in contact; without contact that of the next layer inwards, or of the last one.
+  Contact Faced(Contact contact) const {
+    const bool is_lower = passed_ > 0 && (contact == Contact::kLower || passed_ == count());
+    return is_lower ? Contact::kLower : Contact::kUpper;
+  }
+  const HapticLayer& At(Contact bound) const {
+    return layers_[kLayered && Faced(bound) == Contact::kLower ? passed_ - 1 : passed_];
+  }
+  const HapticLayer& Touched() const { return At(state_.proxy.contact); }
+
+  // --- Steps and pops
 
   // The energy that the spring gained because the surface moved: with the HIP at its old place, the
   // energy on the present surface minus that on the old one.
   double EnergyOfTheMove() noexcept {
     const Proxy& proxy = state_.proxy;
+    if (!settings_.passivity_control || !proxy.placed) return 0.0;
     const bool same = proxy.geometry_revision == felt().geometry_revision &&
                       proxy.refinement == felt().lattice.refinement() &&
                       proxy.volume_revision == felt().volume->revision() &&
-                      proxy.free_side == felt().free_side && proxy.isovalue == felt().isovalue;
-    if (same || !settings_.passivity_control || !proxy.placed) return 0.0;
+                      proxy.free_side == felt().free_side && proxy.isovalue == felt().isovalue &&
+                      proxy.lower == felt().lower;
+    if (same) return 0.0;
     Proxy probe = proxy;
     StepProxy(felt(), state_.p_DLastHip_mm, EjectLimit(), probe, state_.cache);
-    const double depth_mm = probe.on_surface ? (probe.p_DH_mm - state_.p_DLastHip_mm).norm() : 0.0;
-    return std::max(0.0, SpringEnergy(depth_mm) - state_.spring_mj);
+    if (!probe.on_surface()) return 0.0;
+    const double depth_mm = (probe.p_DH_mm - state_.p_DLastHip_mm).norm() - state_.slack_mm;
+    return std::max(0.0, SpringEnergy(At(probe.contact), depth_mm) - state_.spring_mj);
   }
 
-  double SpringEnergy(double depth_mm) const {
-    return 0.5 * settings_.stiffness_n_per_mm * depth_mm * depth_mm;
+  static double SpringEnergy(const HapticLayer& layer, double depth_mm) {
+    return 0.5 * layer.stiffness_n_per_mm * depth_mm * depth_mm;
   }
 
   double EjectLimit() const {
-    return settings_.stiffness_n_per_mm > 0.0 ? kEjectForceLimitN / settings_.stiffness_n_per_mm
-                                              : kMaxHipMm;
+    const double stiffness =
+        std::max(At(Contact::kUpper).stiffness_n_per_mm, At(Contact::kLower).stiffness_n_per_mm);
+    return stiffness > 0.0 ? kEjectForceLimitN / stiffness : kMaxHipMm;
   }
-
-  // Uses the settings' side, or the other one after a pop.
-  void ChooseSide() noexcept {
-    flipped_.reset();
-    if (state_.popped) flipped_ = surface_.Flipped();
-  }
-  const HapticSurface& felt() const { return flipped_ ? *flipped_ : surface_; }
 
   void Step() noexcept {
-    output_.proxy = StepWithFriction(felt(), settings_, state_.p_DHip_mm, EjectLimit(),
+    output_.proxy = StepWithFriction(felt(), Touched(), state_.p_DHip_mm, EjectLimit(),
                                      state_.proxy, state_.friction, state_.cache);
-    output_.spring_D_n =
-        state_.proxy.on_surface
-            ? Vec3(settings_.stiffness_n_per_mm * (output_.proxy.p_DH_mm - state_.p_DHip_mm))
-            : Vec3::Zero();
+    const Proxy& proxy = state_.proxy;
+    const double stiffness = Touched().stiffness_n_per_mm;
+    output_.spring_D_n = proxy.on_surface()
+                             ? Vec3(stiffness * (output_.proxy.p_DH_mm - state_.p_DHip_mm))
+                             : Vec3::Zero();
+    if (kLayered) TakeSlack(stiffness);
   }
 
-  void StepOnBothSides(bool penetrable) noexcept {
-    Step();
-    output_.popped = penetrable && output_.spring_D_n.norm() > settings_.pop_force_n;
-    // Without a surface to hold it, the proxy is free on the HIP's side.
-    if (output_.popped || (penetrable && state_.proxy.buried)) {
-      const ProxyStep first = output_.proxy;
-      state_.popped = !state_.popped;
-      state_.proxy.buried = false;
-      ChooseSide();
-      Step();
-      output_.proxy.moves += first.moves;
-      output_.proxy.tetrahedra += first.tetrahedra;
+  void TakeSlack(double stiffness_n_per_mm) noexcept {
+    const Contact contact = state_.proxy.contact;
+    const int touched = contact == Contact::kUpper   ? Touched().id
+                        : contact == Contact::kLower ? -Touched().id
+                                                     : 0;
+    const double spring_n = output_.spring_D_n.norm(), before_n = state_.felt_D_n.norm();
+    if (touched != state_.touched) {
+      const bool changes = touched != 0 && state_.touched != 0;
+      changes_layer_ = changes_layer_ || changes;
+      state_.slack_mm =
+          changes && spring_n > before_n ? (spring_n - before_n) / stiffness_n_per_mm : 0.0;
+      state_.touched = touched;
     }
-    output_.free_side = felt().free_side;
+    if (!(state_.slack_mm > 0.0)) return;
+    state_.slack_mm = std::min(state_.slack_mm, Depth());
+    output_.spring_D_n *= 1.0 - state_.slack_mm * stiffness_n_per_mm / spring_n;
   }
+
+  double Depth() const { return (output_.proxy.p_DH_mm - state_.p_DHip_mm).norm(); }
+
+  void StepAndPop() noexcept {
+    Step();
+    if (!Pops() && !LeavesBurial()) return;
+    const ProxyStep first = output_.proxy;
+    Step();
+    output_.proxy.moves += first.moves;
+    output_.proxy.tetrahedra += first.tetrahedra;
+  }
+
+  bool Pops() noexcept {
+    Proxy& proxy = state_.proxy;
+    const Contact bound = proxy.contact;
+    const double pop_n = bound == Contact::kLower ? Touched().pop_out_n : Touched().pop_in_n;
+    // Without contact there is no spring.
+    if (!(pop_n > 0.0 && output_.spring_D_n.norm() > pop_n)) return false;
+    const int way = bound == Contact::kUpper ? 1 : -1;
+    if (kLayered) {
+      const double gap =
+          way > 0 ? Upper(passed_ + 1) - felt().isovalue : felt().lower - Lower(passed_ - 1);
+      // A layer that glides waits until it is out of the other's way.
+      if (gap < kLeastBand) return false;
+      if (!CrossBound(felt(), bound, proxy.place, state_.cache)) return false;
+    }
+    Pass(way);
+    if (kLayered) {
+      proxy.isovalue = felt().isovalue;
+      proxy.lower = felt().lower;
+      proxy.contact = way > 0 ? Contact::kLower : Contact::kUpper;
+    }
+    return output_.popped = true;
+  }
+
+  // Without a surface to hold it, the proxy is free where the HIP is.
+  bool LeavesBurial() noexcept {
+    if (!state_.proxy.buried) return false;
+    const int before = passed_;
+    const double density = PlaceDensity(felt(), state_.proxy.place, state_.cache);
+    while (passed_ < count() && density > felt().isovalue && MayPass(passed_)) Pass(1);
+    while (passed_ > 0 && density < felt().lower) Pass(-1);
+    if (passed_ == before) return false;
+    state_.proxy.buried = !felt().Holds(density);
+    return !state_.proxy.buried;
+  }
+
+  // --- Forces
 
   Vec3 Normal() noexcept {
     if (!settings_.force_shading) return output_.proxy.normal_D;
     const Vec3 p_LH = PlaceLatticePosition(felt(), state_.proxy.place, state_.cache);
-    return ShadedNormal(felt(), felt().lattice.ToVoxels(p_LH), output_.proxy.normal_D);
+    return ShadedNormal(felt().Facing(state_.proxy.contact), felt().lattice.ToVoxels(p_LH),
+                        output_.proxy.normal_D);
   }
 
   // The forces against the hand, without the effects that add energy by design.
   Vec3 LimitedForce(double budget_mj) noexcept {
-    Vec3 force = ViscousForce(settings_, state_.velocity_mm_per_s);
+    const double viscosity = kLayered && passed_ > 0 ? layers_[passed_ - 1].viscosity_n_s_per_m
+                                                     : settings_.viscosity_n_s_per_m;
+    Vec3 force = ViscousForce(viscosity, state_.velocity_mm_per_s);
     double depth_mm = 0.0;
-    if (state_.proxy.on_surface) {
-      force += ContactForce(settings_, output_.proxy, Normal(), output_.spring_D_n,
+    if (state_.proxy.on_surface()) {
+      force += ContactForce(Touched(), output_.proxy, Normal(), output_.spring_D_n,
                             state_.velocity_mm_per_s);
-      depth_mm = (output_.proxy.p_DH_mm - state_.p_DHip_mm).norm();
+      depth_mm = Depth() - state_.slack_mm;
     }
-    state_.spring_mj = SpringEnergy(depth_mm);
+    state_.spring_mj = SpringEnergy(Touched(), depth_mm);
     if (!settings_.passivity_control) {
       if (state_.passivity.started) state_.passivity = PassivityState();
       return force;
     }
-    return LimitToPassive(force, settings_.stiffness_n_per_mm, depth_mm, state_.p_DHip_mm,
+    return LimitToPassive(force, Touched().stiffness_n_per_mm, depth_mm, state_.p_DHip_mm,
                           budget_mj, dt_s_, state_.device, state_.passivity);
   }
 
   // In the tick of the pop the force stays as it was. It fades from there.
   Vec3 FadingPop() noexcept {
-    if (output_.popped) {
+    if (output_.popped || changes_layer_) {
       state_.pop_force_D_n = state_.felt_D_n - state_.limited_D_n;
       state_.pop_fade = 1.0;
     }
@@ -155,13 +303,27 @@ class Update {
   }
 
   Vec3 Magnet() noexcept {
-    if (state_.proxy.on_surface || state_.proxy.buried) return Vec3::Zero();
+    if (state_.proxy.on_surface() || state_.proxy.buried) return Vec3::Zero();
     if (!(settings_.magnet_force_n > 0.0)) return Vec3::Zero();
     // Sub-cells would be too many to search in a tick, and no hand tells their magnet from this
     // one.
-    HapticSurface whole_cells = felt();
+    HapticSurface whole_cells = felt().Facing(Faced(Contact::kNone));
     whole_cells.Refine(1);
     return MagneticForce(whole_cells, settings_, state_.p_DHip_mm, *state_.magnet_cache);
+  }
+
+  // --- What others are told, and the next step
+
+  void Tell() noexcept {
+    state_.passed = 0;
+    for (int n = 0; n < passed_; ++n) state_.passed |= layers_[n].bit();
+    const bool is_lower = Faced(state_.proxy.contact) == Contact::kLower;
+    const bool is_flipped = is_lower != (surface_.free_side == FreeSide::kAbove);
+    output_.isovalue = is_lower ? felt().lower : felt().isovalue;
+    output_.free_side = is_flipped ? FreeSide::kAbove : FreeSide::kBelow;
+    if (!kLayered) return;
+    output_.layers_passed = passed_;
+    if (state_.proxy.on_surface()) output_.contact_layer = Touched().id;
   }
 
   const HapticSurface& surface_;
@@ -169,7 +331,10 @@ class Update {
   const double dt_s_;
   RendererState& state_;
   HapticOutput& output_;
-  std::optional<HapticSurface> flipped_;
+  const Layers<kLayered> layers_;
+  int passed_ = 0;                     // of layers_
+  std::optional<HapticSurface> band_;  // empty: the surface itself
+  bool changes_layer_ = false;         // from contact to contact
 };
 
 }  // namespace
@@ -185,7 +350,11 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
     if (!state.has_hip) return output;
   }
   output.p_DHip_mm = state.p_DHip_mm;
-  Update(surface, settings, dt_s, state, output).Run();
+  if (surface.layers != nullptr) {
+    Update<true>(surface, settings, dt_s, state, output).Run();
+  } else {
+    Update<false>(surface, settings, dt_s, state, output).Run();
+  }
   state.p_DLastHip_mm = state.p_DHip_mm;
   return output;
 }
@@ -193,9 +362,12 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
 VisualProxy VisualProxyOf(const HapticSurface& surface, const HapticOutput& output,
                           RendererState& state) noexcept {
   const Proxy& proxy = state.proxy;
-  if (!proxy.on_surface) return {};
-  return FindVisualProxy(proxy.free_side == surface.free_side ? surface : surface.Flipped(),
-                         proxy.place, output.proxy.normal_D, state.cache);
+  if (!proxy.on_surface()) return {};
+  HapticSurface band = surface;
+  band.isovalue = proxy.isovalue;
+  band.lower = proxy.lower;
+  return FindVisualProxy(band.Facing(proxy.contact), proxy.place, output.proxy.normal_D,
+                         state.cache);
 }
 
 HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept {
@@ -210,8 +382,9 @@ HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& 
   state.proxy = Proxy();
   state.friction = FrictionState();
   state.passivity = PassivityState();
-  state.popped = false;
-  state.pop_fade = state.spring_mj = 0.0;
+  state.passed = 0;
+  state.touched = 0;
+  state.slack_mm = state.pop_fade = state.spring_mj = 0.0;
   state.felt_D_n = state.limited_D_n = state.by_design_D_n = Vec3::Zero();
   return output;
 }

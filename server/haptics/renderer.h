@@ -3,10 +3,16 @@
 //   HIP -> proxy (with friction) -> spring -> shading -> damper and viscosity
 //       -> passivity control -> magnet, fading force of a pop -> force
 //
-// Penetrability: if the spring exceeds pop_force_n, the proxy changes to the other side of H. It
-// moves on towards the HIP until it meets H again, now from within. Every passage through H takes
-// that force, inwards and outwards, as through a membrane. The force of that moment fades out over
-// kPopFadeS.
+// Penetrability: if the spring exceeds a layer's pop force, the proxy changes to the other side of
+// its H. It moves on towards the HIP until it meets H again, now from within, or the H of the next
+// layer. At most one layer is passed in a step. The force of that moment fades out over kPopFadeS.
+// Without layers, the one surface is a layer with pop_force_n both ways.
+//
+// Slack: if the proxy changes from one layer to a stiffer one, the spring of that would climb by
+// itself. It begins at the force of that moment instead: its depth counts from `slack_mm` on, which
+// only ever falls until the contact ends. So a spring's origin moves only where the force stays the
+// same, which gives the hand no energy. A softer layer takes over at its own force, and the rest
+// fades.
 //
 // Frame: D (mm, N). Threads: pure; one thread per state.
 // Real-time: no allocation, no locks; bounded by the bounds of the proxy.
@@ -38,7 +44,7 @@ struct RendererMemory {
   Vec3 p_DLastHip_mm = Vec3::Zero();      // the position of the last step
   Vec3 velocity_mm_per_s = Vec3::Zero();  // of the HIP, low-passed
   FrictionState friction;
-  bool popped = false;                // on the other side than the settings say
+  std::uint8_t passed = 0;            // bits of the layers that were passed (HapticLayer::bit)
   double rejected_s = 0.0;            // time since the last accepted HIP
   double spring_mj = 0.0;             // energy of the spring in the last step
   Vec3 felt_D_n = Vec3::Zero();       // the last force without the magnet
@@ -47,10 +53,14 @@ struct RendererMemory {
   PassivityState passivity;
   Vec3 limited_D_n = Vec3::Zero();    // part of the last force: what the control let pass
   Vec3 by_design_D_n = Vec3::Zero();  // the other part of the last force: magnet and pop
+  int touched = 0;                    // id of the layer in contact; negative: from within; 0: none
+  double slack_mm = 0.0;
 };
 
 struct RendererState : RendererMemory {
-  PassivityDevice device;  // the same for all steps
+  // The same for all steps:
+  PassivityDevice device;
+  bool glides = false;  // isovalues change at a bounded rate (isovalue_glide.h)
   CellCache cache;
   // Not within: two caches would fill a small stack.
   std::unique_ptr<CellCache> magnet_cache = std::make_unique<CellCache>();
@@ -59,9 +69,13 @@ struct RendererState : RendererMemory {
 struct HapticOutput {
   Vec3 p_DHip_mm = Vec3::Zero();  // the HIP used; the last good one if the input was invalid
   ProxyStep proxy;
-  Vec3 spring_D_n = Vec3::Zero();         // k (SCP_H - HIP)
-  Vec3 force_D_n = Vec3::Zero();          // with damping and effects; not limited yet
-  FreeSide free_side = FreeSide::kBelow;  // of the proxy
+  Vec3 spring_D_n = Vec3::Zero();  // k (SCP_H - HIP), less the slack
+  Vec3 force_D_n = Vec3::Zero();   // with damping and effects; not limited yet
+  // The H in contact; without contact the next one inwards, or the last one.
+  double isovalue = 0.0;                  // normalised and felt
+  FreeSide free_side = FreeSide::kBelow;  // of it
+  int layers_passed = 0;                  // 0 without layers
+  int contact_layer = 0;                  // its id; 0: no contact, or no layers
   bool popped = false;                    // the pop is in this step
   bool input_rejected = false;
 };

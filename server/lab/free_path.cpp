@@ -91,9 +91,7 @@ class Search {
 
   bool IsFree(const FreshCell& cell, const Node& node) const {
     if (node.tetrahedron == Node::kBox) return cell.free;
-    const auto& vertices = cell.parts.complex.vertices[node.tetrahedron];
-    return cell.crossed && std::any_of(vertices.begin(), vertices.end(),
-                                       [&](int v) { return cells_.IsFree(cell.parts.density[v]); });
+    return cell.crossed && cells_.HasFreePart(DensitiesOf(cell, node.tetrahedron));
   }
 
   void Enter(const Node& node) {
@@ -121,15 +119,16 @@ class Search {
     for (int vertex : complex.vertices[node.tetrahedron]) {
       const auto triangle =
           static_cast<std::uint16_t>(complex.vertex_mask[node.tetrahedron] & ~(1u << vertex));
-      if (HasFreeVertex(cell, triangle)) EnterAcross(node, cell, triangle);
+      if (HasFreePart(cell, triangle)) EnterAcross(node, cell, triangle);
     }
   }
 
-  bool HasFreeVertex(const FreshCell& cell, std::uint16_t mask) const {
+  bool HasFreePart(const FreshCell& cell, std::uint16_t mask) const {
+    std::vector<double> densities;
     for (int v = 0; v < kMaxVertices; ++v) {
-      if ((mask >> v & 1) != 0 && cells_.IsFree(cell.parts.density[v])) return true;
+      if ((mask >> v & 1) != 0) densities.push_back(cell.parts.density[v]);
     }
-    return false;
+    return cells_.HasFreePart(densities);
   }
 
   void EnterAcross(const Node& node, const FreshCell& cell, std::uint16_t triangle) {

@@ -60,7 +60,7 @@ const FreshCell& FreshCells::At(const Vec3i& cell) {
     fresh.parts = Decompose(d, surface_.method);
     const auto free = std::count_if(d.begin(), d.end(), [&](double each) { return IsFree(each); });
     fresh.free = free == 8;
-    fresh.crossed = free != 0 && free != 8;
+    fresh.crossed = free != 8 && HasFreePart(d);
   }
   return fresh;
 }
@@ -72,6 +72,14 @@ std::array<Vec3, 4> CornersOf(const Vec3i& cell, const FreshCell& fresh, int tet
     corners[n] = cell.cast<double>() + fresh.parts.position[vertex];
   }
   return corners;
+}
+
+std::array<double, 4> DensitiesOf(const FreshCell& fresh, int tetrahedron) {
+  std::array<double, 4> densities{};
+  for (int n = 0; n < 4; ++n) {
+    densities[n] = fresh.parts.density[fresh.parts.complex.vertices[tetrahedron][n]];
+  }
+  return densities;
 }
 
 Holders FreshCells::HoldersOf(const Vec3& p_L) {
@@ -97,10 +105,8 @@ Holders FreshCells::HoldersOf(const Vec3& p_L) {
           Holder holder{.cell = cell, .tetrahedron = t};
           holder.weight = WeightsOf(CornersOf(cell, fresh, t), p_L);
           if (!(LeastWeight(holder) >= -kHoldTolerance)) continue;
-          for (int n = 0; n < 4; ++n) {
-            holder.density +=
-                holder.weight[n] * fresh.parts.density[fresh.parts.complex.vertices[t][n]];
-          }
+          const std::array<double, 4> densities = DensitiesOf(fresh, t);
+          for (int n = 0; n < 4; ++n) holder.density += holder.weight[n] * densities[n];
           holders.tetrahedra.push_back(holder);
         }
       }

@@ -6,11 +6,11 @@
 // is continuous there.
 //
 // Densities are normalised, not felt: on the side FreeSide::kAbove, a point is free if its density
-// is not below τ. Beyond the padded lattice the density is the background's.
-// Frame: L, index of the lattice.
-// Threads: one per object. Errors: none.
+// is not below τ. With two bounds, it is free between them. Beyond the padded lattice the density
+// is the background's. Frame: L, index of the lattice. Threads: one per object. Errors: none.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <unordered_map>
@@ -26,7 +26,7 @@ inline constexpr double kHoldTolerance = 1e-9;
 
 struct FreshCell {
   Decomposition parts;
-  bool crossed = false;  // the isosurface passes through the cell
+  bool crossed = false;  // a part of the cell may be free, and a part not
   bool free = false;     // the whole cell is free
 };
 
@@ -61,11 +61,23 @@ class FreshCells {
 
   const HapticSurface& surface() const { return surface_; }
   bool HasCell(const Vec3i& cell) const { return surface_.lattice.HasCell(cell); }
-  // Normalised, not felt.
-  double isovalue() const { return surface_.sign() * surface_.isovalue; }
-  // How far a density is inside the object; positive there.
-  double Inside(double density) const { return surface_.sign() * density - surface_.isovalue; }
+  // How far a density is outside of free space, beyond either bound; positive there.
+  double Inside(double density) const {
+    const double felt = surface_.sign() * density;
+    return std::max(felt - surface_.isovalue, surface_.lower - felt);
+  }
   bool IsFree(double density) const { return Inside(density) <= 0.0; }
+  // Whether a simplex with these densities at its corners has a free part. Between two bounds, it
+  // may have one although no corner is free.
+  template <class Range>
+  bool HasFreePart(const Range& densities) const {
+    bool reaches_upper = false, reaches_lower = false;
+    for (const double density : densities) {
+      reaches_upper |= surface_.sign() * density <= surface_.isovalue;
+      reaches_lower |= surface_.sign() * density >= surface_.lower;
+    }
+    return reaches_upper && reaches_lower;
+  }
   // A number for each cell of the padded lattice.
   std::uint64_t KeyOf(const Vec3i& cell) const;
 
@@ -74,7 +86,8 @@ class FreshCells {
   std::unordered_map<std::uint64_t, FreshCell> cells_;
 };
 
-// Corners of a tetrahedron of a cell, in L.
+// Corners of a tetrahedron of a cell, in L, and the densities there.
 std::array<Vec3, 4> CornersOf(const Vec3i& cell, const FreshCell& fresh, int tetrahedron);
+std::array<double, 4> DensitiesOf(const FreshCell& fresh, int tetrahedron);
 
 }  // namespace palpate::lab

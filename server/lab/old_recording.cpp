@@ -37,7 +37,8 @@ std::uint64_t Checksum(std::string_view bytes) { return XXH3_64bits(bytes.data()
 template <class Visit>
 void VisitOldFields(TickSample& sample, Visit&& visit) {
   VisitFields(sample, [&](std::string_view name, auto& field) {
-    if (!name.starts_with("led_") && !name.starts_with("series_") && name != "refinement") {
+    if (!name.starts_with("led_") && !name.starts_with("series_") && name != "refinement" &&
+        name != "layers_passed" && name != "contact_layer") {
       visit(field);
     }
   });

@@ -3,49 +3,64 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
+#include <utility>
+#include <vector>
 
 #include "server/lab/triangle_distance.h"
 
 namespace palpate::lab {
 namespace {
 
-using Corners = std::array<Vec3, 4>;
+// A tetrahedron with the felt densities at its corners.
+struct Part {
+  std::array<Vec3, 4> corner;
+  std::array<double, 4> density{};
+};
 
-// Squared distance to a prism between two triangles. a[n] and b[n] are the ends of an edge.
-double SquaredDistanceToPrism(const Vec3& p, const std::array<Vec3, 3>& a,
-                              const std::array<Vec3, 3>& b) {
-  return std::min({SquaredDistanceToTetrahedron(p, {a[0], a[1], a[2], b[0]}),
-                   SquaredDistanceToTetrahedron(p, {a[1], a[2], b[0], b[1]}),
-                   SquaredDistanceToTetrahedron(p, {a[2], b[0], b[1], b[2]})});
+// Adds the part of a tetrahedron in which sign * density <= sign * bound, as tetrahedra.
+void Cut(const Part& whole, double bound, double sign, std::vector<Part>& parts) {
+  std::array<int, 4> order = {0, 1, 2, 3};  // corners within the bound first
+  const auto inner = std::stable_partition(
+      order.begin(), order.end(), [&](int n) { return sign * whole.density[n] <= sign * bound; });
+  const auto within = inner - order.begin();
+  if (within == 0) return;
+  if (within == 4) return parts.push_back(whole);
+  using Corner = std::pair<Vec3, double>;
+  const auto at = [&](int n) { return Corner{whole.corner[order[n]], whole.density[order[n]]}; };
+  const auto crossing = [&](int free, int other) {
+    const auto [a, low] = at(free);
+    const auto [b, high] = at(other);
+    return Corner{Vec3(a + (bound - low) / (high - low) * (b - a)), bound};
+  };
+  const auto add = [&](const std::array<Corner, 4>& corners) {
+    Part& part = parts.emplace_back();
+    for (int n = 0; n < 4; ++n) std::tie(part.corner[n], part.density[n]) = corners[n];
+  };
+  // Between two triangles; a[n] and b[n] are the ends of an edge.
+  const auto add_prism = [&](const std::array<Corner, 3>& a, const std::array<Corner, 3>& b) {
+    add({a[0], a[1], a[2], b[0]});
+    add({a[1], a[2], b[0], b[1]});
+    add({a[2], b[0], b[1], b[2]});
+  };
+  if (within == 1) return add({at(0), crossing(0, 1), crossing(0, 2), crossing(0, 3)});
+  if (within == 2) {
+    return add_prism({at(0), crossing(0, 2), crossing(0, 3)},
+                     {at(1), crossing(1, 2), crossing(1, 3)});
+  }
+  add_prism({at(0), at(1), at(2)}, {crossing(0, 3), crossing(1, 3), crossing(2, 3)});
 }
 
-// Squared distance from p to the free part of a tetrahedron. `inside`: how far the density at each
-// corner is inside the object (positive there).
-double SquaredDistanceToFreePart(const Vec3& p, const Corners& corner,
-                                 const std::array<double, 4>& inside) {
-  std::array<int, 4> order = {0, 1, 2, 3};  // free corners first
-  const auto inner =
-      std::stable_partition(order.begin(), order.end(), [&](int n) { return inside[n] <= 0.0; });
-  const auto at = [&](int n) { return corner[order[n]]; };
-  const auto crossing = [&](int free, int other) {
-    const double a = inside[order[free]], b = inside[order[other]];
-    return Vec3(at(free) + a / (a - b) * (at(other) - at(free)));
-  };
-  switch (inner - order.begin()) {
-    case 4:
-      return SquaredDistanceToTetrahedron(p, corner);
-    case 3:
-      return SquaredDistanceToPrism(p, {at(0), at(1), at(2)},
-                                    {crossing(0, 3), crossing(1, 3), crossing(2, 3)});
-    case 2:
-      return SquaredDistanceToPrism(p, {at(0), crossing(0, 2), crossing(0, 3)},
-                                    {at(1), crossing(1, 2), crossing(1, 3)});
-    case 1:
-      return SquaredDistanceToTetrahedron(p,
-                                          {at(0), crossing(0, 1), crossing(0, 2), crossing(0, 3)});
-    default:
-      return std::numeric_limits<double>::infinity();
+// Squared distance from p to the free part of a tetrahedron.
+double SquaredDistanceToFreePart(const HapticSurface& surface, const Vec3& p, const Part& whole) {
+  std::vector<Part> below, free;
+  Cut(whole, surface.isovalue, 1.0, below);
+  for (const Part& part : below) Cut(part, surface.lower, -1.0, free);
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const Part& part : free) {
+    nearest = std::min(nearest, SquaredDistanceToTetrahedron(p, part.corner));
   }
+  return nearest;
 }
 
 // True if a proxy on the border may leave the lattice because the HIP lies beyond the border by
@@ -77,15 +92,12 @@ double ApproachLeft(FreshCells& cells, const Vec3& p_DH_mm, const Vec3& p_DHip_m
     const double least = *std::min_element(holder.weight.begin(), holder.weight.end());
     if (!(least >= -hold_tolerance)) continue;
     const FreshCell& cell = cells.At(holder.cell);
-    Corners corner = CornersOf(holder.cell, cell, holder.tetrahedron);
-    std::array<double, 4> inside{};
-    for (int n = 0; n < 4; ++n) {
-      corner[n] = surface.X_DL.Apply(corner[n]);
-      const int vertex = cell.parts.complex.vertices[holder.tetrahedron][n];
-      inside[n] = cells.Inside(cell.parts.density[vertex]);
-    }
+    Part part{CornersOf(holder.cell, cell, holder.tetrahedron),
+              DensitiesOf(cell, holder.tetrahedron)};
+    for (Vec3& corner : part.corner) corner = surface.X_DL.Apply(corner);
+    for (double& density : part.density) density *= surface.sign();
     nearest_squared =
-        std::min(nearest_squared, SquaredDistanceToFreePart(p_DHip_mm, corner, inside));
+        std::min(nearest_squared, SquaredDistanceToFreePart(surface, p_DHip_mm, part));
   }
   return distance_mm - std::sqrt(nearest_squared);
 }

@@ -55,6 +55,8 @@ TickSample SampleOf(const RecordedTick& tick) {
       .buttons = pose.buttons,
       .iterations = pose.iterations,
       .refinement = std::max(pose.refinement, 1u),  // recordings before it have none
+      .layers_passed = pose.layers_passed,
+      .contact_layer = pose.contact_layer,
       .mode = pose.mode,
       .free_side = pose.free_side,
       .contact = pose.contact,

@@ -42,6 +42,8 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("update_ns", sample.update_ns);
   visit("iterations", sample.iterations);
   visit("refinement", sample.refinement);
+  visit("layers_passed", sample.layers_passed);
+  visit("contact_layer", sample.contact_layer);
   visit("missed_ticks", sample.missed_ticks);
   visit("capped_ticks", sample.capped_ticks);
   visit("faulty_ticks", sample.faulty_ticks);

@@ -37,6 +37,8 @@ PoseSample PoseOf(const TickSample& sample) {
       ForcesOf(sample.force_state, sample.force_reason, sample.force_limit_n, sample.replayed);
   pose.replayed = sample.replayed;
   pose.refinement = sample.refinement;
+  pose.layers_passed = sample.layers_passed;
+  pose.contact_layer = sample.contact_layer;
   return pose;
 }
 

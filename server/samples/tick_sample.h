@@ -56,6 +56,9 @@ struct TickSample {
   SurfacePlace surface_place{};
   // Of H in this tick.
   std::uint32_t refinement = 1;
+  // 0 without layers.
+  std::uint32_t layers_passed = 0;
+  std::uint32_t contact_layer = 0;  // its id; 0: no contact
   ProxyMode mode = ProxyMode::kFree;
   FreeSide free_side = FreeSide::kBelow;
   bool contact = false;

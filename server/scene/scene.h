@@ -21,8 +21,9 @@ namespace palpate {
 
 struct Scene {
   std::shared_ptr<const VolumeSnapshot> volume;
-  HapticSurface surface;  // borrows *volume
-  double isovalue = 0.0;  // data units
+  std::shared_ptr<const HapticLayers> layers;  // null: the one surface
+  HapticSurface surface;                       // borrows *volume and *layers
+  double isovalue = 0.0;                       // data units
   HapticSettings settings;
   std::uint64_t settings_revision = 0;
   std::uint64_t scene_revision = 0;  // of the whole scene

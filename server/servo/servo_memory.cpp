@@ -12,7 +12,10 @@ namespace palpate {
 namespace {
 
 // Version of the byte layout. Raise it whenever the meaning of the bytes changes.
-constexpr std::uint8_t kLayout = 5;
+constexpr std::uint8_t kLayout = 6;
+// It knew no layers: after a pop, densities changed their sign. A refinement other than 1 follows
+// the rest.
+constexpr std::uint8_t kLayoutWithoutLayers = 5;
 
 constexpr int kMaxCell = 1 << 30;
 
@@ -42,15 +45,12 @@ void VisitPlace(PlaceT& place, Visit& visit) {
   visit(tetrahedron);
 }
 
-// `refinement` is not visited: Save appends it only if it is not 1, so that older keyframes stay
-// valid.
 template <class ProxyT, class Visit>
-void VisitProxy(ProxyT& proxy, Visit& visit) {
-  auto& [placed, on_surface, buried, place, p_DH_mm, geometry_revision, refinement, volume_revision,
-         loaded_revision, free_side, isovalue] = proxy;
-  static_cast<void>(refinement);
+void VisitProxy(ProxyT& proxy, bool has_layers, Visit& visit) {
+  auto& [placed, contact, buried, place, p_DH_mm, geometry_revision, refinement, volume_revision,
+         loaded_revision, free_side, isovalue, lower] = proxy;
   visit(placed);
-  visit(on_surface);
+  visit(contact);
   visit(buried);
   VisitPlace(place, visit);
   VisitVector(p_DH_mm, visit);
@@ -59,6 +59,9 @@ void VisitProxy(ProxyT& proxy, Visit& visit) {
   visit(loaded_revision);
   visit(free_side);
   visit(isovalue);
+  if (!has_layers) return;
+  visit(lower);
+  visit(refinement);
 }
 
 template <class Passivity, class Visit>
@@ -77,20 +80,23 @@ void VisitPassivity(Passivity& passivity, Visit& visit) {
 }
 
 template <class Renderer, class Visit>
-void VisitRenderer(Renderer& renderer, Visit& visit) {
-  auto& [proxy, has_hip, p_DHip_mm, p_DLastHip_mm, velocity_mm_per_s, friction, popped, rejected_s,
-         spring_mj, felt_D_n, pop_force_D_n, pop_fade, passivity, limited_D_n, by_design_D_n] =
-      renderer;
-  VisitProxy(proxy, visit);
+void VisitRenderer(Renderer& renderer, bool has_layers, Visit& visit) {
+  auto& [proxy, has_hip, p_DHip_mm, p_DLastHip_mm, velocity_mm_per_s, friction, passed, rejected_s,
+         spring_mj, felt_D_n, pop_force_D_n, pop_fade, passivity, limited_D_n, by_design_D_n,
+         touched, slack_mm] = renderer;
+  VisitProxy(proxy, has_layers, visit);
   visit(has_hip);
   for (auto* v : {&p_DHip_mm, &p_DLastHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
   auto& [sticking, normal_D] = friction;
   visit(sticking);
   VisitVector(normal_D, visit);
-  visit(popped);
+  visit(passed);
   for (auto* number : {&rejected_s, &spring_mj, &pop_fade}) visit(*number);
   VisitPassivity(passivity, visit);
   for (auto* v : {&felt_D_n, &pop_force_D_n, &limited_D_n, &by_design_D_n}) VisitVector(*v, visit);
+  if (!has_layers) return;
+  visit(touched);
+  visit(slack_mm);
 }
 
 template <class SafetyT, class Visit>
@@ -105,9 +111,9 @@ void VisitSafety(SafetyT& safety, Visit& visit) {
 }
 
 template <class Memory, class Visit>
-void VisitMemory(Memory& memory, Visit visit) {
+void VisitMemory(Memory& memory, bool has_layers, Visit visit) {
   auto& [renderer, safety, tick, missed_ticks, capped_ticks, faulty_ticks] = memory;
-  VisitRenderer(renderer, visit);
+  VisitRenderer(renderer, has_layers, visit);
   VisitSafety(safety, visit);
   for (auto* count : {&tick, &missed_ticks, &capped_ticks, &faulty_ticks}) visit(*count);
 }
@@ -117,6 +123,8 @@ template <class T>
 constexpr std::size_t kEnd = 2;  // bool
 template <>
 constexpr std::size_t kEnd<Place::Kind> = 3;
+template <>
+constexpr std::size_t kEnd<Contact> = 3;
 
 // Returns false if the bytes are no valid value of T.
 template <class T>
@@ -189,19 +197,39 @@ bool IsPlace(const Place& place) {
 // Normalised isovalues lie within 0 and 1, or their negatives. The next one starts there.
 constexpr double kGreatestIsovalue = 2.0;
 
+bool IsBound(double isovalue, double unbounded) {
+  return std::abs(isovalue) <= kGreatestIsovalue || isovalue == unbounded;
+}
+
 // Checks that indices stay within their arrays and lattices, and that lengths are finite.
 bool IsInRange(const ServoMemory& memory) {
   const RendererMemory& renderer = memory.renderer;
   const Proxy& proxy = renderer.proxy;
   const PassivityState& passivity = renderer.passivity;
   const bool on_simplex = proxy.placed && proxy.place.kind == Place::Kind::kSimplex;
-  return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) &&
-         std::abs(proxy.isovalue) <= kGreatestIsovalue && (renderer.has_hip || !proxy.placed) &&
-         (on_simplex || !proxy.on_surface) && IsPosition(renderer.p_DHip_mm) &&
-         IsPosition(renderer.p_DLastHip_mm) &&
+  return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) && IsBound(proxy.isovalue, kUnbounded) &&
+         IsBound(proxy.lower, -kUnbounded) && proxy.refinement >= 1 &&
+         proxy.refinement <= kMaxRefinement && (renderer.has_hip || !proxy.placed) &&
+         (on_simplex || !proxy.on_surface()) && std::abs(renderer.touched) <= kMaxLayers &&
+         renderer.slack_mm >= 0.0 && renderer.slack_mm <= kFarthestMm &&
+         IsPosition(renderer.p_DHip_mm) && IsPosition(renderer.p_DLastHip_mm) &&
          renderer.friction.normal_D.norm() < 1.0 + kUnitTolerance && passivity.positions >= 0 &&
          passivity.positions <= PassivityState::kPositionsKept && passivity.newest >= 0 &&
          passivity.newest < PassivityState::kPositionsKept;
+}
+
+// Gives a proxy that has popped through the one surface its bound, with the sign of the settings'
+// side. Returns false for what no servo without layers had.
+bool WithBounds(RendererMemory& renderer) {
+  Proxy& proxy = renderer.proxy;
+  if (renderer.passed > 1 || proxy.contact == Contact::kLower) return false;
+  if (renderer.passed == 0) return true;
+  const bool was_above = proxy.free_side == FreeSide::kAbove;
+  proxy.free_side = was_above ? FreeSide::kBelow : FreeSide::kAbove;
+  proxy.lower = -proxy.isovalue;
+  proxy.isovalue = kUnbounded;
+  if (proxy.on_surface()) proxy.contact = Contact::kLower;
+  return true;
 }
 
 }  // namespace
@@ -221,26 +249,26 @@ ServoKeyframe Save(const ServoMemory& memory) noexcept {
     at += sizeof number;
   };
   put(kLayout);
-  VisitMemory(memory, put);
-  const int refinement = memory.renderer.proxy.refinement;
-  if (refinement != 1) put(static_cast<std::uint8_t>(refinement));
+  VisitMemory(memory, true, put);
   keyframe.size = at;
   return keyframe;
 }
 
 bool Load(std::string_view bytes, ServoMemory& memory) noexcept {
-  if (bytes.empty() || static_cast<std::uint8_t>(bytes.front()) != kLayout) return false;
+  const int layout = bytes.empty() ? 0 : static_cast<unsigned char>(bytes.front());
+  if (layout != kLayout && layout != kLayoutWithoutLayers) return false;
+  memory = {};
   std::size_t at = 1;
   bool good = true;
-  VisitMemory(memory, [&](auto& number) {
+  VisitMemory(memory, layout == kLayout, [&](auto& number) {
     good = good && at + sizeof number <= bytes.size() && FromBytes(&bytes[at], number);
     at += sizeof number;
   });
-  int& refinement = memory.renderer.proxy.refinement;
-  refinement = 1;
-  if (good && at + 1 == bytes.size()) {
-    refinement = static_cast<unsigned char>(bytes[at++]);
-    good = refinement > 1 && refinement <= kMaxRefinement;
+  if (good && layout == kLayoutWithoutLayers) {
+    if (at + 1 == bytes.size()) {
+      memory.renderer.proxy.refinement = static_cast<unsigned char>(bytes[at++]);
+    }
+    good = WithBounds(memory.renderer);
   }
   return good && at == bytes.size() && IsInRange(memory);
 }

@@ -3,7 +3,6 @@
 #include <limits>
 #include <utility>
 
-#include "server/haptics/isovalue_glide.h"
 #include "server/servo/servo_memory.h"
 
 namespace palpate {
@@ -17,16 +16,31 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
   sample.scp_h_normal = ToArray(output.proxy.normal_D);
   sample.mode = output.proxy.mode;
   sample.free_side = output.free_side;
+  sample.layers_passed = static_cast<std::uint32_t>(output.layers_passed);
+  sample.contact_layer = static_cast<std::uint32_t>(output.contact_layer);
   sample.contact = !output.proxy.normal_D.isZero();
   sample.input_rejected = output.input_rejected;
   sample.density = scene.volume->Denormalize(output.proxy.density);
   sample.iterations = static_cast<std::uint32_t>(output.proxy.moves);
 }
 
+// In data units, as it was asked for: one that glides is on its way.
+double IsovalueOf(const Scene& scene, double felt) {
+  const HapticSurface& surface = scene.surface;
+  if (surface.layers == nullptr && felt == surface.isovalue) return scene.isovalue;
+  if (surface.layers != nullptr) {
+    for (const HapticLayer& layer : surface.layers->all()) {
+      if (layer.isovalue == felt) return layer.asked_isovalue;
+    }
+  }
+  return scene.volume->Denormalize(surface.sign() * felt);
+}
+
+// Where SCP_V looks for V: with the sign of the side that is felt.
 SurfacePlace PlaceOf(const Proxy& proxy) {
-  if (!proxy.on_surface) return {};
+  if (!proxy.on_surface()) return {};
   const Place& place = proxy.place;
-  return {.isovalue = proxy.isovalue,
+  return {.isovalue = proxy.contact == Contact::kLower ? -proxy.lower : proxy.isovalue,
           .cell = {place.cell.x(), place.cell.y(), place.cell.z()},
           .vertex_count = static_cast<std::uint8_t>(place.carrier.count),
           .vertex = place.carrier.vertex,
@@ -57,7 +71,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   missed_ticks_ = input.missed_ticks;
   // Another refinement would move the surface under the stylus.
   HapticSurface surface = scene.surface;
-  if (renderer_.proxy.on_surface && renderer_.proxy.refinement != surface.lattice.refinement()) {
+  if (renderer_.proxy.on_surface() && renderer_.proxy.refinement != surface.lattice.refinement()) {
     surface.Refine(renderer_.proxy.refinement);
   }
   if (std::exchange(resumed_, false) && !Fits(surface, renderer_.proxy, renderer_.cache)) {
@@ -72,11 +86,8 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   if (suspended) {
     output = SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_);
   } else {
-    surface.isovalue = GlideIsovalue(surface, elapsed_s, renderer_);
-    if (surface.isovalue != scene.surface.isovalue) {
-      sample.isovalue = scene.volume->Denormalize(surface.sign() * surface.isovalue);
-    }
     output = StepRenderer(surface, scene.settings, stylus.p_DHip_mm, elapsed_s, renderer_);
+    sample.isovalue = IsovalueOf(scene, output.isovalue);
   }
   Describe(scene, output, sample);
   sample.surface_place = PlaceOf(renderer_.proxy);

@@ -33,6 +33,7 @@ class TickComputation {
   explicit TickComputation(const SafetyLimits& limits, const PassivityDevice& device = {})
       : safety_(limits) {
     renderer_.device = device;
+    renderer_.glides = true;
   }
 
   // Returns the sample without its times and without SCP_V (samples/scp_v.h). `scene` must stay

@@ -25,7 +25,8 @@ FIGURES = {
     "settings_version_5": (195, "f0cc3972b03847d3", 146, 3, 0),
     "upload": (136, "b09fe257c75af030", 118, 2, 2)}
 # What ticks have had since.
-LATER = {"replayed", "led_target_mm", "series_position_frames", "refinement"}
+LATER = {"replayed", "led_target_mm", "series_position_frames", "refinement", "layers_passed",
+         "contact_layer"}
 
 
 def digest(ticks):

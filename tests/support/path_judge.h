@@ -78,9 +78,8 @@ class PathJudge {
 
   struct Corner {
     Vec3 p_mm;
-    double inside;  // positive in the object
+    double density;  // felt
   };
-  using Polygon = std::vector<Vec3>;
 
   struct Held {
     Vec3 p_mm = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());
@@ -149,18 +148,21 @@ class PathJudge {
       cut(1.0 - w.sum() + kFaceSlack, -dw.sum());
       for (int n = 0; n < 3; ++n) cut(w[n] + kFaceSlack, dw[n]);
       if (!(enter <= leave)) continue;
-      const auto& v = fresh.parts.complex.vertices[t];
-      double inside = cells_.Inside(fresh.parts.density[v[0]]), slope = 0.0;
-      for (int n = 0; n < 3; ++n) {
-        const double rise =
-            cells_.Inside(fresh.parts.density[v[n + 1]]) - cells_.Inside(fresh.parts.density[v[0]]);
-        inside += w[n] * rise;
-        slope += dw[n] * rise;
+      const std::array<double, 4> d = lab::DensitiesOf(fresh, t);
+      double density = surface().sign() * d[0], slope = 0.0;
+      for (std::size_t n = 0; n < 3; ++n) {
+        density += w[static_cast<int>(n)] * surface().sign() * (d[n + 1] - d[0]);
+        slope += dw[static_cast<int>(n)] * surface().sign() * (d[n + 1] - d[0]);
       }
-      if (inside + enter * slope > kWayTolerance) nearest = enter;
-      if (inside + enter * slope <= kWayTolerance && inside + leave * slope > kWayTolerance) {
-        nearest = std::min(nearest, (kWayTolerance - inside) / slope);
-      }
+      // How far it is beyond each bound at the start, and how that changes.
+      const auto meet = [&](double inside, double rise) {
+        if (inside + enter * rise > kWayTolerance) nearest = std::min(nearest, enter);
+        if (inside + enter * rise <= kWayTolerance && inside + leave * rise > kWayTolerance) {
+          nearest = std::min(nearest, (kWayTolerance - inside) / rise);
+        }
+      };
+      meet(density - surface().isovalue, slope);
+      meet(surface().lower - density, -slope);
     }
     return nearest;
   }
@@ -212,7 +214,7 @@ class PathJudge {
     const Vec3 p_L = surface().X_LD.Apply(p_mm);
     std::vector<Part> parts;
     for (const lab::Holder& holder : HoldersAt(p_mm).tetrahedra) {
-      if (HasFreeCorner(holder)) parts.push_back(PartOf(holder));
+      if (HasFreePart(holder)) parts.push_back(PartOf(holder));
     }
     if (!surface().IsFreeOutside()) return parts;
     for (int side = 0; side < 6; ++side) {
@@ -224,39 +226,39 @@ class PathJudge {
   std::vector<Corner> CornersOf(const Part& part) {
     const lab::FreshCell& fresh = cells_.At(part.at);
     const auto corners = lab::CornersOf(part.at, fresh, part.tetrahedron);
+    const std::array<double, 4> densities = lab::DensitiesOf(fresh, part.tetrahedron);
     std::vector<Corner> with_density;
-    for (int n = 0; n < 4; ++n) {
-      const int vertex = fresh.parts.complex.vertices[part.tetrahedron][n];
-      with_density.push_back(
-          {surface().X_DL.Apply(corners[n]), cells_.Inside(fresh.parts.density[vertex])});
+    for (std::size_t n = 0; n < 4; ++n) {
+      with_density.push_back({surface().X_DL.Apply(corners[n]), surface().sign() * densities[n]});
     }
     return with_density;
   }
 
-  static bool HasFreeCorner(const std::vector<Corner>& corners) {
-    return std::any_of(corners.begin(), corners.end(),
-                       [](const Corner& corner) { return corner.inside <= 0.0; });
+  bool HasFreePart(const lab::Holder& holder) {
+    return cells_.HasFreePart(lab::DensitiesOf(cells_.At(holder.cell), holder.tetrahedron));
   }
 
-  bool HasFreeCorner(const lab::Holder& holder) {
-    const lab::FreshCell& fresh = cells_.At(holder.cell);
-    const auto& vertices = fresh.parts.complex.vertices[holder.tetrahedron];
-    return std::any_of(vertices.begin(), vertices.end(),
-                       [&](int v) { return cells_.IsFree(fresh.parts.density[v]); });
+  // The part of a polygon with sign * density <= sign * bound.
+  static std::vector<Corner> Cut(const std::vector<Corner>& polygon, double bound, double sign) {
+    std::vector<Corner> within;
+    for (std::size_t n = 0; n < polygon.size(); ++n) {
+      const Corner &a = polygon[n], &b = polygon[(n + 1) % polygon.size()];
+      const bool holds_a = sign * a.density <= sign * bound;
+      if (holds_a) within.push_back(a);
+      if (holds_a == (sign * b.density <= sign * bound)) continue;
+      const double share = (bound - a.density) / (b.density - a.density);
+      within.push_back({a.p_mm + share * (b.p_mm - a.p_mm), bound});
+    }
+    return within;
   }
 
   // True if the free part of a triangle meets the ball.
   bool IsWithinReach(const std::vector<Corner>& triangle) {
-    Polygon free;
-    for (std::size_t n = 0; n < 3; ++n) {
-      const Corner &a = triangle[n], &b = triangle[(n + 1) % 3];
-      if (a.inside <= 0.0) free.push_back(a.p_mm);
-      if ((a.inside <= 0.0) != (b.inside <= 0.0)) {
-        free.push_back(a.p_mm + a.inside / (a.inside - b.inside) * (b.p_mm - a.p_mm));
-      }
-    }
+    const std::vector<Corner> free =
+        Cut(Cut(triangle, surface().isovalue, 1.0), surface().lower, -1.0);
     for (std::size_t n = 2; n < free.size(); ++n) {
-      const double squared = lab::SquaredDistanceToTriangle(hip_mm_, free[0], free[n - 1], free[n]);
+      const double squared =
+          lab::SquaredDistanceToTriangle(hip_mm_, free[0].p_mm, free[n - 1].p_mm, free[n].p_mm);
       if (squared <= radius_mm_ * radius_mm_) return true;
     }
     return false;
@@ -277,7 +279,7 @@ class PathJudge {
         face.push_back(corners[n]);
         middle_mm += corners[n].p_mm / 3.0;
       }
-      if (!HasFreeCorner(face) || !IsWithinReach(face)) continue;
+      if (!IsWithinReach(face)) continue;
       for (const Part& beyond : PartsAt(middle_mm)) neighbours.push_back(beyond);
     }
     return neighbours;
@@ -311,7 +313,7 @@ class PathJudge {
       for (std::size_t n = 0; n < 4; ++n) {
         if (std::abs(InHalfSpace(places[n], side)) <= kTolerance) face.push_back(corners[n]);
       }
-      if (face.size() == 3 && HasFreeCorner(face) && IsWithinReach(face)) {
+      if (face.size() == 3 && IsWithinReach(face)) {
         neighbours.push_back(part);
       }
     }

@@ -228,7 +228,7 @@ class SphereRun {
     for (;; ++excess_.redrawn) {
       const Vec3 hip = radius(random_) * RandomDirection(random_);
       // The very first comes from outside.
-      if (!proxy_.on_surface || StartDepth(hip) < bound_.FarDepth(hip.norm())) return hip;
+      if (!proxy_.on_surface() || StartDepth(hip) < bound_.FarDepth(hip.norm())) return hip;
     }
   }
 

@@ -138,8 +138,8 @@ struct PlainCell {
 
 class PlainSearch {
  public:
-  PlainSearch(const HapticSurface& surface, const Place& place, bool on_surface, const Vec3& w_mm)
-      : surface_(surface), place_(place), on_surface_(on_surface), w_mm_(w_mm) {}
+  PlainSearch(const HapticSurface& surface, const Place& place, Contact contact, const Vec3& w_mm)
+      : surface_(surface), place_(place), contact_(contact), w_mm_(w_mm) {}
 
   Candidate Run(CellCache& cache, int& tetrahedra) {
     VisitNeighbours(place_.faces, [&](const Vec3i& offset) {
@@ -147,8 +147,8 @@ class PlainSearch {
       if (best_.full || !surface_.volume->HasCell(index)) return;
       HapticCell& cell = cache.Decomposed(surface_, index);
       const std::uint8_t faces = FacesInNeighbour(place_.faces, offset);
-      if (cell.IsFree(surface_.isovalue)) return VisitBox(index, faces);
-      if (cell.IsCrossed(surface_.isovalue)) VisitTetrahedra(cell, offset, faces, tetrahedra);
+      if (cell.IsFree(surface_)) return VisitBox(index, faces);
+      if (cell.IsCrossed(surface_)) VisitTetrahedra(cell, offset, faces, tetrahedra);
     });
     return best_;
   }
@@ -187,7 +187,9 @@ class PlainSearch {
       }
       const Vec3 gradient = plain.Gradient(t);
       const std::size_t under_surface = normals.size();
-      if (on_surface_ && !gradient.isZero(0.0)) normals.push_back(-gradient);
+      if (contact_ != Contact::kNone && !gradient.isZero(0.0)) {
+        normals.push_back(contact_ == Contact::kUpper ? Vec3(-gradient) : gradient);
+      }
       const Projection projection = PlainProjection(w_mm_, normals);
       if (!(projection.d.squaredNorm() > best_.d_mm.squaredNorm())) continue;
       best_ = {.kind = Candidate::Kind::kTetrahedron,
@@ -203,7 +205,7 @@ class PlainSearch {
 
   const HapticSurface& surface_;
   const Place& place_;
-  const bool on_surface_;
+  const Contact contact_;
   const Vec3 w_mm_;
   Candidate best_;
 };
@@ -239,7 +241,7 @@ Vec3 AnyPull(const HapticSurface& surface, const Place& place, Dice& dice) {
 void Compare(const HapticSurface& surface, Dice& dice) {
   CellCache cache, plain_cache;
   Place place;
-  bool on_surface = false;
+  Contact contact = Contact::kNone;
   int differ = 0, compared = 0, in_triangles = 0;
   while (compared < 40'000) {
     if (place.kind == Place::Kind::kOutside || compared % 50 == 0) {
@@ -247,16 +249,16 @@ void Compare(const HapticSurface& surface, Dice& dice) {
       const Vec3 size = surface.volume->size().cast<double>();
       const Vec3 p_I = 0.5 * (size + size.cwiseProduct(dice.Uniform(0.0, 0.9) * dice.Direction()));
       place = PlaceAt(surface, p_I, cache, density);
-      on_surface = false;
-      if (density > surface.isovalue) continue;
+      contact = Contact::kNone;
+      if (!surface.Holds(density)) continue;
     }
     const Vec3 w_mm = AnyPull(surface, place, dice);
     int tetrahedra = 0, plain_tetrahedra = 0;
     const bool holds = place.kind == Place::Kind::kSimplex && compared % 2 == 0;
     HapticCell* const held = holds ? &cache.Decomposed(surface, place.cell) : nullptr;
-    const Candidate best = BestDirection(surface, place, held, on_surface, w_mm, cache, tetrahedra);
+    const Candidate best = BestDirection(surface, place, held, contact, w_mm, cache, tetrahedra);
     const Candidate plain =
-        PlainSearch(surface, place, on_surface, w_mm).Run(plain_cache, plain_tetrahedra);
+        PlainSearch(surface, place, contact, w_mm).Run(plain_cache, plain_tetrahedra);
     ++compared;
     in_triangles += place.kind == Place::Kind::kSimplex && place.carrier.count == 3;
     // A search beyond the lattice is not compared.
@@ -266,10 +268,10 @@ void Compare(const HapticSurface& surface, Dice& dice) {
     }
     differ += !AreSame(best, plain) || tetrahedra != plain_tetrahedra;
     if (best.kind == Candidate::Kind::kTetrahedron) {
-      MoveInTetrahedron(surface, best, false, place, on_surface, cache);
+      MoveInTetrahedron(surface, best, Contact::kNone, place, contact, cache);
     } else if (best.kind == Candidate::Kind::kBox) {
       MoveInBox(surface, best, place, cache);
-      on_surface = false;
+      contact = Contact::kNone;
     }
   }
   EXPECT_EQ(differ, 0);
@@ -294,7 +296,10 @@ TEST(BestDirection, IsThatOfAPlainSearch) {
         Compare(MakeHapticSurface(*volume, AffineMap(), 0.5, method, 1, side), dice);
         Compare(MakeHapticSurface(*volume, skewed, 0.4, method, 2, side), dice);
         // The value of many voxels of the last volume.
-        Compare(MakeHapticSurface(*volume, skewed, 1.0 / 3.0, method, 2, side), dice);
+        HapticSurface band = MakeHapticSurface(*volume, skewed, 1.0 / 3.0, method, 2, side);
+        Compare(band, dice);
+        band.lower = band.isovalue - 0.1;
+        Compare(band, dice);
       }
     }
   }

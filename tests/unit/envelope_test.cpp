@@ -116,7 +116,9 @@ TEST(Guests, GetWhatIsDeclaredAndNothingElse) {
                                                            "forces.reason",
                                                            "forces.limit_n",
                                                            "replayed",
-                                                           "refinement"};
+                                                           "refinement",
+                                                           "layers_passed",
+                                                           "contact_layer"};
   EXPECT_EQ(ShownOfPoses(), pose);
   const std::set<std::string> facts = ShownOfFacts(false);
   EXPECT_EQ(ShownOfFacts(true), facts);

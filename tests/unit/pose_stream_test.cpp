@@ -151,6 +151,8 @@ TEST(PoseSample, HasTheFieldsOfTheTick) {
   sample.force_reason = ForceReason::kStale;
   sample.force_limit_n = 25;
   sample.refinement = 26;
+  sample.layers_passed = 27;
+  sample.contact_layer = 28;
   EXPECT_EQ(PoseOf(sample), (PoseSample{.tick = 1,
                                         .time_ns = 2,
                                         .hip_mm = Vec3(3, 4, 5),
@@ -169,7 +171,9 @@ TEST(PoseSample, HasTheFieldsOfTheTick) {
                                         .capped_ticks = 24,
                                         .free_side = FreeSide::kAbove,
                                         .forces = {ForceState::kHeld, ForceReason::kStale, 25},
-                                        .refinement = 26}));
+                                        .refinement = 26,
+                                        .layers_passed = 27,
+                                        .contact_layer = 28}));
 }
 
 TEST(PoseSample, LeavesOutWhatIsAbsent) {

@@ -273,8 +273,8 @@ TEST(MoveInTetrahedron, KeepsAPointOnHThatLosesAVertex) {
     for (double& weight : candidate.carrier.weight) weight /= 0.9 + 3e-12;
     prober.surface.isovalue = DensityAt(cell, candidate.carrier);
     Place place;
-    bool on_surface = true;
-    MoveInTetrahedron(prober.surface, candidate, false, place, on_surface, prober.cache);
+    Contact contact = Contact::kUpper;
+    MoveInTetrahedron(prober.surface, candidate, Contact::kNone, place, contact, prober.cache);
     EXPECT_EQ(place.carrier.count, 3);
     EXPECT_LE(DensityAt(cell, place.carrier), prober.surface.isovalue);
     EXPECT_NEAR(DensityAt(cell, place.carrier), prober.surface.isovalue, 1e-20);

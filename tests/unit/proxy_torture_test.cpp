@@ -9,26 +9,22 @@
 #include <random>
 
 #include "server/haptics/proxy.h"
-#include "server/lab/rest_judge.h"
+#include "server/lab/fresh_cells.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/path_judge.h"
 #include "tests/support/scaled.h"
+#include "tests/support/torture.h"
 
 namespace palpate {
 namespace {
 
+using testing::ApproachLeft;
+using testing::kDensityTolerance;
 using testing::MakeVolume;
+using testing::MoveHip;
 using testing::PathJudge;
 
 constexpr double kFarMm = 1e9;  // an eject limit that never bites
-constexpr double kDensityTolerance = 1e-9;
-// What a resting proxy may still come nearer, as a share of its distance and in voxels.
-constexpr double kApproachShare = 1e-12;
-constexpr double kApproachVoxels = 2e-11;
-// Farther away than this, in barycentric weights, a tetrahedron does not touch the proxy. The proxy
-// lies exactly on what is nearer than 5e-12, since the steps between ties make pits as small.
-// Positions are rounded to less.
-constexpr double kTouchTolerance = 3e-12;
 
 // Random values on 5³ lattices of `levels` values; 0: continuous; 1: a tenth of the voxels in free
 // space. Some are level sets: all around them is material.
@@ -77,31 +73,6 @@ HapticSurface RandomSurface(std::mt19937_64& random, const VolumeSnapshot& volum
   const FreeSide side = uniform(random) < 0.7 ? FreeSide::kBelow : FreeSide::kAbove;
   return MakeHapticSurface(volume, {shear * mm, Vec3(3.0, -7.0, 11.0)}, isovalue,
                            DecompositionMethod::kTpbcc, 1, side, refinement);
-}
-
-// A HIP that drifts, jitters, teleports, and sits on lattice points.
-void MoveHip(std::mt19937_64& random, Vec3& hip_I) {
-  std::uniform_real_distribution<double> uniform;
-  const double kind = uniform(random);
-  const Vec3 r(uniform(random), uniform(random), uniform(random));
-  if (kind < 0.02) {
-    hip_I = 10.0 * r - Vec3::Constant(3.0);
-  } else if (kind < 0.05) {
-    hip_I = hip_I.array().round();
-  } else {
-    hip_I += (kind < 0.5 ? 0.05 : 0.6) * (r - Vec3::Constant(0.5));
-    hip_I = hip_I.cwiseMax(-2.0).cwiseMin(6.0);
-  }
-}
-
-// How much nearer to the HIP a resting proxy could be, in voxels; 0 where it is rounding.
-double ApproachLeft(PathJudge& judge, const Vec3& p_DH_mm, const Vec3& hip_mm) {
-  const double voxel_mm = judge.cells().surface().voxel_mm;
-  const double way_mm = (hip_mm - p_DH_mm).norm();
-  const double tolerance_mm = std::max(kApproachShare * way_mm, kApproachVoxels * voxel_mm);
-  if (way_mm <= tolerance_mm) return 0.0;
-  const double left_mm = lab::ApproachLeft(judge.cells(), p_DH_mm, hip_mm, kTouchTolerance);
-  return left_mm <= tolerance_mm ? 0.0 : left_mm / voxel_mm;
 }
 
 void TortureGrid(std::mt19937_64& random, int levels, int refinement, int steps, Torture& result) {

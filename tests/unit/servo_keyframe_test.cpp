@@ -14,6 +14,7 @@
 #include "server/device/simulated_device.h"
 #include "server/servo/servo_tick.h"
 #include "tests/support/device_numbers.h"
+#include "tests/support/layered.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/recording.h"
 
@@ -39,16 +40,27 @@ Scene SceneWithEverything(std::shared_ptr<const VolumeSnapshot> volume, double t
   return scene;
 }
 
+Scene SceneWithLayers(std::shared_ptr<const VolumeSnapshot> volume) {
+  Scene scene = SceneWithEverything(std::move(volume), 0.47, 2);
+  scene.layers = std::make_shared<const HapticLayers>(testing::LayersOf(
+      {{.id = 4, .isovalue = 0.3, .stiffness_n_per_mm = 0.3, .pop_in_n = 0.4, .pop_out_n = 0.2},
+       {.id = 2, .isovalue = 0.301, .stiffness_n_per_mm = 1.5, .pop_in_n = 1.0, .pop_out_n = 0.2},
+       {.id = 3, .isovalue = 0.6, .viscosity_n_s_per_m = 1.0}}));
+  scene.surface.layers = scene.layers.get();
+  return scene;
+}
+
 // From a keyframe on, in each of many states, and a cold cache of cells.
 TEST(ServoKeyframe, GoesOnBitForBit) {
   const auto volume = testing::Gyroid();
-  const Scene scenes[] = {SceneWithEverything(volume, 0.47), SceneWithEverything(volume, 0.55, 3)};
+  const Scene scenes[] = {SceneWithEverything(volume, 0.47), SceneWithLayers(volume),
+                          SceneWithEverything(volume, 0.55, 3)};
   const DeviceDescription spec = SimulatedDeviceSpec();
   SimulatedDevice device(std::make_unique<ExploreScript>(Vec3(-80, -60, -35), Vec3(80, 60, 35), 1));
   device.Start();
   ServoTick tick(device);
   std::unique_ptr<TickComputation> again;
-  int same = 0, contacts = 0;
+  int same = 0, contacts = 0, deepest = 0, slack = 0;
   constexpr int kTicks = 12000;
   for (int n = 0; n < kTicks; ++n) {
     if (n == 5000) device.Stop();
@@ -60,13 +72,18 @@ TEST(ServoKeyframe, GoesOnBitForBit) {
       ASSERT_TRUE(again->Resume(keyframe.view()));
       EXPECT_TRUE(again->Keyframe().view() == keyframe.view());
     }
-    const Scene& scene = scenes[n / 700 % 2];
+    const Scene& scene = scenes[n / 700 % 3];
     TickSample live = tick.Run(scene, {.missed = static_cast<std::uint64_t>(n / 900)});
     live.time_ns = live.update_ns = 0;
     same += testing::SameSample(live, again->Run(scene, again->InputOf(live)));
     contacts += live.contact;
+    deepest += live.layers_passed == 2;
+    ServoMemory memory;
+    slack += Load(tick.Keyframe().view(), memory) && memory.renderer.slack_mm > 0.0;
   }
   EXPECT_EQ(same, kTicks);
+  EXPECT_GT(deepest, 10);
+  EXPECT_GT(slack, 10);
   EXPECT_GT(contacts, kTicks / 4);
 }
 
@@ -108,7 +125,7 @@ void SetCarrier(Place& place, std::initializer_list<std::uint8_t> vertices, doub
 }
 
 void SetBox(Touch& touch, double y_mm = 20.5, std::uint8_t faces = 0x21) {
-  touch.memory.renderer.proxy.on_surface = false;
+  touch.memory.renderer.proxy.contact = Contact::kNone;
   touch.place().kind = Place::Kind::kBox;
   touch.place().cell = Vec3i(20, 20, 20);
   touch.place().p_L = Vec3(20.0, y_mm, 21.0);
@@ -148,7 +165,7 @@ TEST(ServoKeyframe, StatesThatNoServoHasAreRefused) {
   // is on, and nowhere outside.
   EXPECT_TRUE(refuses([](Touch& t) {
     SetBox(t);
-    t.memory.renderer.proxy.on_surface = true;
+    t.memory.renderer.proxy.contact = Contact::kUpper;
   }));
   EXPECT_TRUE(refuses([](Touch& t) { SetBox(t, 22.0); }));
   EXPECT_TRUE(refuses([](Touch& t) { SetBox(t, kNan); }));
@@ -167,12 +184,53 @@ TEST(ServoKeyframe, StatesThatNoServoHasAreRefused) {
       [](Renderer& r) -> double& { return r.p_DHip_mm.x(); },
       [](Renderer& r) -> double& { return r.p_DLastHip_mm.x(); },
       [](Renderer& r) -> double& { return r.friction.normal_D.x(); },
-      [](Renderer& r) -> double& { return r.proxy.isovalue; }};
+      [](Renderer& r) -> double& { return r.proxy.isovalue; },
+      [](Renderer& r) -> double& { return r.proxy.lower; },
+      [](Renderer& r) -> double& { return r.slack_mm; }};
   for (std::size_t n = 0; n < std::size(numbers); ++n) {
     for (const double bad : {kNan, 1e300, -1e300}) {
       EXPECT_TRUE(refuses([&](Touch& t) { numbers[n](t.memory.renderer) = bad; })) << n;
     }
   }
+}
+
+// Without layers, a keyframe had the sign of the side that was felt, and no bounds.
+std::string WithoutLayers(const ServoMemory& memory) {
+  ServoMemory old = memory;
+  Proxy& proxy = old.renderer.proxy;
+  if (old.renderer.passed != 0) {
+    proxy.isovalue = -proxy.lower;
+    proxy.free_side = FreeSide::kAbove;
+    proxy.contact = proxy.on_surface() ? Contact::kUpper : Contact::kNone;
+  }
+  std::string bytes(Save(old).view());
+  constexpr std::size_t kBounds = 143, kAfterSlack = 149;  // from the beginning and from the end
+  bytes.erase(bytes.size() - kAfterSlack - 12, 12);
+  bytes.erase(kBounds, 12);
+  bytes[0] = 5;
+  return bytes;
+}
+
+TEST(ServoKeyframe, OneWithoutLayersGoesOnBehindTheSurfaceThatItPopped) {
+  Touch touch;
+  EXPECT_EQ(WithoutLayers(touch.memory).size(), 1000u);
+  for (int n = 0; n < 2; ++n) {
+    ServoMemory loaded;
+    ASSERT_TRUE(Load(WithoutLayers(touch.memory), loaded));
+    EXPECT_TRUE(Save(loaded).view() == Save(touch.memory).view());
+    ASSERT_TRUE(Load(WithoutLayers(touch.memory) + '\3', loaded));
+    EXPECT_EQ(loaded.renderer.proxy.refinement, 3);
+    for (const char refinement : {0, kMaxRefinement + 1, -1}) {
+      EXPECT_FALSE(Load(WithoutLayers(touch.memory) + refinement, loaded));
+    }
+    touch.memory.renderer.passed = 1;
+    touch.memory.renderer.proxy.lower = touch.memory.renderer.proxy.isovalue;
+    touch.memory.renderer.proxy.isovalue = kUnbounded;
+    touch.memory.renderer.proxy.contact = Contact::kLower;
+  }
+  touch.memory.renderer.passed = 2;
+  ServoMemory loaded;
+  EXPECT_FALSE(Load(WithoutLayers(touch.memory), loaded));
 }
 
 // What a keyframe alone cannot tell: the cells are the scene's. The proxy begins anew.
@@ -210,9 +268,7 @@ TEST(ServoKeyframe, DamagedOnesDoNoHarm) {
   ServoMemory memory;
   EXPECT_FALSE(Load("", memory));
   EXPECT_FALSE(Load(good.substr(1), memory));
-  for (const char refinement : {0, 1, kMaxRefinement + 1, -1}) {
-    EXPECT_FALSE(Load(good + refinement, memory));
-  }
+  EXPECT_FALSE(Load(good + '\1', memory));
   std::mt19937 random(1);
   int refused = 0;
   for (std::size_t at = 0; at < good.size(); ++at) {

@@ -37,7 +37,7 @@ Tally Press(const VolumeSnapshot& volume, double isovalue, const AffineMap& X_DI
         (direction + 0.02 * Vec3(normal(random), normal(random), normal(random))).normalized();
     const ProxyStep step =
         StepProxy(surface, X_DI.Apply(centre + 8.0 * direction), 1e9, proxy, cache);
-    if (!proxy.on_surface) continue;
+    if (!proxy.on_surface()) continue;
     ++tally.contacts;
     const VisualProxy visual = FindVisualProxy(surface, proxy.place, step.normal_D, cache);
     if (!visual.found) continue;
