@@ -34,9 +34,12 @@ def daemon(settings: list[Setting]) -> str:
     numbers = [setting for setting in haptic if setting.kind == "number"]
     flags = [setting for setting in haptic if setting.kind == "flag"]
     choices = [setting for setting in haptic if setting.kind == "choice"]
-    text = HEAD + '#include <array>\n\n#include "server/haptics/setting_kinds.h"\n\n'
+    text = HEAD + ('#include <array>\n\n#include "common/contract/render.h"\n'
+                   '#include "server/haptics/setting_kinds.h"\n\n')
     text += "namespace palpate {\n\nstruct HapticSettings {\n"
-    text += "".join(map(member, numbers + flags + choices)) + "};\n\n"
+    text += "".join(map(member, numbers + flags + choices))
+    text += "  // By ascending isovalue; none: the one surface of the settings above\n"
+    text += "  SurfaceLayers layers{};\n};\n\n"
     text += f"inline constexpr std::array<NumberSetting, {len(numbers)}> kNumberSettings = {{{{\n"
     for setting in numbers:
         unit = f" {setting.unit}" if setting.unit else ""
@@ -59,7 +62,7 @@ def client(settings: list[Setting]) -> str:
     by_number = sorted(settings, key=lambda setting: setting.number)
     text = HEAD + ("#include <array>\n#include <bitset>\n#include <cstdint>\n#include <limits>\n"
                    "#include <optional>\n#include <string_view>\n\n"
-                   '#include "client/sdk/setting.h"\n\n')
+                   '#include "client/sdk/setting.h"\n#include "common/contract/render.h"\n\n')
     text += "namespace palpate::client {\n\nstruct Settings {\n" + "".join(map(member, by_number))
     text += f"""
   // Rises with every change of settings, of where the volume lies, and with every
@@ -68,6 +71,8 @@ def client(settings: list[Setting]) -> str:
   // Bit n: the daemon has no kSettings[n], or a value of it that this library does not know.
   // The member has the default then.
   std::bitset<{len(settings)}> unknown;
+  // Felt in place of the one surface, by ascending isovalue; none: the one surface.
+  SurfaceLayers layers{{}};
 }};
 
 // What is to change, all at one tick; what is absent stays. Of isovalue and normalized_isovalue
@@ -77,6 +82,7 @@ struct SettingsUpdate {{
     text += "".join(f"  std::optional<{type_of(setting)}> {setting.key}{{}};\n"
                     for setting in by_number)
     text += """
+  std::optional<SurfaceLayers> layers{};  // all of them
   // Refuse with ErrorKind::kConflict unless the settings are at this revision.
   std::optional<std::uint64_t> expected_revision{};
 };

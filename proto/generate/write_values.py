@@ -51,10 +51,11 @@ def struct(value: Value) -> str:
     members = "".join(f"{comment(field.details, '  ')}  {member(field)}\n"
                       for field in value.fields)
     visits = "".join(f'  visit("{field.name}", value.{field.name});\n' for field in value.fields)
+    visitors = "".join(f"template <class Visit>\nvoid VisitFields({const}{value.name}& value, "
+                       f"Visit&& visit) {{\n{visits}}}\n" for const in ("const ", ""))
     return (f"\n{comment(value.details, '')}struct {value.name} {{\n{members}"
             f"  friend bool operator==(const {value.name}&, const {value.name}&) = default;\n}};\n"
-            f"template <class Visit>\nvoid VisitFields(const {value.name}& value, Visit&& visit) "
-            f"{{\n{visits}}}\n")
+            + visitors)
 
 
 def member(field: Field) -> str:

@@ -7,6 +7,7 @@
 
 #include "common/error/error.h"
 #include "server/app/log.h"
+#include "server/state/layer_toml.h"
 #include "server/state/state_file.h"
 
 namespace palpate {
@@ -187,6 +188,7 @@ Setters HapticsSetters() {
       setting.set(c.haptics, *number);
     };
   }
+  setters["haptics.layer"] = [](E e, C c) { c.haptics.layers = LayersFromToml(e.node); };
   return setters;
 }
 

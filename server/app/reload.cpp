@@ -26,7 +26,7 @@ bool Names(const std::vector<std::string>& keys, std::string_view key) {
 
 bool IsEmpty(const SettingsUpdate& update) {
   return !update.isovalue && !update.normalized_isovalue && update.numbers.empty() &&
-         update.flags.empty() && update.choices.empty();
+         update.flags.empty() && update.choices.empty() && !update.layers;
 }
 
 // Copies the part that can change while the daemon runs.
@@ -76,6 +76,7 @@ SettingsUpdate UpdateOf(const std::vector<std::string>& keys, const Config& conf
     if (!is_named(setting.key)) continue;
     update.choices.emplace_back(&setting, setting.get(config.haptics));
   }
+  if (is_named("layer")) update.layers = config.haptics.layers;
   if (Names(keys, "volume.isovalue") || Names(keys, "volume.normalized_isovalue")) {
     update.isovalue = config.volume.isovalue;
     update.normalized_isovalue = config.volume.normalized_isovalue;
@@ -117,8 +118,8 @@ void ConfigReload::TakeOver() {
     try {
       session_.Update(update);
     } catch (const RangeError& error) {
-      // All other ranges were checked before. This range depends on the volume.
-      throw AtKey(next, "volume.isovalue", error);
+      // All other ranges were checked before. These depend on the volume.
+      throw AtKey(next, update.layers ? "haptics.layer" : "volume.isovalue", error);
     }
   }
   if (Names(live, "log.level")) SetLogLevel(next.config.log_level);

@@ -3,10 +3,13 @@
 #include <string_view>
 #include <utility>
 
+#include "common/error/error.h"
 #include "common/wire/convert.h"
+#include "common/wire/values.h"
 #include "common/wire/volume_message.h"
 #include "server/recording/bytes.h"
 #include "server/recording/voxel_log.h"
+#include "server/session/layers.h"
 #include "server/volume/brick_packer.h"
 
 namespace palpate {
@@ -47,6 +50,12 @@ void TakeSettings(const v1::RenderSettings& message, RecordedScene& scene) {
       throw DamagedBytes("of a choice that this program does not know: a newer one wrote it");
     }
     setting.set(scene.settings, number);
+  }
+  scene.settings.layers = FromProto(message.layers());
+  try {
+    OrderLayers(scene.settings.layers);
+  } catch (const Error& error) {
+    throw DamagedBytes(std::string("damaged: ") + error.what());
   }
   const google::protobuf::UnknownFieldSet& unknown = fields.GetUnknownFields(message);
   if (unknown.field_count() > kMostUnknownSettings) {
@@ -102,6 +111,9 @@ v1::RenderSettings ToProto(const RenderSettings& settings) {
   }
   out.set_isovalue(settings.isovalue);
   out.set_normalized_isovalue(settings.normalized_isovalue);
+  if (!settings.haptics.layers.layer.empty()) {
+    *out.mutable_layers() = ToProto(settings.haptics.layers);
+  }
   return out;
 }
 

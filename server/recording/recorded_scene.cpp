@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/scene/felt_layers.h"
 
 namespace palpate {
 namespace {
@@ -71,6 +72,7 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
   scene.volume = std::move(volume);
   scene.isovalue = recorded.isovalue;
   scene.settings = recorded.settings;
+  FeelLayers(scene);
   scene.settings_revision = recorded.settings_revision;
   scene.scene_revision = recorded.scene_revision;
   scene.forces_off = recorded.forces_off;

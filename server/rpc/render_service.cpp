@@ -5,6 +5,7 @@
 #include "common/error/error.h"
 #include "common/wire/convert.h"
 #include "common/wire/status.h"
+#include "common/wire/values.h"
 #include "server/realtime/tick_timer.h"
 #include "server/recording/recorded_messages.h"
 
@@ -52,6 +53,8 @@ void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate&
     update.isovalue = in.isovalue();
   } else if (name == "normalized_isovalue") {
     update.normalized_isovalue = in.normalized_isovalue();
+  } else if (name == "layers") {
+    update.layers = FromProto(in.layers());
   } else if (!TakeListed(in, name, update)) {
     Refuse("update_mask names an unknown field: " + name);
   }

@@ -1,12 +1,13 @@
 #include "server/session/session.h"
 
-#include <cmath>
-#include <limits>
+#include <algorithm>
 #include <tuple>
 #include <utility>
 
 #include "common/error/error.h"
 #include "server/log/log.h"
+#include "server/scene/felt_layers.h"
+#include "server/session/layers.h"
 #include "server/session/range.h"
 #include "server/store/load_warnings.h"
 #include "server/volume/brick_memory.h"
@@ -17,16 +18,6 @@ namespace {
 
 // A tick takes 1 ms. If the servo needs this long, it does not run.
 constexpr std::chrono::milliseconds kServoPatience{2000};
-
-// The normalised density for an isovalue in data units: the largest density whose data value is not
-// above the isovalue. So no density at or below it reads back above the isovalue.
-double DensityOf(const VolumeSnapshot& volume, double isovalue) {
-  double density = volume.Normalize(isovalue);
-  while (volume.Denormalize(density) > isovalue) {
-    density = std::nextafter(density, -std::numeric_limits<double>::infinity());
-  }
-  return density;
-}
 
 // Takes the isovalue in the form that was given.
 double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>& isovalue,
@@ -46,7 +37,14 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
   return volume.Denormalize(*normalized);
 }
 
-void CheckHaptics(const HapticSettings& haptics) {
+void CheckSide(const HapticSettings& haptics) {
+  if (haptics.layers.layer.empty() || haptics.free_side == FreeSide::kBelow) return;
+  throw Error(ErrorKind::kInvalidArgument,
+              "layers are felt from below: leave free_side below, or remove the layers "
+              "(palpate layer --remove all)");
+}
+
+void CheckHaptics(HapticSettings& haptics) {
   for (const NumberSetting& setting : kNumberSettings) {
     const double value = haptics.*setting.member;
     CheckRange(setting.key, value, setting.low, setting.high, setting.unit);
@@ -54,6 +52,8 @@ void CheckHaptics(const HapticSettings& haptics) {
     throw Error(ErrorKind::kInvalidArgument,
                 fmt::format("{} is {}: it must be {}", setting.key, value, setting.what()));
   }
+  OrderLayers(haptics.layers);
+  CheckSide(haptics);
 }
 
 void CheckRevision(const std::optional<std::uint64_t>& expected, std::uint64_t current) {
@@ -63,8 +63,33 @@ void CheckRevision(const std::optional<std::uint64_t>& expected, std::uint64_t c
       fmt::format("the settings are at revision {}, not {}: read them again", current, *expected));
 }
 
+// What an update may not name while there are layers, unless it names them, too.
+std::string ReplacedByLayers(const SettingsUpdate& update) {
+  if (update.isovalue || update.normalized_isovalue) return "isovalue";
+  for (const NumberSetting& setting : kNumberSettings) {
+    using S = HapticSettings;
+    for (const auto replaced : {&S::stiffness_n_per_mm, &S::damping_n_s_per_m, &S::static_friction,
+                                &S::dynamic_friction, &S::pop_force_n}) {
+      const auto names = [&](const auto& number) { return number.first == replaced; };
+      if (setting.member == replaced && std::ranges::any_of(update.numbers, names)) {
+        return std::string(setting.key);
+      }
+    }
+  }
+  return {};
+}
+
+// Without a look at the layers' isovalues, which are the volume's: CheckLayers.
 RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
                        const SettingsUpdate& update) {
+  if (!settings.haptics.layers.layer.empty() && !update.layers) {
+    if (const std::string key = ReplacedByLayers(update); !key.empty()) {
+      throw Error(ErrorKind::kInvalidArgument,
+                  fmt::format("layers are felt, each with a {} of its own: change one of them "
+                              "(palpate layer NAME), or remove them (palpate layer --remove all)",
+                              key));
+    }
+  }
   if (update.isovalue || update.normalized_isovalue) {
     settings.isovalue = ChosenIsovalue(volume, update.isovalue, update.normalized_isovalue, 0.0);
     settings.normalized_isovalue = volume.Normalize(settings.isovalue);
@@ -73,6 +98,7 @@ RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
   for (const auto& [member, value] : update.numbers) haptics.*member = value;
   for (const auto& [member, value] : update.flags) haptics.*member = value;
   for (const auto& [setting, number] : update.choices) setting->set(haptics, number);
+  if (update.layers) haptics.layers = *update.layers;
   CheckHaptics(haptics);
   return settings;
 }
@@ -151,10 +177,11 @@ VolumeState Session::VolumeLocked() const {
 }
 
 void Session::SetInitial(const RenderSettings& settings) {
-  CheckHaptics(settings.haptics);
+  HapticSettings haptics = settings.haptics;
+  CheckHaptics(haptics);
   const std::lock_guard lock(mutex_);
   if (settings_revision_ > 0) return;
-  settings_.haptics = settings.haptics;
+  settings_.haptics = std::move(haptics);
 }
 
 void Session::PublishLocked(std::span<const BrickChange> changes) {
@@ -171,6 +198,7 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
       MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue),
                         settings_.haptics.method, geometry_revision_, settings_.haptics.free_side,
                         static_cast<int>(settings_.haptics.refinement));
+  FeelLayers(*scene);
   if (has_volume_) {
     for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
   }
@@ -198,7 +226,7 @@ void Session::TakeBack(const RenderSettings& before, std::uint64_t revision) {
 }
 
 SettingsApplied Session::Update(const SettingsUpdate& update) {
-  if (update.isovalue || update.normalized_isovalue) first_load_.Require();
+  if (update.isovalue || update.normalized_isovalue || update.layers) first_load_.Require();
   RequireServo();
   SettingsApplied result;
   RenderSettings before;
@@ -207,6 +235,7 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     const std::lock_guard lock(mutex_);
     CheckRevision(update.expected_revision, settings_revision_);
     const RenderSettings changed = Changed(*volume_, settings_, update);
+    CheckLayers(changed.haptics.layers, volume_->metadata());
     // Another decomposition makes another surface for the proxy.
     if (changed.haptics.method != settings_.haptics.method) ++geometry_revision_;
     before = std::exchange(settings_, changed);
@@ -318,10 +347,27 @@ void Session::TellBeforeOtherVolume(const LoadRequest& request, const SettingsUp
   before_other_volume_(surface);
 }
 
-VolumeState Session::PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
+// Tells which layers the new volume leaves out. Throws for those that the load itself asks for.
+void Session::TellLeftLayers(const LoadRequest& request, const SettingsUpdate& settings,
+                             VolumeMetadata& metadata) const {
+  std::unique_lock lock(mutex_);
+  RenderSettings changed = Changed(*volume_, settings_, settings);
+  const FreeSide side = SideOf(metadata, request, settings);
+  lock.unlock();
+  SurfaceLayers& layers = changed.haptics.layers;
+  if (settings.layers) CheckLayers(layers, metadata);
+  const std::string left = FitLayers(metadata, side, layers);
+  if (left.empty()) return;
+  if (settings.layers) throw Error(ErrorKind::kInvalidArgument, left);
+  LogWarning("{}", left);
+  metadata.warnings.push_back(left);
+}
+
+VolumeState Session::PublishVolume(const LoadRequest& request, VolumeMetadata metadata,
                                    const BrickDirectory& bricks, std::uint64_t frames_bytes,
                                    const SettingsUpdate& settings) {
   CheckSettings(request, settings);
+  TellLeftLayers(request, settings, metadata);
   const VolumePlace registration = PlaceLoaded(request, metadata);
   store_.RequireSaved(request.discards_edits);
   const VolumeSnapshot next(metadata, bricks, 1, 1);
@@ -357,6 +403,7 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
   if (metadata.is_level_set && was_density) side_of_densities_ = settings_.haptics.free_side;
   settings_ = Changed(*volume, settings_, settings);
   settings_.haptics.free_side = side;
+  FitLayers(metadata, side, settings_.haptics.layers);
   volume_ = volume;
   request_ = request;
   is_reshaped_ = false;
@@ -410,6 +457,9 @@ void Session::TakeLattice() {
   settings_.isovalue = std::clamp(wanted, metadata.value_min, metadata.value_max);
   held_isovalue_ = {wanted, settings_.isovalue};
   settings_.normalized_isovalue = volume_->Normalize(settings_.isovalue);
+  HapticSettings& haptics = settings_.haptics;
+  const std::string left = FitLayers(metadata, haptics.free_side, haptics.layers);
+  if (!left.empty()) LogWarning("{}", left);
   ++settings_revision_;
 }
 

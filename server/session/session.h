@@ -48,6 +48,7 @@ struct SettingsUpdate {
   std::vector<std::pair<bool HapticSettings::*, bool>> flags{};
   // Settings of kChoiceSettings and the numbers of their enumerators.
   std::vector<std::pair<const ChoiceSetting*, int>> choices{};
+  std::optional<SurfaceLayers> layers{};
   std::optional<std::uint64_t> expected_revision{};
 };
 
@@ -162,8 +163,9 @@ class Session {
   // Publishes another volume. It lies where it was felt last, or is fitted to the workspace. The
   // request's scale, if given, replaces the scale. Without an isovalue in the request, the first
   // suggestion of ValuesOf is taken. `frames_bytes`: the memory of all frames if the
-  // volume is one of several frames; used in messages. `settings`: see Load.
-  VolumeState PublishVolume(const LoadRequest& request, const VolumeMetadata& metadata,
+  // volume is one of several frames; used in messages. `settings`: see Load. Layers that the volume
+  // cannot have are left out, which a warning of its metadata says.
+  VolumeState PublishVolume(const LoadRequest& request, VolumeMetadata metadata,
                             const BrickDirectory& bricks, std::uint64_t frames_bytes = 0,
                             const SettingsUpdate& settings = {});
 
@@ -194,6 +196,8 @@ class Session {
   const VolumeLoader& loader() const { return loader_; }
 
  private:
+  void TellLeftLayers(const LoadRequest& request, const SettingsUpdate& settings,
+                      VolumeMetadata& metadata) const;
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
   void TellBeforeOtherVolume(const LoadRequest& request, const SettingsUpdate& settings,

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/state/layer_toml.h"
 #include "server/state/state_file.h"
 
 namespace palpate {
@@ -70,6 +71,8 @@ toml::table HapticsTable(const RenderSettings& settings) {
   for (const ChoiceSetting& setting : kChoiceSettings) {
     table.insert(setting.key, WordOf(setting, setting.get(settings.haptics)));
   }
+  const SurfaceLayers& layers = settings.haptics.layers;
+  if (!layers.layer.empty()) table.insert("layer", LayersToToml(layers));
   return table;
 }
 
@@ -87,12 +90,13 @@ RenderSettings SettingsOf(const toml::table& table) {
   for (const FlagSetting& setting : kFlagSettings) {
     haptics.*setting.member = table[setting.key].value_or(haptics.*setting.member);
   }
+  if (const toml::node* layers = table.get("layer")) haptics.layers = LayersFromToml(*layers);
   return settings;
 }
 
 }  // namespace
 
-SessionFile ReadSessionFile(const std::filesystem::path& path) {
+SessionFile ReadSessionFile(const std::filesystem::path& path) try {
   std::error_code unknown;  // an error is reported below as a file that cannot be read
   const auto status = std::filesystem::symlink_status(path, unknown);
   if (status.type() == std::filesystem::file_type::not_found) return {};
@@ -117,6 +121,8 @@ SessionFile ReadSessionFile(const std::filesystem::path& path) {
   if (!isovalue) return {{}, "there is no isovalue in it"};
   session.felt.settings.isovalue = *isovalue;
   return {std::move(session), ""};
+} catch (const Error& error) {
+  return {{}, std::string("a layer in it ") + error.what()};
 }
 
 void WriteSessionFile(const std::filesystem::path& path, const SavedSession& session) {

@@ -1,0 +1,41 @@
+#include "server/scene/felt_layers.h"
+
+#include <cmath>
+#include <limits>
+
+namespace palpate {
+
+double DensityOf(const VolumeSnapshot& volume, double isovalue) {
+  double density = volume.Normalize(isovalue);
+  while (volume.Denormalize(density) > isovalue) {
+    density = std::nextafter(density, -std::numeric_limits<double>::infinity());
+  }
+  return density;
+}
+
+std::shared_ptr<const HapticLayers> FeltLayers(const VolumeSnapshot& volume,
+                                               const SurfaceLayers& layers) {
+  if (layers.layer.empty()) return nullptr;
+  const auto felt = std::make_shared<HapticLayers>();
+  for (const SurfaceLayer& layer : layers.layer) {
+    felt->layer[static_cast<std::size_t>(felt->count++)] = {
+        .id = static_cast<int>(layer.id),
+        .isovalue = DensityOf(volume, layer.isovalue),
+        .asked_isovalue = layer.isovalue,
+        .stiffness_n_per_mm = layer.stiffness_n_per_mm,
+        .damping_n_s_per_m = layer.damping_n_s_per_m,
+        .static_friction = layer.static_friction,
+        .dynamic_friction = layer.dynamic_friction,
+        .pop_in_n = layer.pop_force_n,
+        .pop_out_n = layer.pop_out_force_n.value_or(layer.pop_force_n),
+        .viscosity_n_s_per_m = layer.viscosity_n_s_per_m};
+  }
+  return felt;
+}
+
+void FeelLayers(Scene& scene) {
+  scene.layers = FeltLayers(*scene.volume, scene.settings.layers);
+  scene.surface.layers = scene.layers.get();
+}
+
+}  // namespace palpate

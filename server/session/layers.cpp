@@ -1,0 +1,121 @@
+#include "server/session/layers.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <type_traits>
+
+#include "common/error/error.h"
+#include "common/error/utf8.h"
+#include "server/haptics/layers.h"
+#include "server/haptics/settings.h"
+#include "server/session/range.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kMostNameBytes = 31;
+
+std::string TitleOf(const SurfaceLayer& layer) { return "layer '" + layer.name + "'"; }
+
+// The range of a layer's number is that of the setting with its name; of pop_out_force_n that of
+// pop_force_n.
+void CheckNumber(const SurfaceLayer& layer, std::string_view key, double value) {
+  const std::string_view like = key == "pop_out_force_n" ? "pop_force_n" : key;
+  for (const NumberSetting& setting : kNumberSettings) {
+    if (setting.key != like) continue;
+    CheckRange(fmt::format("{}: {}", TitleOf(layer), key), value, setting.low, setting.high,
+               setting.unit);
+  }
+}
+
+bool IsName(const std::string& name) {
+  return !name.empty() && name.size() <= kMostNameBytes && Utf8(name) == name &&
+         std::ranges::none_of(name, [](unsigned char c) { return c < 0x20 || c == 0x7f; });
+}
+
+void CheckLayer(const SurfaceLayer& layer) {
+  if (!IsName(layer.name)) {
+    Refuse(fmt::format("a layer needs a name of 1 to {} bytes, without control characters",
+                       kMostNameBytes));
+  }
+  if (layer.id < 1 || layer.id > kMaxLayers) {
+    Refuse(fmt::format("{}: its id is {}: give one from 1 to {}", TitleOf(layer), layer.id,
+                       kMaxLayers));
+  }
+  if (!std::isfinite(layer.isovalue)) Refuse(TitleOf(layer) + ": its isovalue is no number");
+  VisitFields(layer, [&](std::string_view key, const auto& value) {
+    using Value = std::remove_cvref_t<decltype(value)>;
+    if constexpr (std::is_same_v<Value, double>) {
+      CheckNumber(layer, key, value);
+    } else if constexpr (std::is_same_v<Value, std::optional<double>>) {
+      if (value) CheckNumber(layer, key, *value);
+    }
+  });
+}
+
+bool Has(const VolumeMetadata& volume, const SurfaceLayer& layer) {
+  return layer.isovalue >= volume.value_min && layer.isovalue <= volume.value_max;
+}
+
+bool AreApart(const VolumeMetadata& volume, const SurfaceLayer& a, const SurfaceLayer& b) {
+  return b.isovalue - a.isovalue >= kLeastLayerGap * (volume.value_max - volume.value_min);
+}
+
+}  // namespace
+
+void OrderLayers(SurfaceLayers& layers) {
+  if (layers.layer.size() > kMaxLayers) {
+    Refuse(fmt::format("there can be {} layers, not {}", kMaxLayers, layers.layer.size()));
+  }
+  std::set<std::uint32_t> ids;
+  std::set<std::string> names;
+  for (const SurfaceLayer& layer : layers.layer) {
+    CheckLayer(layer);
+    if (!ids.insert(layer.id).second) Refuse(fmt::format("two layers have the id {}", layer.id));
+    if (!names.insert(layer.name).second) Refuse("there are two of " + TitleOf(layer));
+  }
+  std::ranges::stable_sort(layers.layer, {}, &SurfaceLayer::isovalue);
+}
+
+void CheckLayers(const SurfaceLayers& layers, const VolumeMetadata& volume) {
+  const SurfaceLayer* before = nullptr;
+  for (const SurfaceLayer& layer : layers.layer) {
+    CheckRange(TitleOf(layer) + ": isovalue", layer.isovalue, volume.value_min, volume.value_max,
+               volume.unit.empty() ? "" : " " + volume.unit);
+    if (before && !AreApart(volume, *before, layer)) {
+      Refuse(fmt::format("{} and {} are too close: their isovalues must be {:g} apart",
+                         TitleOf(*before), TitleOf(layer),
+                         kLeastLayerGap * (volume.value_max - volume.value_min)));
+    }
+    before = &layer;
+  }
+}
+
+std::string FitLayers(const VolumeMetadata& volume, FreeSide side, SurfaceLayers& layers) {
+  const bool is_above = side == FreeSide::kAbove;
+  std::vector<SurfaceLayer> kept;
+  std::vector<std::string> left;
+  for (const SurfaceLayer& layer : layers.layer) {
+    const bool fits =
+        !is_above && Has(volume, layer) && (kept.empty() || AreApart(volume, kept.back(), layer));
+    if (fits) {
+      kept.push_back(layer);
+    } else {
+      left.push_back(fmt::format("'{}' ({:.9g})", layer.name, layer.isovalue));
+    }
+  }
+  if (left.empty()) return {};
+  layers.layer = std::move(kept);
+  const std::string why =
+      is_above ? std::string("they are felt from below, and this volume from above")
+               : fmt::format("the volume has values from {:.9g} to {:.9g}{}", volume.value_min,
+                             volume.value_max, volume.unit.empty() ? "" : " " + volume.unit);
+  return fmt::format("layers left out: {}; {}", fmt::join(left, ", "), why);
+}
+
+}  // namespace palpate
