@@ -28,8 +28,8 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 usage() {
   cat <<'TEXT'
-Usage: deploy/demo.sh [--volume FILE] [--isovalue X | --normalized-isovalue X] [--seconds N]
-                      [--web [--web-port N]]
+Usage: deploy/demo.sh [--volume FILE] [--isovalue X | --normalized-isovalue X] [--layers LIST]
+                      [--seconds N] [--web [--web-port N]]
 
 Installs missing packages (Debian 12, as root or a sudo user), builds its programs into
 build/ (some minutes the first time), starts palpated with the simulated device, and runs
@@ -39,6 +39,7 @@ build/ (some minutes the first time), starts palpated with the simulated device,
                            builtin:cylinder|sphere|bumps|gyroid[:N] [builtin:bumps]
   --isovalue X             isovalue in the volume's data units
   --normalized-isovalue X  isovalue over the volume's range, 0 to 1 [one that shows something]
+  --layers LIST            surfaces one behind the other, NAME=ISOVALUE,...: skin=-300,bone=300
   --seconds N              stop after N seconds [until Ctrl-C]
   --web                    show it in a browser on this machine instead of `palpate watch`:
                            also starts palpate-web, and prints the link
@@ -50,15 +51,17 @@ daemon_arguments=()
 seconds=
 web=
 web_port=
+layers=
 volume=builtin:bumps
 while [ $# -gt 0 ]; do
   case "$1" in
     -h | --help) usage; exit 0 ;;
     --web) web=yes; shift ;;
-    --volume | --isovalue | --normalized-isovalue | --seconds | --web-port)
+    --volume | --isovalue | --normalized-isovalue | --layers | --seconds | --web-port)
       [ $# -ge 2 ] || { echo "demo: $1 needs a value (see --help)" >&2; exit 2; }
       case "$1" in
         --seconds) seconds=$2 ;;
+        --layers) layers=$2 ;;
         --web-port) web=yes web_port=$2 ;;
         --volume) volume=$2 daemon_arguments+=("$1" "$2") ;;
         *) daemon_arguments+=("$1" "$2") ;;
@@ -114,6 +117,9 @@ fi
 "${apart[@]}" "$bin/palpated" --socket "$socket" ${daemon_arguments[@]+"${daemon_arguments[@]}"} &
 daemon=$!
 echo "in another terminal: $bin/palpate info --socket $socket"
+if [ -n "$layers" ] && ! "$bin/palpate" layers "$layers" --socket "$socket"; then
+  [ -n "$interrupted" ] || exit 2
+fi
 if [ -z "$web" ]; then
   "${apart[@]}" "$bin/palpate" watch --socket "$socket" ${seconds:+--seconds "$seconds"} &
   watcher=$!

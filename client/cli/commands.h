@@ -12,6 +12,8 @@ void AddInfo(arguments::Command& app, Invocation& invocation);
 void AddWatch(arguments::Command& app, Invocation& invocation);
 void AddSet(arguments::Command& app, Invocation& invocation);
 void AddSettings(arguments::Command& app, Invocation& invocation);
+void AddLayers(arguments::Command& app, Invocation& invocation);
+void AddLayer(arguments::Command& app, Invocation& invocation);
 void AddLoad(arguments::Command& app, Invocation& invocation);
 void AddUpload(arguments::Command& app, Invocation& invocation);
 void AddDownload(arguments::Command& app, Invocation& invocation);

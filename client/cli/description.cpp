@@ -5,6 +5,7 @@
 #include <iterator>
 #include <utility>
 
+#include "client/cli/layers.h"
 #include "client/cli/output.h"
 #include "client/cli/setting.h"
 #include "client/sdk/words.h"
@@ -48,6 +49,7 @@ Json ToJson(const client::Settings& settings) {
   for (const Setting& setting : client::kSettings) {
     json[std::string(setting.key)] = SettingJson(setting, settings);
   }
+  json["layers"] = ToJson(settings.layers.layer);
   return json;
 }
 
@@ -115,6 +117,9 @@ std::string Describe(const client::Settings& settings) {
           ? fmt::format(" (normalised {:g})", settings.normalized_isovalue)
           : "";
   AppendLine(text, "", fmt::format("isovalue {:g}{}", settings.isovalue, normalized));
+  for (const SurfaceLayer& layer : settings.layers.layer) {
+    AppendLine(text, "", "layer " + Describe(layer));
+  }
   std::string off;
   for (const Setting& setting : client::kHapticSettings) {
     if (SettingJson(setting, settings).is_null()) continue;  // an older daemon does not have it

@@ -64,6 +64,8 @@ int Main(int argc, char** argv) {
   AddWatch(app, invocation);
   AddSet(app, invocation);
   AddSettings(app, invocation);
+  AddLayers(app, invocation);
+  AddLayer(app, invocation);
   AddLoad(app, invocation);
   AddPlace(app, invocation);
   AddEdit(app, invocation);

@@ -62,7 +62,11 @@ std::string Fit(const std::string& line, int columns) {
 
 std::string ProxyInWords(const client::Pose& pose) {
   if (pose.mode == client::ProxyMode::kInside) return "inside the surface: pull out";
-  return std::string(NameOf(pose.mode)) + (pose.contact ? ", in contact" : ", no contact");
+  std::string text =
+      std::string(NameOf(pose.mode)) + (pose.contact ? ", in contact" : ", no contact");
+  if (pose.contact_layer != 0) text += fmt::format(" with layer {}", pose.contact_layer);
+  if (pose.layers_passed != 0) text += fmt::format(", layers passed {}", pose.layers_passed);
+  return text;
 }
 
 // Whether the sample is of now: live, old or of a replay.

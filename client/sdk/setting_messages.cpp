@@ -6,6 +6,8 @@
 #include <string>
 #include <variant>
 
+#include "common/wire/values.h"
+
 namespace palpate::client {
 namespace {
 
@@ -76,6 +78,7 @@ Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision) {
                           std::visit(Read{settings, fields, field, result}, kSettings[n].kind);
     result.unknown.set(n, !is_known);
   }
+  result.layers = palpate::FromProto(settings.layers());
   return result;
 }
 
@@ -87,6 +90,10 @@ v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update) {
     const bool is_changed =
         std::visit(Write{update, fields, FieldOf(setting), settings}, setting.kind);
     if (is_changed) request.mutable_update_mask()->add_paths(std::string(setting.key));
+  }
+  if (update.layers) {
+    *settings.mutable_layers() = palpate::ToProto(*update.layers);
+    request.mutable_update_mask()->add_paths("layers");
   }
   if (update.expected_revision) request.set_expected_revision(*update.expected_revision);
   return request;
