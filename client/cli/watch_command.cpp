@@ -9,6 +9,7 @@
 #include <string>
 
 #include "client/cli/commands.h"
+#include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"

@@ -1,6 +1,7 @@
 #include "server/haptics/friction.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace palpate {
 namespace {
@@ -29,6 +30,14 @@ Load LoadOn(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& pr
   Load load{held_mm.norm(), free_mm.norm(), Vec3::Zero()};
   if (load.along_mm > 0.0) load.normal_D = -held_mm / load.along_mm;
   return load;
+}
+
+// The friction of a grain as a share of the normal force.
+double ShareOf(const Grain& grain, double slid_mm, double normal_n) {
+  if (!(normal_n > 0.0)) return 0.0;
+  // Nearly (1 - cos) / 2, by exact arithmetic, so that a replay has the same bits everywhere.
+  const double u = slid_mm / grain.wavelength_mm, bump = 4.0 * u * (1.0 - u);
+  return std::min(grain.force_n / normal_n, kMostGrain) * bump * bump;
 }
 
 // Keeps the proxy at its place on H. If H has moved, the proxy moves with H.
@@ -68,11 +77,11 @@ ProxyStep Slide(const HapticSurface& surface, double kinetic, const Vec3& p_DHip
 }  // namespace
 
 ProxyStep StepWithFriction(const HapticSurface& surface, const HapticLayer& layer,
-                           const Vec3& p_DHip_mm, double eject_limit_mm, Proxy& proxy,
-                           FrictionState& state, CellCache& cache) noexcept {
-  const double kinetic = layer.dynamic_friction;
-  const double hold = std::max(layer.static_friction, kinetic);
-  if (!(hold > 0.0) || !proxy.placed || proxy.buried) {
+                           const Grain& grain, const Vec3& p_DHip_mm, double eject_limit_mm,
+                           Proxy& proxy, FrictionState& state, CellCache& cache) noexcept {
+  const bool is_smooth = !(layer.static_friction > 0.0 || layer.dynamic_friction > 0.0);
+  const bool has_grain = grain.force_n > 0.0;
+  if ((is_smooth && !has_grain) || !proxy.placed || proxy.buried) {
     state = {};
     return StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
   }
@@ -80,17 +89,26 @@ ProxyStep StepWithFriction(const HapticSurface& surface, const HapticLayer& laye
   if (!proxy.on_surface()) {
     ProxyStep step = StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
     AddWork(kept, step);
-    state = {proxy.on_surface(), step.normal_D};  // a proxy that touches H sticks at first
+    // A proxy that touches H sticks at first.
+    state = {proxy.on_surface(), step.normal_D, 0.0};
     return step;
   }
   const Load load = LoadOn(surface, p_DHip_mm, proxy, cache);
+  double kinetic = layer.dynamic_friction;
+  if (has_grain) kinetic += ShareOf(grain, state.slid_mm, layer.stiffness_n_per_mm * load.along_mm);
+  const double hold = std::max(layer.static_friction, kinetic);
   if (load.along_mm > 0.0 && load.across_mm <= (state.sticking ? hold : kinetic) * load.along_mm) {
-    state = {true, load.normal_D};
+    state = {true, load.normal_D, state.slid_mm};
     kept.normal_D = load.normal_D;
     if (kept.mode == ProxyMode::kFree) kept.mode = ProxyMode::kConstrained;
     return kept;
   }
+  const Vec3 from_mm = proxy.p_DH_mm;
   ProxyStep step = Slide(surface, kinetic, p_DHip_mm, eject_limit_mm, proxy, state.sticking, cache);
+  if (has_grain) {
+    const double way_mm = state.slid_mm + (step.p_DH_mm - from_mm).norm();
+    state.slid_mm = std::fmod(way_mm, grain.wavelength_mm);
+  }
   AddWork(kept, step);
   state.normal_D = step.normal_D;
   return step;

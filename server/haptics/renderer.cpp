@@ -188,8 +188,9 @@ class Update {
   }
 
   void Step() noexcept {
-    output_.proxy = StepWithFriction(felt(), Touched(), state_.p_DHip_mm, EjectLimit(),
-                                     state_.proxy, state_.friction, state_.cache);
+    output_.proxy = StepWithFriction(
+        felt(), Touched(), {settings_.texture_force_n, settings_.texture_wavelength_mm},
+        state_.p_DHip_mm, EjectLimit(), state_.proxy, state_.friction, state_.cache);
     const Proxy& proxy = state_.proxy;
     const double stiffness = Touched().stiffness_n_per_mm;
     output_.spring_D_n = proxy.on_surface()
@@ -278,7 +279,10 @@ class Update {
     Vec3 force = ViscousForce(viscosity, state_.velocity_mm_per_s);
     double depth_mm = 0.0;
     if (state_.proxy.on_surface()) {
-      force += ContactForce(Touched(), output_.proxy, Normal(), output_.spring_D_n,
+      const HapticLayer& layer = Touched();
+      const bool has_friction = layer.static_friction > 0.0 || layer.dynamic_friction > 0.0 ||
+                                settings_.texture_force_n > 0.0;
+      force += ContactForce(layer, has_friction, output_.proxy, Normal(), output_.spring_D_n,
                             state_.velocity_mm_per_s);
       depth_mm = Depth() - state_.slack_mm;
     }
@@ -291,11 +295,28 @@ class Update {
                           budget_mj, dt_s_, state_.device, state_.passivity);
   }
 
+  // The fading force falls with the way that the hand takes along it, as that of the spring that
+  // let go would: so it gives back no more than that had taken. Without this, it throws a light
+  // hand back. The one surface is without it, so that old recordings keep their bits.
+  void RelaxPop() noexcept {
+    const double force_n = state_.pop_fade * state_.pop_force_D_n.norm();
+    if (!(force_n > 0.0)) return;
+    const Vec3 moved_mm = state_.p_DHip_mm - state_.p_DLastHip_mm;
+    const double along_mm = moved_mm.dot(state_.pop_force_D_n.normalized());
+    double stiffness = 0.0;
+    for (int n = 0; n < count(); ++n) {
+      stiffness = std::max(stiffness, layers_[n].stiffness_n_per_mm);
+    }
+    state_.pop_force_D_n *= std::clamp(1.0 - stiffness * along_mm / force_n, 0.0, 1.0);
+  }
+
   // In the tick of the pop the force stays as it was. It fades from there.
   Vec3 FadingPop() noexcept {
     if (output_.popped || changes_layer_) {
       state_.pop_force_D_n = state_.felt_D_n - state_.limited_D_n;
       state_.pop_fade = 1.0;
+    } else if (kLayered && state_.pop_fade > 0.0) {
+      RelaxPop();
     }
     const Vec3 force = state_.pop_fade * state_.pop_force_D_n;
     state_.pop_fade = std::max(0.0, state_.pop_fade - dt_s_ / kPopFadeS);

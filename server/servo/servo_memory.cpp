@@ -87,7 +87,7 @@ void VisitRenderer(Renderer& renderer, bool has_layers, Visit& visit) {
   VisitProxy(proxy, has_layers, visit);
   visit(has_hip);
   for (auto* v : {&p_DHip_mm, &p_DLastHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
-  auto& [sticking, normal_D] = friction;
+  auto& [sticking, normal_D, slid_mm] = friction;
   visit(sticking);
   VisitVector(normal_D, visit);
   visit(passed);
@@ -97,6 +97,7 @@ void VisitRenderer(Renderer& renderer, bool has_layers, Visit& visit) {
   if (!has_layers) return;
   visit(touched);
   visit(slack_mm);
+  visit(slid_mm);
 }
 
 template <class SafetyT, class Visit>
@@ -212,6 +213,7 @@ bool IsInRange(const ServoMemory& memory) {
          proxy.refinement <= kMaxRefinement && (renderer.has_hip || !proxy.placed) &&
          (on_simplex || !proxy.on_surface()) && std::abs(renderer.touched) <= kMaxLayers &&
          renderer.slack_mm >= 0.0 && renderer.slack_mm <= kFarthestMm &&
+         renderer.friction.slid_mm >= 0.0 && renderer.friction.slid_mm <= kFarthestMm &&
          IsPosition(renderer.p_DHip_mm) && IsPosition(renderer.p_DLastHip_mm) &&
          renderer.friction.normal_D.norm() < 1.0 + kUnitTolerance && passivity.positions >= 0 &&
          passivity.positions <= PassivityState::kPositionsKept && passivity.newest >= 0 &&

@@ -1,5 +1,6 @@
 """Settings as attributes, and what the server says against them."""
 
+import dataclasses
 import unittest
 
 import numpy as np
@@ -27,8 +28,9 @@ def another(field):
 class SettingsTest(DaemonTest):
     def test_every_setting_goes_there_and_comes_back(self):
         fields = render_pb2.RenderSettings.DESCRIPTOR.fields
-        values = {field.name: another(field) for field in fields} | {"isovalue": 0.25}
-        self.assertEqual(sorted(self.conn.settings.all()), sorted(values))
+        values = {field.name: another(field) for field in fields if field.name != "layers"}
+        values["isovalue"] = 0.25
+        self.assertEqual(sorted(self.conn.settings.all()), sorted([*values, "layers"]))
         self.assertEqual(values["carve_rate_per_s"], -10.0)
         before = self.conn.settings.all()
         with self.daemon.connect() as other:
@@ -53,6 +55,34 @@ class SettingsTest(DaemonTest):
         with self.conn.poses(200) as stream:
             self.assertTrue(wait_until(lambda: next(stream).isovalue[-1] == 0.3))
         self.conn.settings.update(isovalue=0.5, stiffness_n_per_mm=0.5)
+
+    def test_layers_go_there_and_come_back_in_order(self):
+        settings = self.conn.settings
+        self.assertEqual(settings.layers, ())
+        settings.layers = [palpate.Layer("bone", 0.6, 1.5), palpate.Layer(
+            "skin", 0.4, 0.3, pop_force_n=1.0, pop_out_force_n=0.5, viscosity_n_s_per_m=2.0)]
+        skin, bone = settings.layers
+        self.assertEqual(skin, palpate.Layer("skin", 0.4, 0.3, pop_force_n=1.0, pop_out_force_n=0.5,
+                                             viscosity_n_s_per_m=2.0, id=2))
+        self.assertEqual(bone, palpate.Layer("bone", 0.6, 1.5, id=1))
+        # Read back, one changed: ids stay.
+        settings.layers = [dataclasses.replace(skin, isovalue=0.7), bone]
+        self.assertEqual([(layer.name, layer.id) for layer in settings.layers],
+                         [("bone", 1), ("skin", 2)])
+        # What they replace is refused, and says where to look.
+        for name, value in (("isovalue", 0.5), ("stiffness_n_per_mm", 1.0), ("free_side", "above")):
+            with self.assertRaisesRegex(palpate.InvalidArgument, "palpate layer"):
+                setattr(settings, name, value)
+        before = settings.all()
+        close = palpate.Layer("close", bone.isovalue + 9e-7)
+        for wrong in ([palpate.Layer("far", 5.0)], [palpate.Layer("", 0.5)], [bone, close],
+                      [palpate.Layer(f"{n}", 0.1 * n) for n in range(9)], [skin, skin],
+                      [palpate.Layer("soft", 0.5, -1.0)], ["skin"], 3, [palpate.Layer("a", "b")],
+                      [palpate.Layer("nan", float("nan"))], [palpate.Layer("x", 0.5, id=9)]):
+            with self.assertRaises(palpate.InvalidArgument):
+                settings.layers = wrong
+        self.assertEqual(settings.all(), before)
+        settings.update(layers=[], isovalue=0.5)
 
     def test_names_and_numpy_numbers_will_do(self):
         self.conn.settings.free_side = "above"

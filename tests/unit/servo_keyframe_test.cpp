@@ -29,6 +29,7 @@ Scene SceneWithEverything(std::shared_ptr<const VolumeSnapshot> volume, double t
   scene.settings.passivity_control = true;
   scene.settings.pop_force_n = 3.0;
   scene.settings.force_shading = true;
+  scene.settings.texture_force_n = 0.2;
   scene.settings.stiffness_n_per_mm = 0.8;
   AffineMap X_DI;
   X_DI.linear *= 1.7;
@@ -186,7 +187,8 @@ TEST(ServoKeyframe, StatesThatNoServoHasAreRefused) {
       [](Renderer& r) -> double& { return r.friction.normal_D.x(); },
       [](Renderer& r) -> double& { return r.proxy.isovalue; },
       [](Renderer& r) -> double& { return r.proxy.lower; },
-      [](Renderer& r) -> double& { return r.slack_mm; }};
+      [](Renderer& r) -> double& { return r.slack_mm; },
+      [](Renderer& r) -> double& { return r.friction.slid_mm; }};
   for (std::size_t n = 0; n < std::size(numbers); ++n) {
     for (const double bad : {kNan, 1e300, -1e300}) {
       EXPECT_TRUE(refuses([&](Touch& t) { numbers[n](t.memory.renderer) = bad; })) << n;
@@ -204,8 +206,8 @@ std::string WithoutLayers(const ServoMemory& memory) {
     proxy.contact = proxy.on_surface() ? Contact::kUpper : Contact::kNone;
   }
   std::string bytes(Save(old).view());
-  constexpr std::size_t kBounds = 143, kAfterSlack = 149;  // from the beginning and from the end
-  bytes.erase(bytes.size() - kAfterSlack - 12, 12);
+  constexpr std::size_t kBounds = 143, kAfterRenderer = 149;  // from the beginning and from the end
+  bytes.erase(bytes.size() - kAfterRenderer - 20, 20);
   bytes.erase(kBounds, 12);
   bytes[0] = 5;
   return bytes;

@@ -21,13 +21,14 @@ from palpate._errors import (Cancelled, Conflict, DiskFull, Error, FailedPrecond
 from palpate._facts import Facts
 from palpate._follow import LiveVolume
 from palpate._hand import Hand
+from palpate._layers import Layer
 from palpate._load_options import Raw
 from palpate._placement import Placement
 from palpate._poses import Poses, PoseStream
 from palpate._profiles import Profile, profiles
 from palpate._recording import ListedRecording, Recording, ReplayState
 from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker,
-                                      RecordedScene)
+                                      RecordedPassing, RecordedScene)
 from palpate._recording_file import RecordedTicks, RecordingFile, open_recording
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
@@ -41,9 +42,9 @@ __all__ = [
     "DecompositionMethod", "Device", "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull",
     "EditResult", "Edits", "Error", "Facts", "FailedPrecondition", "ForceCommand", "ForceReason",
     "ForceState", "ForceStatus", "FreeSide", "Hand", "Internal", "InvalidArgument", "LastChange",
-    "ListedDevice", "ListedRecording", "LiveVolume", "NotFound", "PermissionDenied", "Placement",
+    "Layer", "ListedDevice", "ListedRecording", "LiveVolume", "NotFound", "PermissionDenied", "Placement",
     "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit", "RecordedGap",
-    "RecordedMarker", "RecordedScene", "RecordedTicks", "Recording", "RecordingFile",
+    "RecordedMarker", "RecordedPassing", "RecordedScene", "RecordedTicks", "Recording", "RecordingFile",
     "RecordingState", "ReplayState", "Role", "RunningReplay", "Series", "SeriesState", "Settings",
     "SuggestedIsovalue", "TooLarge", "Unavailable", "VerificationLevel", "Volume", "VolumeAccess",
     "VolumeInfo",

@@ -35,6 +35,23 @@ class RecordedMarker:
 
 
 @dataclasses.dataclass(frozen=True)
+class RecordedPassing:
+    """The stylus passed through a layer.
+
+    tick: in which it did; time_ns: of that tick
+    layer: its name
+    inwards: False: outwards
+    force_n: on the hand in the tick before, N
+    """
+
+    tick: int
+    time_ns: int
+    layer: str
+    inwards: bool
+    force_n: float
+
+
+@dataclasses.dataclass(frozen=True)
 class RecordedGap:
     """Ticks that were not recorded: first_tick to last_tick, both included."""
 

@@ -16,7 +16,7 @@ from palpate._mcap import (CHANNEL, CHUNK, HEAD, MESSAGE, MESSAGE_HEAD, SCHEMA, 
                            parsed)
 from palpate._pose_columns import ABOUT, RECORDED_ABOUT, RecordedColumns
 from palpate._recorded_events import (MOST_BRICKS, RecordedEdit, RecordedGap, RecordedMarker,
-                                      RecordedScene, edit_of, scene_of)
+                                      RecordedPassing, RecordedScene, edit_of, scene_of)
 from palpate._recorded_voxels import Step, voxels_of
 from palpate._tables import Table, write_hdf5
 from palpate._tick_layout import TickReader
@@ -97,6 +97,29 @@ class RecordingFile:
         Example: recording.scene_at(recording.ticks.tick[-1]).settings["isovalue"]
         """
         return self._steps[self._step_at(tick)].scene
+
+    def passings(self) -> list[RecordedPassing]:
+        """Returns where the stylus passed through a layer, oldest first.
+
+        Left out: changes of the layers, after which the stylus may be behind more or fewer of them.
+        Errors: none. Example: [passing.layer for passing in recording.passings()]
+        """
+        ticks = self.ticks
+        passed = ticks.layers_passed.astype(np.int64)
+        found = []
+        for before in np.flatnonzero(np.diff(passed)):
+            now = before + 1
+            if (ticks.settings_revision[now] != ticks.settings_revision[before]
+                    or ticks.tick[now] != ticks.tick[before] + 1):
+                continue
+            layers = self.scene_at(int(ticks.tick[now])).settings.get("layers", ())
+            number = min(passed[before], passed[now])
+            if number < len(layers) and abs(passed[now] - passed[before]) == 1:
+                found.append(RecordedPassing(
+                    int(ticks.tick[now]), int(ticks.time_ns[now]), layers[number].name,
+                    bool(passed[now] > passed[before]),
+                    float(np.linalg.norm(ticks.force_n[before]))))
+        return found
 
     def to_unix_ns(self, time_ns: npt.ArrayLike) -> npt.NDArray[np.int64]:
         """Returns times of the ticks' clock as UTC: nanoseconds since 1970.

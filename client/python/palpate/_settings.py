@@ -4,6 +4,7 @@ import collections.abc
 import dataclasses
 import typing
 
+from palpate._layers import Layer, layers_of, put_layers
 from palpate._link import Link
 from palpate._setting_kinds import Setting
 from palpate._setting_list import SettingList
@@ -41,6 +42,15 @@ class Settings(SettingList):
     """
 
     __slots__ = ("_link", "_stub")
+
+    layers: Setting[tuple[Layer, ...]] = Setting(
+        layers_of,
+        "Surfaces that are felt one behind the other, in place of the one surface of the other "
+        "settings; (): that one surface. Reads by ascending isovalue, as a stylus meets them from "
+        "outside. Set all at once, as palpate.Layer. While there are layers, the isovalue, "
+        "stiffness, damping, friction and pop force are each layer's own: setting them alone is an "
+        "InvalidArgument.\nExample: conn.settings.layers = "
+        "[palpate.Layer(\"skin\", -300.0, 0.3, pop_force_n=1.0), palpate.Layer(\"bone\", 300.0)]")
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -88,9 +98,14 @@ def put_changes(request: render_pb2.UpdateSettingsRequest | volume_pb2.LoadVolum
     for name, value in changes.items():
         if name not in _SETTINGS:
             raise AttributeError(f"there is no setting {name!r}", name=name, obj=Settings)
-        setattr(request.settings, name, _SETTINGS[name].parse(name, value))
+        parsed = _SETTINGS[name].parse(name, value)
+        if name == "layers":
+            put_layers(parsed, request.settings.layers)
+        else:
+            setattr(request.settings, name, parsed)
         request.update_mask.paths.append(name)
 
 
 _SETTINGS: dict[str, Setting[typing.Any]] = {
-    name: held for name, held in vars(SettingList).items() if isinstance(held, Setting)}
+    name: held for kind in (SettingList, Settings) for name, held in vars(kind).items()
+    if isinstance(held, Setting)}
