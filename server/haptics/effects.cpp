@@ -20,14 +20,13 @@ Vec3 TurnedFromTo(const Vec3& from, const Vec3& to, const Vec3& v) {
 
 }  // namespace
 
-Vec3 ContactForce(const HapticLayer& layer, bool has_friction, const ProxyStep& step,
-                  const Vec3& normal_D, const Vec3& spring_D_n,
-                  const Vec3& velocity_mm_per_s) noexcept {
+Vec3 ContactForce(const HapticLayer& layer, const ProxyStep& step, const Vec3& normal_D,
+                  const Vec3& spring_D_n, const Vec3& velocity_mm_per_s) noexcept {
   const double spring_n = std::max(0.0, spring_D_n.dot(step.normal_D));
   const double damper_n = -layer.damping_n_s_per_m / kMmPerM * velocity_mm_per_s.dot(normal_D);
   // Limited to the spring's force, so that the force stays continuous at contact.
   const Vec3 force = (spring_n + std::clamp(damper_n, -spring_n, spring_n)) * normal_D;
-  if (!has_friction) return force;
+  if (!layer.has_friction()) return force;
   const Vec3 lean = spring_D_n - spring_D_n.dot(step.normal_D) * step.normal_D;
   return force + TurnedFromTo(step.normal_D, normal_D, lean);
 }

@@ -11,9 +11,8 @@ namespace palpate {
 // Spring and damper of a layer. The damper acts along the normal and never pulls inwards.
 // `normal_D`: the normal of the contact, or the shaded one. The spring is turned from the contact's
 // normal to `normal_D`.
-Vec3 ContactForce(const HapticLayer& layer, bool has_friction, const ProxyStep& step,
-                  const Vec3& normal_D, const Vec3& spring_D_n,
-                  const Vec3& velocity_mm_per_s) noexcept;
+Vec3 ContactForce(const HapticLayer& layer, const ProxyStep& step, const Vec3& normal_D,
+                  const Vec3& spring_D_n, const Vec3& velocity_mm_per_s) noexcept;
 
 // Drag against the stylus's motion.
 Vec3 ViscousForce(double viscosity_n_s_per_m, const Vec3& velocity_mm_per_s) noexcept;

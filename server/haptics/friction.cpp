@@ -33,11 +33,11 @@ Load LoadOn(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& pr
 }
 
 // The friction of a grain as a share of the normal force.
-double ShareOf(const Grain& grain, double slid_mm, double normal_n) {
+double GrainShare(const HapticLayer& layer, double slid_mm, double normal_n) {
   if (!(normal_n > 0.0)) return 0.0;
   // Nearly (1 - cos) / 2, by exact arithmetic, so that a replay has the same bits everywhere.
-  const double u = slid_mm / grain.wavelength_mm, bump = 4.0 * u * (1.0 - u);
-  return std::min(grain.force_n / normal_n, kMostGrain) * bump * bump;
+  const double u = slid_mm / layer.texture_wavelength_mm, bump = 4.0 * u * (1.0 - u);
+  return std::min(layer.texture_force_n / normal_n, kMostGrain) * bump * bump;
 }
 
 // Keeps the proxy at its place on H. If H has moved, the proxy moves with H.
@@ -77,11 +77,9 @@ ProxyStep Slide(const HapticSurface& surface, double kinetic, const Vec3& p_DHip
 }  // namespace
 
 ProxyStep StepWithFriction(const HapticSurface& surface, const HapticLayer& layer,
-                           const Grain& grain, const Vec3& p_DHip_mm, double eject_limit_mm,
-                           Proxy& proxy, FrictionState& state, CellCache& cache) noexcept {
-  const bool is_smooth = !(layer.static_friction > 0.0 || layer.dynamic_friction > 0.0);
-  const bool has_grain = grain.force_n > 0.0;
-  if ((is_smooth && !has_grain) || !proxy.placed || proxy.buried) {
+                           const Vec3& p_DHip_mm, double eject_limit_mm, Proxy& proxy,
+                           FrictionState& state, CellCache& cache) noexcept {
+  if (!layer.has_friction() || !proxy.placed || proxy.buried) {
     state = {};
     return StepProxy(surface, p_DHip_mm, eject_limit_mm, proxy, cache);
   }
@@ -94,8 +92,11 @@ ProxyStep StepWithFriction(const HapticSurface& surface, const HapticLayer& laye
     return step;
   }
   const Load load = LoadOn(surface, p_DHip_mm, proxy, cache);
+  const bool has_grain = layer.texture_force_n > 0.0;
   double kinetic = layer.dynamic_friction;
-  if (has_grain) kinetic += ShareOf(grain, state.slid_mm, layer.stiffness_n_per_mm * load.along_mm);
+  if (has_grain) {
+    kinetic += GrainShare(layer, state.slid_mm, layer.stiffness_n_per_mm * load.along_mm);
+  }
   const double hold = std::max(layer.static_friction, kinetic);
   if (load.along_mm > 0.0 && load.across_mm <= (state.sticking ? hold : kinetic) * load.along_mm) {
     state = {true, load.normal_D, state.slid_mm};
@@ -107,7 +108,7 @@ ProxyStep StepWithFriction(const HapticSurface& surface, const HapticLayer& laye
   ProxyStep step = Slide(surface, kinetic, p_DHip_mm, eject_limit_mm, proxy, state.sticking, cache);
   if (has_grain) {
     const double way_mm = state.slid_mm + (step.p_DH_mm - from_mm).norm();
-    state.slid_mm = std::fmod(way_mm, grain.wavelength_mm);
+    state.slid_mm = std::fmod(way_mm, layer.texture_wavelength_mm);
   }
   AddWork(kept, step);
   state.normal_D = step.normal_D;

@@ -7,10 +7,10 @@
 // there. Both cases are steps of the frictionless proxy towards another target, so all its
 // guarantees hold with friction, too.
 //
-// A grain adds to the dynamic share: between none and Grain::force_n, much like a cosine of the way
-// that the proxy has slid. So whichever way the stylus strokes, it feels one wavelength. Friction
-// only takes energy: the spring from the HIP to the proxy is passive while the proxy only moves
-// towards the HIP, whatever the share is.
+// A grain adds to the dynamic share: between none and texture_force_n, much like a cosine of the
+// way that the proxy has slid. So whichever way the stylus strokes, it feels one wavelength.
+// Friction only takes energy: the spring from the HIP to the proxy is passive while the proxy only
+// moves towards the HIP, whatever the share is.
 //
 // If the surface moves, a proxy at rest on it is lifted with it, or sinks along the normal until it
 // meets the surface, and sticks there.
@@ -26,11 +26,6 @@ namespace palpate {
 // The grain's share of the normal force is at most this: it ends with the contact.
 inline constexpr double kMostGrain = 0.5;
 
-struct Grain {
-  double force_n = 0.0;  // 0: none
-  double wavelength_mm = 1.0;
-};
-
 // The state between steps.
 struct FrictionState {
   bool sticking = false;
@@ -41,7 +36,7 @@ struct FrictionState {
 // As StepProxy, with the friction and the stiffness of `layer`. normal_D is the direction in which
 // H pushes at SCP_H. The friction tilts the force away from it.
 ProxyStep StepWithFriction(const HapticSurface& surface, const HapticLayer& layer,
-                           const Grain& grain, const Vec3& p_DHip_mm, double eject_limit_mm,
-                           Proxy& proxy, FrictionState& state, CellCache& cache) noexcept;
+                           const Vec3& p_DHip_mm, double eject_limit_mm, Proxy& proxy,
+                           FrictionState& state, CellCache& cache) noexcept;
 
 }  // namespace palpate

@@ -32,6 +32,10 @@ inline constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 // The bound of free space that a point rests on.
 enum class Contact : std::uint8_t { kNone, kUpper, kLower };
 
+constexpr FreeSide OtherSide(FreeSide side) {
+  return side == FreeSide::kBelow ? FreeSide::kAbove : FreeSide::kBelow;
+}
+
 struct HapticSurface {
   const VolumeSnapshot* volume = nullptr;
   Lattice lattice;             // of `volume`
@@ -76,7 +80,7 @@ struct HapticSurface {
   // The same H, of a surface without a lower bound, from its other side.
   HapticSurface Flipped() const {
     HapticSurface other = *this;
-    other.free_side = free_side == FreeSide::kBelow ? FreeSide::kAbove : FreeSide::kBelow;
+    other.free_side = OtherSide(free_side);
     other.isovalue = -isovalue;
     return other;
   }

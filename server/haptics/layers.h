@@ -37,7 +37,12 @@ struct HapticLayer {
   double pop_in_n = 0.0;             // 0: never
   double pop_out_n = 0.0;            // 0: never
   double viscosity_n_s_per_m = 0.0;  // drag in the space behind it
+  double texture_force_n = 0.0;      // of its grain (friction.h); 0: none
+  double texture_wavelength_mm = 1.0;
 
+  bool has_friction() const {
+    return static_friction > 0.0 || dynamic_friction > 0.0 || texture_force_n > 0.0;
+  }
   std::uint8_t bit() const { return static_cast<std::uint8_t>(1u << (id - 1)); }
 };
 

@@ -59,7 +59,9 @@ class Layers<false> {
              .dynamic_friction = settings.dynamic_friction,
              .pop_in_n = settings.pop_force_n,
              .pop_out_n = settings.pop_force_n,
-             .viscosity_n_s_per_m = settings.viscosity_n_s_per_m} {}
+             .viscosity_n_s_per_m = settings.viscosity_n_s_per_m,
+             .texture_force_n = settings.texture_force_n,
+             .texture_wavelength_mm = settings.texture_wavelength_mm} {}
   static constexpr int count() { return 1; }
   const HapticLayer& operator[](int) const { return one_; }
 
@@ -188,9 +190,8 @@ class Update {
   }
 
   void Step() noexcept {
-    output_.proxy = StepWithFriction(
-        felt(), Touched(), {settings_.texture_force_n, settings_.texture_wavelength_mm},
-        state_.p_DHip_mm, EjectLimit(), state_.proxy, state_.friction, state_.cache);
+    output_.proxy = StepWithFriction(felt(), Touched(), state_.p_DHip_mm, EjectLimit(),
+                                     state_.proxy, state_.friction, state_.cache);
     const Proxy& proxy = state_.proxy;
     const double stiffness = Touched().stiffness_n_per_mm;
     output_.spring_D_n = proxy.on_surface()
@@ -231,7 +232,8 @@ class Update {
   bool Pops() noexcept {
     Proxy& proxy = state_.proxy;
     const Contact bound = proxy.contact;
-    const double pop_n = bound == Contact::kLower ? Touched().pop_out_n : Touched().pop_in_n;
+    const bool is_out = kLayered && bound == Contact::kLower;
+    const double pop_n = is_out ? Touched().pop_out_n : Touched().pop_in_n;
     // Without contact there is no spring.
     if (!(pop_n > 0.0 && output_.spring_D_n.norm() > pop_n)) return false;
     const int way = bound == Contact::kUpper ? 1 : -1;
@@ -279,10 +281,7 @@ class Update {
     Vec3 force = ViscousForce(viscosity, state_.velocity_mm_per_s);
     double depth_mm = 0.0;
     if (state_.proxy.on_surface()) {
-      const HapticLayer& layer = Touched();
-      const bool has_friction = layer.static_friction > 0.0 || layer.dynamic_friction > 0.0 ||
-                                settings_.texture_force_n > 0.0;
-      force += ContactForce(layer, has_friction, output_.proxy, Normal(), output_.spring_D_n,
+      force += ContactForce(Touched(), output_.proxy, Normal(), output_.spring_D_n,
                             state_.velocity_mm_per_s);
       depth_mm = Depth() - state_.slack_mm;
     }
@@ -312,7 +311,7 @@ class Update {
 
   // In the tick of the pop the force stays as it was. It fades from there.
   Vec3 FadingPop() noexcept {
-    if (output_.popped || changes_layer_) {
+    if (output_.popped || (kLayered && changes_layer_)) {
       state_.pop_force_D_n = state_.felt_D_n - state_.limited_D_n;
       state_.pop_fade = 1.0;
     } else if (kLayered && state_.pop_fade > 0.0) {
@@ -335,13 +334,18 @@ class Update {
 
   // --- What others are told, and the next step
 
+  std::uint8_t PassedBits() const {
+    std::uint8_t bits = 0;
+    for (int n = 0; n < passed_; ++n) bits |= layers_[n].bit();
+    return bits;
+  }
+
   void Tell() noexcept {
-    state_.passed = 0;
-    for (int n = 0; n < passed_; ++n) state_.passed |= layers_[n].bit();
+    state_.passed = kLayered ? PassedBits() : static_cast<std::uint8_t>(passed_);
     const bool is_lower = Faced(state_.proxy.contact) == Contact::kLower;
-    const bool is_flipped = is_lower != (surface_.free_side == FreeSide::kAbove);
     output_.isovalue = is_lower ? felt().lower : felt().isovalue;
-    output_.free_side = is_flipped ? FreeSide::kAbove : FreeSide::kBelow;
+    output_.free_side = surface_.free_side;
+    if (is_lower) output_.free_side = OtherSide(surface_.free_side);
     if (!kLayered) return;
     output_.layers_passed = passed_;
     if (state_.proxy.on_surface()) output_.contact_layer = Touched().id;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 
 namespace palpate {
 
@@ -13,14 +14,14 @@ double DensityOf(const VolumeSnapshot& volume, double isovalue) {
   return density;
 }
 
-std::shared_ptr<const HapticLayers> FeltLayers(const VolumeSnapshot& volume,
-                                               const SurfaceLayers& layers) {
-  if (layers.layer.empty()) return nullptr;
+void FeelLayers(Scene& scene) {
+  const HapticSettings& settings = scene.settings;
+  if (settings.layers.layer.empty()) return;
   const auto felt = std::make_shared<HapticLayers>();
-  for (const SurfaceLayer& layer : layers.layer) {
+  for (const SurfaceLayer& layer : settings.layers.layer) {
     felt->layer[static_cast<std::size_t>(felt->count++)] = {
         .id = static_cast<int>(layer.id),
-        .isovalue = DensityOf(volume, layer.isovalue),
+        .isovalue = DensityOf(*scene.volume, layer.isovalue),
         .asked_isovalue = layer.isovalue,
         .stiffness_n_per_mm = layer.stiffness_n_per_mm,
         .damping_n_s_per_m = layer.damping_n_s_per_m,
@@ -28,14 +29,12 @@ std::shared_ptr<const HapticLayers> FeltLayers(const VolumeSnapshot& volume,
         .dynamic_friction = layer.dynamic_friction,
         .pop_in_n = layer.pop_force_n,
         .pop_out_n = layer.pop_out_force_n.value_or(layer.pop_force_n),
-        .viscosity_n_s_per_m = layer.viscosity_n_s_per_m};
+        .viscosity_n_s_per_m = layer.viscosity_n_s_per_m,
+        .texture_force_n = settings.texture_force_n,
+        .texture_wavelength_mm = settings.texture_wavelength_mm};
   }
-  return felt;
-}
-
-void FeelLayers(Scene& scene) {
-  scene.layers = FeltLayers(*scene.volume, scene.settings.layers);
-  scene.surface.layers = scene.layers.get();
+  scene.layers = felt;
+  scene.surface.layers = felt.get();
 }
 
 }  // namespace palpate

@@ -3,9 +3,6 @@
 // Threads: pure functions. Errors: none.
 #pragma once
 
-#include <memory>
-
-#include "server/haptics/settings.h"
 #include "server/scene/scene.h"
 
 namespace palpate {
@@ -14,11 +11,8 @@ namespace palpate {
 // above the isovalue. So no density at or below it reads back above the isovalue.
 double DensityOf(const VolumeSnapshot& volume, double isovalue);
 
-// Null without layers. They must be in order (CheckLayers).
-std::shared_ptr<const HapticLayers> FeltLayers(const VolumeSnapshot& volume,
-                                               const SurfaceLayers& layers);
-
-// Makes the scene's surface that of its settings' layers, if they have any.
+// Makes the scene's surface that of its settings' layers, which are in order (OrderLayers). Without
+// layers, it stays the one surface.
 void FeelLayers(Scene& scene);
 
 }  // namespace palpate

@@ -226,8 +226,7 @@ bool WithBounds(RendererMemory& renderer) {
   Proxy& proxy = renderer.proxy;
   if (renderer.passed > 1 || proxy.contact == Contact::kLower) return false;
   if (renderer.passed == 0) return true;
-  const bool was_above = proxy.free_side == FreeSide::kAbove;
-  proxy.free_side = was_above ? FreeSide::kBelow : FreeSide::kAbove;
+  proxy.free_side = OtherSide(proxy.free_side);
   proxy.lower = -proxy.isovalue;
   proxy.isovalue = kUnbounded;
   if (proxy.on_surface()) proxy.contact = Contact::kLower;

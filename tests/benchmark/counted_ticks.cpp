@@ -66,10 +66,11 @@ Ride ToAndFro(double voxels, double z_mm) {
 
 [[gnu::noinline]] int CountedTicks(const HapticSurface& surface, std::span<const Vec3> hips_mm,
                                    RendererState& state) {
+  const HapticSettings settings{};
   int contacts = 0;
   for (const Vec3& hip_mm : hips_mm) {
     const HapticOutput output =
-        StepRenderer(surface, HapticSettings{}, hip_mm, lab::kReplayPeriodS, state);
+        StepRenderer(surface, settings, hip_mm, lab::kReplayPeriodS, state);
     contacts += lab::IsInContact(output);
   }
   return contacts;
