@@ -5,10 +5,13 @@ float Depth(vec3 p) {
 
 void DrawVeil() {
   vec4 sum = vec4(0.0);
+  bool from_above[kVeils] = veil_begins_above;
   for (int n = 0; n < layer_count; ++n) {
+    int veil = layer_veil[n];
     vec3 p = origin + layers[n] * direction;
-    bool from_above = veil_begins_above != (n % 2 == 1);
-    vec3 color = Lit(veil_plain_color, Normal(Gradient(p, veil_isovalue), from_above));
+    vec3 normal = Normal(Gradient(p, veil_isovalue[veil]), from_above[veil]);
+    from_above[veil] = !from_above[veil];
+    vec3 color = Lit(veil_plain_color[veil], normal);
     sum += (1.0 - sum.a) * veil_opacity * vec4(color, 1.0);
   }
   veil_color = sum;

@@ -20,15 +20,17 @@ uniform bool surface_shown;
 uniform vec2 isovalue;  // all values are split: see value_scale.h
 uniform bool material_above;
 uniform bool caps;
-const bool veil_shown = VEIL;
-uniform vec2 veil_isovalue;
+// Veils: VEILS of them, each with an isovalue and a colour of its own.
+const bool veil_shown = VEILS > 0;
+const int kVeils = VEILS > 0 ? VEILS : 1;
+uniform vec2 veil_isovalue[kVeils];
 
 uniform mat3 D_from_P;  // of directions
 uniform mat3 normal_D_from_P;
 uniform vec3 right_D;
 uniform vec3 up_D;
 uniform vec3 plain_color;
-uniform vec3 veil_plain_color;
+uniform vec3 veil_plain_color[kVeils];
 uniform float veil_opacity;
 uniform int coloring;
 uniform vec2 window_min;

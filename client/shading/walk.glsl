@@ -3,18 +3,26 @@ bool is_hit = false;
 bool hit_is_cap = false;
 float hit = 0.0;
 int layer_count = 0;
-float layers[MOST_LAYERS];
+float layers[MOST_LAYERS];  // where the ray meets veils, ascending
+int layer_veil[MOST_LAYERS];
 
 // The sides on which the ray is. They are carried from cell to cell. If the next cell begins on the
 // other side, even only by rounding, the surface is in between.
 bool above;
-bool veil_above;
-bool veil_begins_above;
+bool veil_above[kVeils];
+bool veil_begins_above[kVeils];
 
-void MeetVeil(float t) {
-  veil_above = !veil_above;
+// Within a cell, veils are met one after the other, not in the order along the ray.
+void MeetVeil(int veil, float t) {
+  veil_above[veil] = !veil_above[veil];
   if (layer_count >= MOST_LAYERS) return;
-  layers[layer_count] = t;
+  int n = layer_count;
+  for (; n > 0 && layers[n - 1] > t; --n) {
+    layers[n] = layers[n - 1];
+    layer_veil[n] = layer_veil[n - 1];
+  }
+  layers[n] = t;
+  layer_veil[n] = veil;
   ++layer_count;
 }
 
@@ -25,24 +33,27 @@ void MeetSurface(float t) {
 
 // Passes cells from t on whose values are all within `range`. `range` contains neither isovalue.
 void PassUniform(float t, vec2 range) {
-  if (veil_shown && (range.x > veil_isovalue.x) != veil_above) MeetVeil(t);
+  for (int v = 0; v < VEILS; ++v) {
+    if ((range.x > veil_isovalue[v].x) != veil_above[v]) MeetVeil(v, t);
+  }
   if (surface_shown && (range.x > isovalue.x) != above) MeetSurface(t);
 }
 
 bool Crossed(vec2 range, vec2 value) { return range.x <= value.x && range.y > value.x; }
 
 bool Active(vec2 range) {
-  return (surface_shown && Crossed(range, isovalue)) ||
-         (veil_shown && Crossed(range, veil_isovalue));
+  bool active = surface_shown && Crossed(range, isovalue);
+  for (int v = 0; v < VEILS; ++v) active = active || Crossed(range, veil_isovalue[v]);
+  return active;
 }
 
-void PassVeil(Corners corners, vec3 u, vec3 d, float t, float length) {
-  vec4 cubic = CubicAlong(corners, veil_isovalue, u, d);
+void PassVeil(int veil, Corners corners, vec3 u, vec3 d, float t, float length) {
+  vec4 cubic = CubicAlong(corners, veil_isovalue[veil], u, d);
   float from = 0.0;
   float crossing;
   // At most a different side at the start and the cubic's three roots.
-  for (int n = 0; n < 4 && FindCrossing(cubic, from, length, veil_above, crossing); ++n) {
-    MeetVeil(t + crossing);
+  for (int n = 0; n < 4 && FindCrossing(cubic, from, length, veil_above[veil], crossing); ++n) {
+    MeetVeil(veil, t + crossing);
     from = max(crossing, 1e-30);
   }
 }
@@ -62,7 +73,7 @@ void CrossCell(Corners corners, vec3 u, vec3 d, float t, float t_next) {
       length = crossing;
     }
   }
-  if (veil_shown) PassVeil(corners, u, d, t, length);
+  for (int v = 0; v < VEILS; ++v) PassVeil(v, corners, u, d, t, length);
 }
 
 // Passes the cells of a brick, low .. high - 1, from t to t_end. Without a fine slot, the brick is
@@ -160,11 +171,13 @@ void WalkBlocks() {
 void BeginSides() {
   vec2 range = begins_outside ? vec2(background) : RangeAt(origin);
   above = range.x > isovalue.x;
-  veil_above = range.x > veil_isovalue.x;
+  for (int v = 0; v < kVeils; ++v) veil_above[v] = range.x > veil_isovalue[v].x;
   if (Active(range)) {
     Cell cell = CellOf(origin);
     above = Above(cell.corners, isovalue, cell.u) > 0.0;
-    veil_above = Above(cell.corners, veil_isovalue, cell.u) > 0.0;
+    for (int v = 0; v < kVeils; ++v) {
+      veil_above[v] = Above(cell.corners, veil_isovalue[v], cell.u) > 0.0;
+    }
   }
   veil_begins_above = veil_above;
 }

@@ -24,7 +24,8 @@ constexpr Experiment kExperiments[] = {
     {.name = "figure9", .run = PrintFigure9, .draws = true},
     {.name = "diamond", .run = PrintDiamond, .refines = true, .draws = true},
     {.name = "topology", .run = PrintTopology},
-    {.name = "figure11", .run = PrintFigure11, .draws = true}};
+    {.name = "figure11", .run = PrintFigure11, .draws = true},
+    {.name = "layers", .run = PrintLayers, .refines = true, .draws = true}};
 
 }  // namespace
 

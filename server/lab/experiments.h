@@ -7,6 +7,7 @@
 //   diamond   what is inside of cells, mean R_D on random cells and on volumes, and a picture
 //   figure9   drift of the proxy from a cylinder's isovalue, ours and a GBID
 //   figure11  V and H drawn for the cells of Table 4
+//   layers    a stylus presses through skin to the bone of a CT head
 //
 // Threads: any ordinary thread; works on all cores. Errors: Error.
 // Source: Corenthy et al., section 5, Tables 1, 3 and 4, Figs. 9 and 11.
@@ -28,7 +29,7 @@ struct ExperimentOptions {
   int columns = 1000;                         // per axis, for R_D (accuracy.h)
   int laps = 10;                              // for figure9
   std::uint64_t seed = 1;                     // for topology, diamond and table3
-  std::filesystem::path data_folder = ".";    // for table3 and diamond: holds the volumes
+  std::filesystem::path data_folder = ".";    // for table3, diamond, layers: holds the volumes
   std::filesystem::path output_folder = ".";  // for figures: NAME.svg
   bool overwrite = false;                     // of figures
 };

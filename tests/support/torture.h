@@ -37,7 +37,8 @@ inline void MoveHip(std::mt19937_64& random, Vec3& hip_I) {
 
 // How much nearer to the HIP a resting proxy could be, in voxels; 0 where it is rounding.
 inline double ApproachLeft(PathJudge& judge, const Vec3& p_DH_mm, const Vec3& hip_mm) {
-  const double voxel_mm = judge.cells().surface().voxel_mm;
+  // The longest edge, by which the proxy's rounding is measured.
+  const double voxel_mm = judge.cells().surface().longest_voxel_mm;
   const double way_mm = (hip_mm - p_DH_mm).norm();
   const double tolerance_mm = std::max(kApproachShare * way_mm, kApproachVoxels * voxel_mm);
   if (way_mm <= tolerance_mm) return 0.0;

@@ -54,7 +54,8 @@ function requestOf(camera, map, isovalue, more = {}) {
     isovalue,
     materialAbove: true,
     color: [0.87, 0.8, 0.7],
-    veil: null,
+    veils: [],
+    veilOpacity: 0.5,
     ...more,
   };
 }
@@ -262,8 +263,8 @@ describe("the page's caster", () => {
     const shape = shapeOf([40, 40, 40], "uint8", 0, 0, 255);
     await show(new Volume(shape, (i, j, k) => Math.max(0, 255 - 12 * Math.hypot(i - 20, j - 20, k - 20))));
     const camera = view([61, 61], [-1, 20, 130], centreOf(shape, kStraight));
-    const veil = { isovalue: 60, opacity: 0.5, color: [0, 0, 1] };
-    await harness.cast(requestOf(camera, kStraight, 150, { color: [1, 0, 0], veil }));
+    const veils = [{ isovalue: 60, color: [0, 0, 1] }];
+    await harness.cast(requestOf(camera, kStraight, 150, { color: [1, 0, 0], veils }));
     const distances = await harness.distances();
     const pixel = (colors, n) => [...colors.subarray(4 * n, 4 * n + 3)];
     const [middle, corner] = [30 * 61 + 30, 0];

@@ -56,6 +56,27 @@ void DrawMark(const Scale& scale, double value, ImU32 color, float width) {
   list.AddTriangleFilled({x - 5.0f, top}, {x + 5.0f, top}, {x, top + 7.0f}, color);
 }
 
+ImU32 ColorOf(const Rgb& c, float alpha = 1.0f) {
+  return ImGui::ColorConvertFloat4ToU32({c.x(), c.y(), c.z(), alpha});
+}
+
+// A mark for each layer, and the band between two of them that SCP_H is in.
+void DrawLayers(const SurfaceLayers& layers, const std::optional<client::Pose>& pose,
+                const Scale& scale) {
+  const std::size_t count = layers.layer.size();
+  if (pose) {
+    const std::size_t passed = std::min<std::size_t>(pose->layers_passed, count);
+    const double low = passed > 0 ? layers.layer[passed - 1].isovalue : scale.min;
+    const double high = passed < count ? layers.layer[passed].isovalue : scale.max;
+    const float top = scale.area.min.y;
+    ImGui::GetWindowDrawList()->AddRectFilled(
+        {scale.X(low), top}, {scale.X(high), top + scale.area.size.y}, ColorOf(Rgb::Ones(), 0.15f));
+  }
+  for (const SurfaceLayer& layer : layers.layer) {
+    DrawMark(scale, layer.isovalue, ColorOf(LayerColor(static_cast<int>(layer.id))), 2.0f);
+  }
+}
+
 // The isovalues that palpated suggests, with their names below each other.
 void DrawSuggestions(const std::vector<client::SuggestedIsovalue>& suggestions,
                      const Scale& scale) {
@@ -105,12 +126,16 @@ bool DragOnHistogram(Viewer& viewer, double& isovalue) {
   DrawBars(histogram, scale, isovalue, surface.free_above);
   if (surface.veil.shown) {
     const Rgb& c = surface.veil.color;
-    DrawMark(scale, surface.veil.isovalue,
-             ImGui::ColorConvertFloat4ToU32({c.x(), c.y(), c.z(), 1.0f}), 1.0f);
+    DrawMark(scale, surface.veil.isovalue, ColorOf(c), 1.0f);
   }
   DrawSuggestions(suggestions, scale);
-  DrawMark(scale, isovalue, ThemeColor(&Palette::isovalue).u32(), 2.0f);
-  return held;
+  const SurfaceLayers layers = viewer.ShownLayers();
+  if (layers.layer.empty()) {
+    DrawMark(scale, isovalue, ThemeColor(&Palette::isovalue).u32(), 2.0f);
+    return held;
+  }
+  DrawLayers(layers, viewer.feed().pose(), scale);
+  return false;
 }
 
 void EditIsovalue(Viewer& viewer, const VolumeLattice& lattice, const client::Settings& settings) {
@@ -118,6 +143,8 @@ void EditIsovalue(Viewer& viewer, const VolumeLattice& lattice, const client::Se
   const double before = viewer.held().Shown(kControl, settings.isovalue);
   double isovalue = before;
   bool held = DragOnHistogram(viewer, isovalue);
+  // Each layer has its own.
+  if (!settings.layers.layer.empty()) return;
   const double range = lattice.value_max - lattice.value_min;
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x * 0.4f);
   DragDouble("##isovalue", isovalue, range / 1000.0, lattice.value_min, lattice.value_max, "%.6g");
@@ -149,6 +176,7 @@ void SurfaceTab(Viewer& viewer) {
   BeginAllowed(viewer, client::Role::kEditor);
   EditIsovalue(viewer, *lattice, *settings);
   EndAllowed();
+  LayersPanel(viewer);
 }
 
 }  // namespace palpate::view

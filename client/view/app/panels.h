@@ -59,6 +59,7 @@ void DrawPathForm(Viewer& viewer, float scale);
 
 // The tabs on the left.
 void SurfaceTab(Viewer& viewer);
+void LayersPanel(Viewer& viewer);  // within it
 void LookTab(Viewer& viewer);
 void CutTab(Viewer& viewer);
 void EditTab(Viewer& viewer);

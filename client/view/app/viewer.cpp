@@ -274,6 +274,35 @@ void Viewer::FollowSettings() {
     Aim();
   state_.surface.isovalue = held_.Shown(kIsovalueControl, feed_.settings()->isovalue);
   state_.surface.free_above = feed_.settings()->free_side == client::FreeSide::kAbove;
+  FollowLayers();
+}
+
+// The innermost layer is drawn as the surface, the others as veils.
+void Viewer::FollowLayers() {
+  if (own_layers_ &&
+      (own_layers_ == feed_.settings()->layers || Clock::now() > own_layers_until_)) {
+    own_layers_.reset();
+  }
+  state_.surface.layers.clear();
+  for (const SurfaceLayer& layer : ShownLayers().layer) {
+    state_.surface.layers.push_back({layer.isovalue, LayerColor(static_cast<int>(layer.id))});
+  }
+  if (state_.surface.layers.empty()) return;
+  state_.surface.isovalue = state_.surface.layers.back().isovalue;
+  state_.surface.layers.pop_back();
+}
+
+SurfaceLayers Viewer::ShownLayers() const {
+  if (own_layers_) return *own_layers_;
+  return feed_.settings() ? feed_.settings()->layers : SurfaceLayers();
+}
+
+void Viewer::SetLayers(const SurfaceLayers& layers) {
+  own_layers_ = layers;
+  std::ranges::stable_sort(own_layers_->layer, {}, &SurfaceLayer::isovalue);
+  own_layers_until_ = Clock::now() + HeldValues::kPatience;
+  feed_.shared().NoteOwn("layers");
+  feed_.commands().Set({.layers = layers});
 }
 
 void Viewer::FollowProxy() {
@@ -296,7 +325,9 @@ void Viewer::UpdateHapticLines(const Vec3& p_I) {
   const ViewVolume& volume = feed_.volume();
   const Felt felt{
       .cell = p_I.array().floor().cast<int>(),
-      .isovalue = feed_.settings()->isovalue,
+      // With layers that of the one in contact, or of the next one.
+      .isovalue = feed_.settings()->layers.layer.empty() ? feed_.settings()->isovalue
+                                                         : feed_.pose()->isovalue,
       .method = feed_.settings()->method,
       // The one in use. A daemon that does not know it has 1.
       .refinement = std::clamp(static_cast<int>(feed_.pose()->refinement), 1, kMaxRefinement),

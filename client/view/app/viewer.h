@@ -167,6 +167,9 @@ class Viewer {
   // Settings of palpated that the user is changing here: the user's value until palpated has it.
   HeldValues& held() { return held_; }
   static constexpr unsigned kIsovalueControl = 1;
+  // The layers, as this user has just set them, or palpated's.
+  SurfaceLayers ShownLayers() const;
+  void SetLayers(const SurfaceLayers& layers);
 
   // As the options say, until the user chooses one in the window, which is remembered.
   SliceSide slice_side() const { return options_.slice_side.value_or(preferences_.slice_side); }
@@ -223,6 +226,7 @@ class Viewer {
   void ForgetActionsIfRestarted();
   void CheckOptions(const VolumeLattice& lattice);
   void FollowSettings();
+  void FollowLayers();
   void FollowProxy();
   void UpdateHapticLines(const Vec3& p_I);
   // `view`: the size on the screen, for things whose size does not depend on the picture's pixels.
@@ -241,6 +245,8 @@ class Viewer {
   HandTool hand_;
   ViewState state_;
   Preferences preferences_;
+  std::optional<SurfaceLayers> own_layers_;  // until palpated has them
+  Clock::time_point own_layers_until_{};
   HeldValues held_;
   UserActions actions_{feed_, brush_, state_.surface};
   std::uint64_t daemon_id_ = 0;  // 0: not known yet

@@ -35,6 +35,7 @@ void Merge(const client::SettingsUpdate& newer, client::SettingsUpdate& waiting)
   for (const client::Setting& setting : client::kHapticSettings) {
     std::visit(MergeOne{newer, waiting}, setting.kind);
   }
+  if (newer.layers) waiting.layers = newer.layers;
   if (newer.expected_revision) waiting.expected_revision = newer.expected_revision;
 }
 

@@ -3,12 +3,16 @@
 #include <epoxy/gl.h>
 
 #include <string>
+#include <vector>
 
 #include "client/shading/shading.h"
 #include "client/view/scene/slice_view.h"
 
 namespace palpate::view {
 namespace {
+
+// The surface, seven layers before it, and the user's veil.
+constexpr int kMostIsolines = 9;
 
 // The distance to an isoline is the difference of value and isovalue, divided by the gradient per
 // pixel. Beside a steep slope, this may promise a crossing where there is none, so the value there
@@ -21,10 +25,9 @@ uniform vec3 down_I;       // for a pixel down
 uniform float height_px;
 uniform vec2 window_min;   // value of the colour map's first colour, split
 uniform float window_range;
-uniform vec2 isovalues;    // of surface and veil, above window_min
-uniform int isolines;      // how many of the two are shown
-uniform vec3 isoline_color;
-uniform vec3 veil_color;
+uniform float isovalues[MOST_ISOLINES];  // above window_min; the last ones are drawn over others
+uniform vec3 isoline_colors[MOST_ISOLINES];
+uniform int isolines;  // how many there are
 uniform vec3 empty_color;
 uniform vec2 cross_px;     // pixels from the upper left corner; negative: none
 out vec4 color;
@@ -58,10 +61,9 @@ void main() {
     vec4 found = ValueAndGradient(p);
     seen = ColorAt(color_map, ShareOf(found.w, window_range));
     vec2 slope = vec2(dot(found.xyz, right_I), dot(found.xyz, down_I));
-    if (isolines > 1)
-      seen = WithIsoline(seen, p, slope, found.w - isovalues.y, isovalues.y, veil_color);
-    if (isolines > 0)
-      seen = WithIsoline(seen, p, slope, found.w - isovalues.x, isovalues.x, isoline_color);
+    for (int n = 0; n < isolines; ++n) {
+      seen = WithIsoline(seen, p, slope, found.w - isovalues[n], isovalues[n], isoline_colors[n]);
+    }
   }
   if (cross_px.x >= 0.0) {
     vec2 away = abs(at_px - cross_px);
@@ -95,16 +97,23 @@ void SetColors(const ShaderProgram& program, const SurfaceOptions& surface,
   const double least = scale.Scaled(surface.window_min);
   program.Set("window_min", scale.Split(surface.window_min));
   program.Set("window_range", scale.Scaled(surface.window_max) - least);
-  program.Set("isovalues", Eigen::Vector2d(scale.Scaled(surface.isovalue) - least,
-                                           scale.Scaled(surface.veil.isovalue) - least));
-  program.Set("isolines", surface.veil.shown ? 2 : 1);
-  program.Set("isoline_color", kIsolineColor);
-  program.Set("veil_color", surface.veil.color);
+  std::vector<LayerVeil> lines;
+  if (surface.veil.shown) lines.push_back({surface.veil.isovalue, surface.veil.color});
+  lines.insert(lines.end(), surface.layers.begin(), surface.layers.end());
+  lines.push_back({surface.isovalue, kIsolineColor});
+  for (std::size_t n = 0; n < lines.size(); ++n) {
+    const std::string at = "[" + std::to_string(n) + "]";
+    program.Set(("isovalues" + at).c_str(), scale.Scaled(lines[n].isovalue) - least);
+    program.Set(("isoline_colors" + at).c_str(), lines[n].color);
+  }
+  program.Set("isolines", static_cast<int>(lines.size()));
 }
 
 }  // namespace
 
-SliceDrawing::SliceDrawing() : programs_(std::string(shading::kColors) + kSliceShader) {}
+SliceDrawing::SliceDrawing()
+    : programs_("#define MOST_ISOLINES " + std::to_string(kMostIsolines) + "\n" +
+                std::string(shading::kColors) + kSliceShader) {}
 
 void SliceDrawing::Draw(BrickCache& volume, const SliceRequest& request) {
   Picture& picture = pictures_[static_cast<std::size_t>(request.picture)];

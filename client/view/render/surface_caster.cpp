@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "client/shading/shading.h"
 #include "client/view/render/card_buffer.h"
@@ -35,9 +36,9 @@ void main() {
 }
 )";
 
-// Without a veil it is faster.
-std::string SurfaceShader(bool with_veil) {
-  return std::string("#define VEIL ") + (with_veil ? "true" : "false") + "\n#define MOST_LAYERS " +
+// Without veils it is faster.
+std::string SurfaceShader(std::size_t veils) {
+  return "#define VEILS " + std::to_string(veils) + "\n#define MOST_LAYERS " +
          std::to_string(kMostVeilLayers) + "\n" + shading::kSurfaceDesktop +
          shading::kSurfaceInputs + shading::kRay + shading::kWalk + shading::kColors +
          shading::kLight + shading::kSurface;
@@ -90,6 +91,13 @@ void SetCuts(const ShaderProgram& program, const SurfaceOptions& surface, const 
   }
 }
 
+// The layers', and the user's.
+std::vector<LayerVeil> VeilsOf(const SurfaceOptions& surface) {
+  std::vector<LayerVeil> veils = surface.layers;
+  if (surface.veil.shown) veils.push_back({surface.veil.isovalue, surface.veil.color});
+  return veils;
+}
+
 void SetSurface(const ShaderProgram& program, const SurfaceOptions& surface,
                 const BrickCache& volume) {
   const ValueScale& scale = volume.scale();
@@ -99,9 +107,13 @@ void SetSurface(const ShaderProgram& program, const SurfaceOptions& surface,
   program.Set("isovalue", scale.Split(surface.isovalue));
   program.Set("material_above", surface.free_above ? 0 : 1);
   program.Set("caps", surface.caps ? 1 : 0);
-  program.Set("veil_isovalue", scale.Split(surface.veil.isovalue));
   program.Set("plain_color", surface.color);
-  program.Set("veil_plain_color", surface.veil.color);
+  const std::vector<LayerVeil> veils = VeilsOf(surface);
+  for (std::size_t n = 0; n < veils.size(); ++n) {
+    const std::string at = "[" + std::to_string(n) + "]";
+    program.Set(("veil_isovalue" + at).c_str(), scale.Split(veils[n].isovalue));
+    program.Set(("veil_plain_color" + at).c_str(), veils[n].color);
+  }
   program.Set("veil_opacity", surface.veil.opacity);
   program.Set("coloring", static_cast<int>(surface.coloring));
   program.Set("steepest", range > 0.0 ? 0.5 * range / edge_mm : 1.0);
@@ -198,7 +210,8 @@ void SurfaceCaster::Draw(const Casting& picture, const BrickCache& cache, const 
   glDepthFunc(GL_LESS);
   glDepthMask(GL_FALSE);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kFirstFreeBuffer, picture.unfinished.buffer());
-  VolumePrograms& programs = what.surface.veil.shown ? veil_programs_ : programs_;
+  const std::size_t veils = VeilsOf(what.surface).size();
+  VolumePrograms& programs = programs_.try_emplace(veils, SurfaceShader(veils)).first->second;
   const ShaderProgram& program = programs.Use(cache, what.surface.color_map);
   program.Set("image_width", what.size.width);
   // Frame P of shading.h.
@@ -227,9 +240,7 @@ void SurfaceCaster::CastTo(Casting& picture, BrickCache& volume, const CastReque
 }
 
 SurfaceCaster::SurfaceCaster()
-    : programs_(SurfaceShader(false)),
-      veil_programs_(SurfaceShader(true)),
-      mask_program_(kMaskShader),
+    : mask_program_(kMaskShader),
       shown_(std::make_unique<Casting>()),
       next_(std::make_unique<Casting>()) {}
 SurfaceCaster::~SurfaceCaster() = default;

@@ -16,7 +16,9 @@
 // does not support (nothing has changed then); kInternal if the driver refuses a shader.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
 
 #include "client/view/render/brick_cache.h"
@@ -76,8 +78,7 @@ class SurfaceCaster {
               BrickCache::Marks marks);
   Progress ShowNext();
 
-  VolumePrograms programs_;
-  VolumePrograms veil_programs_;
+  std::map<std::size_t, VolumePrograms> programs_;  // by the number of veils
   ShaderProgram mask_program_;
   std::unique_ptr<Casting> shown_;
   std::unique_ptr<Casting> next_;  // by CastRows

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include "client/view/scene/color_map.h"
 #include "common/geometry/geometry.h"
@@ -21,6 +22,16 @@ struct Veil {
   double opacity = 0.3;  // of one layer, 0 to 1
   friend bool operator==(const Veil&, const Veil&) = default;
 };
+
+// An isosurface that is felt before another one: drawn as a veil of its own colour, as clear as the
+// user's veil.
+struct LayerVeil {
+  double isovalue = 0.0;
+  Rgb color = Rgb::Ones();
+  friend bool operator==(const LayerVeil&, const LayerVeil&) = default;
+};
+// Of the layer with this id, 1 to 8, in the picture, on the histogram and in lists.
+const Rgb& LayerColor(int id);
 
 // Shows only points between the two corners. 0 to 1 along each axis of the lattice with its layer
 // of background, so 0 and 1 cut nothing.
@@ -57,6 +68,8 @@ struct SurfaceOptions {
   double window_min = 0.0;
   double window_max = 1.0;
   Veil veil{};
+  // From palpated, in order from outside, without the innermost layer: that is the surface.
+  std::vector<LayerVeil> layers{};
   CropBox crop{};
   std::array<ClipPlane, 2> planes{};
   // Where crop box and planes cut material, the cut faces show the values.

@@ -134,9 +134,9 @@ export class State {
     return (Number.isNaN(this.pose.ageMs) ? 0 : this.pose.ageMs) + Math.max(0, way);
   }
 
-  // Everybody's. Null: not known.
+  // Everybody's: of the surface that is drawn, which is the innermost one of layers. Null: not known.
   isovalue(): number | null {
-    return this.settings?.settings.isovalue ?? this.pose?.isovalue ?? null;
+    return this.settings?.settings.layers?.layer.at(-1)?.isovalue ?? this.settings?.settings.isovalue ?? this.pose?.isovalue ?? null;
   }
 
   // Everybody's value of a setting, by its name in palpate/v1: a choice's number begins at 1. Undefined: not known.

@@ -24,13 +24,14 @@ export interface CastRequest {
   isovalue: number;
   materialAbove: boolean;
   color: Vec3; // 0 to 1, as on the screen
-  veil: { isovalue: number; opacity: number; color: Vec3 } | null;
+  veils: { isovalue: number; color: Vec3 }[];
+  veilOpacity: number;
 }
 
-const kMostLayers = 16; // of the veil, as on the desktop
+const kMostLayers = 16; // of the veils, as on the desktop
 
-export function newCastProgram(gl: WebGL2RenderingContext, sampler: string, veil: boolean): Program {
-  const definitions = `#define ATLAS ${sampler}\n#define VEIL ${veil}\n#define MOST_LAYERS ${kMostLayers}\n`;
+export function newCastProgram(gl: WebGL2RenderingContext, sampler: string, veils: number): Program {
+  const definitions = `#define ATLAS ${sampler}\n#define VEILS ${veils}\n#define MOST_LAYERS ${kMostLayers}\n`;
   const parts = [definitions, volumeWeb, cell, surfaceInputs, ray, walk, colors, light, surface];
   return new Program(gl, parts.join("\n"));
 }
@@ -71,8 +72,9 @@ export function setRequest(program: Program, volume: VolumeTexture, request: Cas
   program.setInt("material_above", request.materialAbove ? 1 : 0);
   program.set("plain_color", ...request.color);
   program.set("steepest", 1);
-  if (!request.veil) return;
-  program.set("veil_isovalue", ...volume.scale.split(request.veil.isovalue));
-  program.set("veil_plain_color", ...request.veil.color);
-  program.set("veil_opacity", request.veil.opacity);
+  request.veils.forEach(({ isovalue, color }, n) => {
+    program.set(`veil_isovalue[${n}]`, ...volume.scale.split(isovalue));
+    program.set(`veil_plain_color[${n}]`, ...color);
+  });
+  program.set("veil_opacity", request.veilOpacity);
 }

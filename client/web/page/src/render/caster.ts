@@ -79,7 +79,7 @@ export class Caster {
     return can ? "" : "the graphics driver cannot draw into textures of floats";
   }
 
-  private readonly programs = new Map<string, Program>(); // by the kind of volume and veil
+  private readonly programs = new Map<string, Program>(); // by the kind of volume and the number of veils
   private readonly drawing: Program;
   private readonly noColors: WebGLTexture; // for a colour map that nothing reads
   private front: CastTarget;
@@ -145,9 +145,9 @@ export class Caster {
     if (this.shown) this.drawTextures(this.front.textures[0], this.front.textures[3], false);
   }
 
-  // Draws the veil over everything that lies behind it. Call this after the objects of the scene.
+  // Draws the veils over everything that lies behind the nearest of them. Call this after the objects of the scene.
   drawVeil(): void {
-    if (this.shown?.veil) this.drawTextures(this.front.textures[1], this.front.textures[2], true);
+    if (this.shown?.veils.length) this.drawTextures(this.front.textures[1], this.front.textures[2], true);
   }
 
   private want(subject: Subject): Subject {
@@ -193,7 +193,7 @@ export class Caster {
   private castTile(job: Job): void {
     const gl = this.gl;
     const { volume, request } = job.subject;
-    const program = this.programFor(volume.format.sampler, request.veil !== null);
+    const program = this.programFor(volume.format.sampler, request.veils.length);
     if (!program.isReady() || !this.drawing.isReady()) return;
     const [width, height] = job.size;
     const rows = job.isCoarse ? height : Math.min(Math.ceil(this.tilePace.pixels / width), height - job.nextRow);
@@ -216,9 +216,9 @@ export class Caster {
     job.nextRow += rows;
   }
 
-  private programFor(sampler: string, veil: boolean): Program {
-    const key = `${sampler} ${veil}`;
-    const program = this.programs.get(key) ?? newCastProgram(this.gl, sampler, veil);
+  private programFor(sampler: string, veils: number): Program {
+    const key = `${sampler} ${veils}`;
+    const program = this.programs.get(key) ?? newCastProgram(this.gl, sampler, veils);
     this.programs.set(key, program);
     return program;
   }

@@ -2,6 +2,7 @@
 // steer the isovalue drag its mark.
 import type { State } from "../state";
 import { clamp } from "../view/geometry";
+import { bandOf, layersOf } from "../view/layers";
 import { isFreeAbove } from "../wire/contract";
 import type { SuggestedIsovalue } from "../wire/contract";
 import type { Room } from "../wire/room";
@@ -37,6 +38,10 @@ function makeMark(name: "isovalue" | "veil", label: string, move: (value: number
     setAttribute(mark, "aria-valuetext", valueText(value, scale.unit));
   };
   return { mark, show };
+}
+
+function cssColor(color: number[]): string {
+  return `rgb(${color.map((part) => Math.round(255 * part)).join()})`;
 }
 
 function scaleOf(state: State): Scale | null {
@@ -100,7 +105,10 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     makeSvg("linearGradient", { id: "split" }, ...split), bars);
   const line = make("span", { class: "line-at" });
   const axis = make("div", {});
-  const box = make("div", { class: "histogram" }, drawing, line, axis);
+  const band = make("span", { class: "band" }); // between two layers, where the proxy is
+  const layerMarks = make("div", {});
+  const layerList = make("ul", { class: "layers", "aria-label": "Layers, felt one behind the other" });
+  const box = make("div", { class: "histogram" }, drawing, band, line, layerMarks, axis);
   const value = make("strong");
   const who = make("span", { class: "note" });
   const typed = make("input", { type: "number", step: "any", "aria-label": "Isovalue, for everyone" });
@@ -112,7 +120,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   const isovalueLine = make("div", { class: "reading" }, "Isovalue ", typed, value, who);
   const veilLabel = make("label", { class: "check" }, veilOn, "Veil (V), only here");
   const veilLine = make("div", { class: "reading" }, veilLabel, veilValue);
-  body.append(empty, box, isovalueLine, steered.error, suggestions, veilLine, opacityField);
+  body.append(empty, box, layerList, isovalueLine, steered.error, suggestions, veilLine, opacityField);
 
   const setIsovalue = (v: number) => {
     steered.set(v);
@@ -140,14 +148,38 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     setText(veilValue, veil === null ? "" : valueText(veil, scale.unit));
     opacity.value = String(veilOpacity);
     opacityField.hidden = veil === null;
+    const layers = layersOf(state);
+    const isLayered = layers.length > 0;
+    isovalueLine.hidden ||= isLayered; // each layer has its own
+    isovalueMark.mark.hidden ||= isLayered;
+    layerList.hidden ||= !isLayered;
+    layerList.replaceChildren(...layers.map(({ name, isovalue: at, color }) => {
+      const swatch = make("span", { class: "swatch" });
+      swatch.style.background = cssColor(color);
+      return make("li", {}, swatch, `${name} ${valueText(at, scale.unit)}`);
+    }));
+    layerMarks.replaceChildren(...layers.map(({ isovalue: at, color }) => {
+      const mark = make("span", { class: "line-at" });
+      mark.style.left = `${100 * shareOf(scale, at)}%`;
+      mark.style.background = cssColor(color);
+      return mark;
+    }));
+    showBand(scale);
     const share = `${100 * (isovalue === null ? 0 : shareOf(scale, isovalue))}%`;
-    line.hidden = isovalue === null;
+    line.hidden = isovalue === null || isLayered;
     line.style.left = share;
-    const isAbove = isFreeAbove(state.pose);
+    const isAbove = !isLayered && isFreeAbove(state.pose);
     split.forEach((stop, n) => {
       stop.setAttribute("offset", share);
       stop.setAttribute("class", isovalue !== null && (n === 1) !== isAbove ? "material" : "air");
     });
+  };
+  const showBand = (scale: Scale) => {
+    const between = bandOf(state);
+    band.hidden = between === null;
+    if (!between) return;
+    const [low, high] = between.map((value) => 100 * shareOf(scale, value));
+    Object.assign(band.style, { left: `${low}%`, width: `${high - low}%` });
   };
   // Guests put the veil at a suggestion, users who may steer the isovalue.
   const updateVolume = () => {
@@ -175,7 +207,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   opacity.addEventListener("input", () => state.setView({ veilOpacity: opacity.valueAsNumber }));
   let seen = "";
   state.on("pose", () => {
-    const now = `${state.isovalue()} ${isFreeAbove(state.pose)}`;
+    const now = `${state.isovalue()} ${isFreeAbove(state.pose)} ${state.pose?.layersPassed}`;
     if (now !== seen) update();
     seen = now;
   });

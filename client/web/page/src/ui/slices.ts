@@ -5,6 +5,7 @@ import { apply, clamp, column, inverse, norm } from "../view/geometry";
 import { patientFrame, placeText } from "../view/patient_axes";
 import type { Axis, SignedAxis } from "../view/patient_axes";
 import { Pointers, wheelSteps } from "../view/pointers";
+import { layersOf } from "../view/layers";
 import type { VolumeCopy } from "../volume/copy";
 import type { ValueWindow, Vec3 } from "../wire/messages";
 import { beginDrawing, find, make, paced, setAttribute, setText } from "./dom";
@@ -192,6 +193,8 @@ class SliceView {
     const { width, height } = this.canvas;
     const levels = [
       { value: this.state.isovalue(), color: kIsovalueColor },
+      ...layersOf(this.state).slice(0, -1)
+        .map(({ isovalue, color }) => ({ value: isovalue, color: color.map((part) => 255 * part) as Level["color"] })),
       { value: this.state.view.veil, color: kVeilColor },
     ].filter((level): level is Level => level.value !== null);
     const shown = this.shared.window;

@@ -1,6 +1,7 @@
 // What palpated does now, in words and numbers.
 import type { State } from "../state";
 import { norm, subtract } from "../view/geometry";
+import { whereInLayers } from "../view/layers";
 import type { VolumeCopy } from "../volume/copy";
 import { kProxyMode } from "../wire/words";
 import { nameOf } from "../wire/contract";
@@ -35,6 +36,7 @@ function userText(state: State): string {
 const kRows: [string, string, (pose: Pose | null, state: State, copy: VolumeCopy) => string | null][] = [
   ["Stream", "Whether what you see is now", (_, state) => badgeOf(state).words],
   ["Stylus", "What the haptic loop does with the proxy", (pose) => pose && kProxyMode[nameOf(kProxyMode, pose.mode)]],
+  ["Layers", "Where the proxy is among the surfaces that are felt one behind the other", (_, state) => whereInLayers(state)],
   ["Force", "On the hand, and the most that the device gives now",
     (pose) => pose && `${fixed(norm(pose.forceN), 2, "N")} of ${fixed(pose.forces.limitN, 1, "N")}`],
   ["Forces", "Whether the device may push", (pose) => pose && forcesText(pose)],

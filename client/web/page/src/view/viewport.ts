@@ -18,6 +18,7 @@ import { cameraOf, changeCamera } from "./look";
 import { faceLabels, patientFrame } from "./patient_axes";
 import { followPointers } from "./pointers";
 import { PalpationScene } from "./scene";
+import { layersOf } from "./layers";
 
 // The desktop viewer's (client/view/scene/view_options.h).
 const kSurfaceColor: Vec3 = [0.87, 0.8, 0.7];
@@ -165,7 +166,9 @@ export class Viewport {
       isovalue,
       materialAbove: !isFreeAbove(this.state.pose),
       color: kSurfaceColor,
-      veil: veil === null ? null : { isovalue: veil, opacity: veilOpacity, color: kVeilColor },
+      veils: [...layersOf(this.state).slice(0, -1), ...(veil === null ? [] : [{ isovalue: veil, color: kVeilColor }])]
+        .map(({ isovalue, color }) => ({ isovalue, color })),
+      veilOpacity,
     };
   }
 
