@@ -42,9 +42,9 @@ void PassUniform(float t, vec2 range) {
 bool Crossed(vec2 range, vec2 value) { return range.x <= value.x && range.y > value.x; }
 
 bool Active(vec2 range) {
-  bool active = surface_shown && Crossed(range, isovalue);
-  for (int v = 0; v < VEILS; ++v) active = active || Crossed(range, veil_isovalue[v]);
-  return active;
+  bool crossed = surface_shown && Crossed(range, isovalue);
+  for (int v = 0; v < VEILS; ++v) crossed = crossed || Crossed(range, veil_isovalue[v]);
+  return crossed;
 }
 
 void PassVeil(int veil, Corners corners, vec3 u, vec3 d, float t, float length) {

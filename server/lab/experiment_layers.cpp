@@ -16,8 +16,9 @@ namespace {
 
 constexpr const char* kHead = "paper/SUBST_head_ct_cranium_256x256x108_int16.nrrd";
 constexpr double kSkinHu = -300.0, kBoneHu = 300.0;
-constexpr double kSpeedMmPerS = 20.0, kBeforeMm = 4.0, kPressMm = 14.0;
-constexpr double kWidth = 720, kHeight = 340, kLeft = 60, kRight = 20, kTop = 30, kBottom = 45;
+constexpr double kSpeedMmPerS = 20.0, kBeforeMm = 4.0, kPressMm = 9.0;
+constexpr double kWidthPx = 720, kHeightPx = 340, kLeftPx = 60, kRightPx = 20, kTopPx = 30,
+                 kBottomPx = 45;
 
 struct Moment {
   double time_s = 0.0, depth_mm = 0.0, force_n = 0.0;
@@ -85,35 +86,35 @@ void PrintPassings(const std::vector<Moment>& moments, std::ostream& out) {
 std::string Plot(const std::vector<Moment>& moments) {
   const double end_s = moments.back().time_s;
   const double most_n = 1.1 * std::ranges::max_element(moments, {}, &Moment::force_n)->force_n;
-  const auto x = [&](double s) { return kLeft + (kWidth - kLeft - kRight) * s / end_s; };
+  const auto x = [&](double s) { return kLeftPx + (kWidthPx - kLeftPx - kRightPx) * s / end_s; };
   const auto y = [&](double n) {
-    return kTop + (kHeight - kTop - kBottom) * (most_n - n) / most_n;
+    return kTopPx + (kHeightPx - kTopPx - kBottomPx) * (most_n - n) / most_n;
   };
   std::ostringstream svg;
   svg.precision(5);
-  svg << "<svg xmlns='http://www.w3.org/2000/svg' width='" << kWidth << "' height='" << kHeight
+  svg << "<svg xmlns='http://www.w3.org/2000/svg' width='" << kWidthPx << "' height='" << kHeightPx
       << "' font-family='sans-serif' font-size='12'>\n<rect width='100%' height='100%' "
          "fill='white'/>\n<text x='"
-      << kLeft << "' y='20'>Force while a stylus presses into the CT head: skin at " << kSkinHu
+      << kLeftPx << "' y='20'>Force while a stylus presses into the CT head: skin at " << kSkinHu
       << " HU, bone at " << kBoneHu << " HU</text>\n";
   // Behind the skin.
   for (std::size_t n = 1; n < moments.size(); ++n) {
     if (moments[n].passed == 0) continue;
     std::size_t end = n;
     while (end + 1 < moments.size() && moments[end + 1].passed > 0) ++end;
-    svg << "<rect x='" << x(moments[n].time_s) << "' y='" << kTop << "' width='"
-        << x(moments[end].time_s) - x(moments[n].time_s) << "' height='" << kHeight - kTop - kBottom
-        << "' fill='#e69f00' opacity='0.15'/><text x='" << x(moments[n].time_s) + 6 << "' y='"
-        << kTop + 16 << "'>behind the skin</text>\n";
+    svg << "<rect x='" << x(moments[n].time_s) << "' y='" << kTopPx << "' width='"
+        << x(moments[end].time_s) - x(moments[n].time_s) << "' height='"
+        << kHeightPx - kTopPx - kBottomPx << "' fill='#e69f00' opacity='0.15'/><text x='"
+        << x(moments[n].time_s) + 6 << "' y='" << kTopPx + 16 << "'>behind the skin</text>\n";
     n = end + 1;
   }
   for (int n = 0; n <= static_cast<int>(most_n); ++n) {
-    svg << "<line x1='" << kLeft << "' x2='" << kWidth - kRight << "' y1='" << y(n) << "' y2='"
-        << y(n) << "' stroke='#ddd'/><text x='" << kLeft - 8 << "' y='" << y(n) + 4
+    svg << "<line x1='" << kLeftPx << "' x2='" << kWidthPx - kRightPx << "' y1='" << y(n)
+        << "' y2='" << y(n) << "' stroke='#ddd'/><text x='" << kLeftPx - 8 << "' y='" << y(n) + 4
         << "' text-anchor='end'>" << n << " N</text>\n";
   }
   for (double s = 0.0; s <= end_s; s += 0.2) {
-    svg << "<text x='" << x(s) << "' y='" << kHeight - kBottom + 18 << "' text-anchor='middle'>"
+    svg << "<text x='" << x(s) << "' y='" << kHeightPx - kBottomPx + 18 << "' text-anchor='middle'>"
         << s << " s</text>\n";
   }
   svg << "<polyline fill='none' stroke='#1b6ca8' stroke-width='1.5' points='";

@@ -85,7 +85,7 @@ RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
   if (!settings.haptics.layers.layer.empty() && !update.layers) {
     if (const std::string key = ReplacedByLayers(update); !key.empty()) {
       throw Error(ErrorKind::kInvalidArgument,
-                  fmt::format("layers are felt, each with a {} of its own: change one of them "
+                  fmt::format("layers are felt, and each has its own {}: change one of them "
                               "(palpate layer NAME), or remove them (palpate layer --remove all)",
                               key));
     }

@@ -65,8 +65,12 @@ bool EditLayer(Viewer& viewer, SurfaceLayer& layer, double speed, bool& removed)
 void LayersPanel(Viewer& viewer) {
   const auto& lattice = viewer.feed().volume().lattice();
   if (!lattice || !viewer.feed().settings()) return;
-  if (!ImGui::CollapsingHeader("Layers, for everyone")) return;
   SurfaceLayers layers = viewer.ShownLayers();
+  const bool has_layers = !layers.layer.empty();
+  if (!ImGui::CollapsingHeader("Layers, for everyone",
+                               has_layers ? ImGuiTreeNodeFlags_DefaultOpen : 0)) {
+    return;
+  }
   BeginAllowed(viewer, client::Role::kEditor);
   const double range = lattice->value_max - lattice->value_min;
   bool changed = false;

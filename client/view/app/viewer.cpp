@@ -289,7 +289,6 @@ void Viewer::FollowLayers() {
   }
   if (state_.surface.layers.empty()) return;
   state_.surface.isovalue = state_.surface.layers.back().isovalue;
-  state_.surface.layers.pop_back();
 }
 
 SurfaceLayers Viewer::ShownLayers() const {

@@ -110,7 +110,7 @@ void FrameRenderer::Draw(const FrameRequest& request) {
   if (!request.overlay) return;
   frame_.Bind();
   OverlayView view = {request.size, clip_from_D_, eye_D_};
-  if (surface_shown_ && (request.surface.veil.shown || !request.surface.layers.empty())) {
+  if (surface_shown_ && (request.surface.veil.shown || request.surface.layers.size() > 1)) {
     view.veil_color = caster_.veil_color();
     view.veil_depth = caster_.veil_depth();
   }

@@ -11,7 +11,7 @@
 namespace palpate::view {
 namespace {
 
-// The surface, seven layers before it, and the user's veil.
+// Eight layers, and the user's veil.
 constexpr int kMostIsolines = 9;
 
 // The distance to an isoline is the difference of value and isovalue, divided by the gradient per
@@ -100,7 +100,7 @@ void SetColors(const ShaderProgram& program, const SurfaceOptions& surface,
   std::vector<LayerVeil> lines;
   if (surface.veil.shown) lines.push_back({surface.veil.isovalue, surface.veil.color});
   lines.insert(lines.end(), surface.layers.begin(), surface.layers.end());
-  lines.push_back({surface.isovalue, kIsolineColor});
+  if (surface.layers.empty()) lines.push_back({surface.isovalue, kIsolineColor});
   for (std::size_t n = 0; n < lines.size(); ++n) {
     const std::string at = "[" + std::to_string(n) + "]";
     program.Set(("isovalues" + at).c_str(), scale.Scaled(lines[n].isovalue) - least);

@@ -94,6 +94,7 @@ void SetCuts(const ShaderProgram& program, const SurfaceOptions& surface, const 
 // The layers', and the user's.
 std::vector<LayerVeil> VeilsOf(const SurfaceOptions& surface) {
   std::vector<LayerVeil> veils = surface.layers;
+  if (!veils.empty()) veils.pop_back();  // the surface
   if (surface.veil.shown) veils.push_back({surface.veil.isovalue, surface.veil.color});
   return veils;
 }

@@ -24,7 +24,7 @@ struct Veil {
 };
 
 // An isosurface that is felt before another one: drawn as a veil of its own colour, as clear as the
-// user's veil.
+// user's veil, and as a line of this colour on slices.
 struct LayerVeil {
   double isovalue = 0.0;
   Rgb color = Rgb::Ones();
@@ -68,7 +68,7 @@ struct SurfaceOptions {
   double window_min = 0.0;
   double window_max = 1.0;
   Veil veil{};
-  // From palpated, in order from outside, without the innermost layer: that is the surface.
+  // From palpated, in order from outside; the innermost one is drawn as the surface.
   std::vector<LayerVeil> layers{};
   CropBox crop{};
   std::array<ClipPlane, 2> planes{};

@@ -192,8 +192,8 @@ class SliceView {
     const frame = { begin: begin.map(inPixels), scale: scale.map(inPixels) };
     const { width, height } = this.canvas;
     const levels = [
-      { value: this.state.isovalue(), color: kIsovalueColor },
-      ...layersOf(this.state).slice(0, -1)
+      ...(layersOf(this.state).length > 0 ? [] : [{ value: this.state.isovalue(), color: kIsovalueColor }]),
+      ...layersOf(this.state)
         .map(({ isovalue, color }) => ({ value: isovalue, color: color.map((part) => 255 * part) as Level["color"] })),
       { value: this.state.view.veil, color: kVeilColor },
     ].filter((level): level is Level => level.value !== null);
