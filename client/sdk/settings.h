@@ -14,6 +14,7 @@
 
 #include "client/sdk/setting.h"
 #include "client/sdk/setting_list.h"
+#include "common/contract/render.h"  // SurfaceLayers, which Settings holds
 
 namespace palpate::client {
 

@@ -16,6 +16,7 @@
 #include "server/rpc/server.h"
 #include "server/security/certificates.h"
 #include "server/security/token_file.h"
+#include "server/session/layers.h"
 #include "server/session/range.h"
 #include "server/session/volume_check.h"
 
@@ -218,6 +219,8 @@ std::vector<ConfigFault> CheckConfig(const Config& config, const ConfigKeys& key
                                      const std::vector<ConfigFault>& known) {
   Check check(keys, use, known);
   CheckVolume(config, check);
+  check.Try("haptics.free_side",
+            [&] { CheckSide(config.haptics.layers, config.haptics.free_side); });
   CheckFolders(config, check);
   CheckDevice(config, check);
   CheckTls(config.security, check);

@@ -7,6 +7,7 @@
 
 #include "common/error/error.h"
 #include "server/app/log.h"
+#include "server/session/layers.h"
 #include "server/state/layer_toml.h"
 #include "server/state/state_file.h"
 
@@ -188,7 +189,10 @@ Setters HapticsSetters() {
       setting.set(c.haptics, *number);
     };
   }
-  setters["haptics.layer"] = [](E e, C c) { c.haptics.layers = LayersFromToml(e.node); };
+  setters["haptics.layer"] = [](E e, C c) {
+    c.haptics.layers = LayersFromToml(e.node);
+    OrderLayers(c.haptics.layers);
+  };
   return setters;
 }
 

@@ -29,6 +29,18 @@ bool HaveSameSurface(const HapticSurface& a, const HapticSurface& b) {
 
 }  // namespace
 
+// Of layers the hand plans to touch the outermost one.
+HandGuide::Felt::Felt(const Scene& scene)
+    : volume(scene.volume),
+      surface(scene.surface),
+      stiffness_n_per_mm(scene.settings.stiffness_n_per_mm) {
+  if (surface.layers == nullptr) return;
+  const HapticLayer& outermost = surface.layers->all().front();
+  surface.isovalue = outermost.isovalue;
+  surface.layers = nullptr;  // the scene's
+  stiffness_n_per_mm = outermost.stiffness_n_per_mm;
+}
+
 HandGuide::HandGuide(Session& session, TouchPlanInbox& plans)
     : device_(session.device()), plans_(plans), listening_(session, *this) {}
 
@@ -52,7 +64,7 @@ void HandGuide::Stop() noexcept {
 
 void HandGuide::OnScene(const Scene& scene, std::span<const BrickChange> /*changes*/) {
   // The scene that waited before is freed after the lock.
-  std::optional<Felt> felt = Felt{scene.volume, scene.surface, scene.settings.stiffness_n_per_mm};
+  std::optional<Felt> felt(scene);
   {
     const std::lock_guard lock(mutex_);
     const std::uint64_t loaded = scene.volume->loaded_revision();
@@ -60,12 +72,12 @@ void HandGuide::OnScene(const Scene& scene, std::span<const BrickChange> /*chang
     is_other_volume_ |= is_other;
     if (is_other) room_is_made_until_ = {};
     if (newest_revision_ == scene.volume->revision() &&
-        HaveSameSurface(newest_surface_, scene.surface) &&
+        HaveSameSurface(newest_surface_, felt->surface) &&
         newest_stiffness_n_per_mm_ == felt->stiffness_n_per_mm) {
       return;
     }
     newest_revision_ = scene.volume->revision();
-    newest_surface_ = scene.surface;
+    newest_surface_ = felt->surface;
     newest_surface_.volume = nullptr;
     newest_surface_.lattice = {};
     newest_stiffness_n_per_mm_ = felt->stiffness_n_per_mm;

@@ -42,9 +42,11 @@ class HandGuide final : public SceneListener {
  private:
   // All that a plan depends on.
   struct Felt {
+    explicit Felt(const Scene& scene);
+
     std::shared_ptr<const VolumeSnapshot> volume;
     HapticSurface surface;  // borrows *volume
-    double stiffness_n_per_mm = 0.0;
+    double stiffness_n_per_mm;
   };
 
   void Run();

@@ -36,7 +36,9 @@ Load LoadOn(const HapticSurface& surface, const Vec3& p_DHip_mm, const Proxy& pr
 double GrainShare(const HapticLayer& layer, double slid_mm, double normal_n) {
   if (!(normal_n > 0.0)) return 0.0;
   // Nearly (1 - cos) / 2, by exact arithmetic, so that a replay has the same bits everywhere.
-  const double u = slid_mm / layer.texture_wavelength_mm, bump = 4.0 * u * (1.0 - u);
+  // The wavelength may just have become shorter.
+  const double wavelength_mm = layer.texture_wavelength_mm;
+  const double u = std::fmod(slid_mm, wavelength_mm) / wavelength_mm, bump = 4.0 * u * (1.0 - u);
   return std::min(layer.texture_force_n / normal_n, kMostGrain) * bump * bump;
 }
 

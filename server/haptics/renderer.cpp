@@ -5,6 +5,7 @@
 #include <numbers>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "server/haptics/effects.h"
 #include "server/haptics/force_shading.h"
@@ -175,7 +176,8 @@ class Update {
     Proxy probe = proxy;
     StepProxy(felt(), state_.p_DLastHip_mm, EjectLimit(), probe, state_.cache);
     if (!probe.on_surface()) return 0.0;
-    const double depth_mm = (probe.p_DH_mm - state_.p_DLastHip_mm).norm() - state_.slack_mm;
+    const double depth_mm =
+        std::max(0.0, (probe.p_DH_mm - state_.p_DLastHip_mm).norm() - state_.slack_mm);
     return std::max(0.0, SpringEnergy(At(probe.contact), depth_mm) - state_.spring_mj);
   }
 
@@ -213,6 +215,7 @@ class Update {
           changes && spring_n > before_n ? (spring_n - before_n) / stiffness_n_per_mm : 0.0;
       state_.touched = touched;
     }
+    if (!(spring_n > 0.0)) state_.slack_mm = 0.0;
     if (!(state_.slack_mm > 0.0)) return;
     state_.slack_mm = std::min(state_.slack_mm, Depth());
     output_.spring_D_n *= 1.0 - state_.slack_mm * stiffness_n_per_mm / spring_n;
@@ -375,7 +378,14 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
     if (!state.has_hip) return output;
   }
   output.p_DHip_mm = state.p_DHip_mm;
-  if (surface.layers != nullptr) {
+  const bool layered = surface.layers != nullptr;
+  // The one surface is none of the layers.
+  if (layered != std::exchange(state.layered, layered)) {
+    state.passed = 0;
+    state.touched = 0;
+    state.slack_mm = 0.0;
+  }
+  if (layered) {
     Update<true>(surface, settings, dt_s, state, output).Run();
   } else {
     Update<false>(surface, settings, dt_s, state, output).Run();

@@ -55,6 +55,7 @@ struct RendererMemory {
   Vec3 by_design_D_n = Vec3::Zero();  // the other part of the last force: magnet and pop
   int touched = 0;                    // id of the layer in contact; negative: from within; 0: none
   double slack_mm = 0.0;
+  bool layered = false;  // the last step was on layers
 };
 
 struct RendererState : RendererMemory {

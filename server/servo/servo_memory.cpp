@@ -83,7 +83,7 @@ template <class Renderer, class Visit>
 void VisitRenderer(Renderer& renderer, bool has_layers, Visit& visit) {
   auto& [proxy, has_hip, p_DHip_mm, p_DLastHip_mm, velocity_mm_per_s, friction, passed, rejected_s,
          spring_mj, felt_D_n, pop_force_D_n, pop_fade, passivity, limited_D_n, by_design_D_n,
-         touched, slack_mm] = renderer;
+         touched, slack_mm, layered] = renderer;
   VisitProxy(proxy, has_layers, visit);
   visit(has_hip);
   for (auto* v : {&p_DHip_mm, &p_DLastHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
@@ -98,6 +98,7 @@ void VisitRenderer(Renderer& renderer, bool has_layers, Visit& visit) {
   visit(touched);
   visit(slack_mm);
   visit(slid_mm);
+  visit(layered);
 }
 
 template <class SafetyT, class Visit>
@@ -211,7 +212,7 @@ bool IsInRange(const ServoMemory& memory) {
   return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) && IsBound(proxy.isovalue, kUnbounded) &&
          IsBound(proxy.lower, -kUnbounded) && proxy.refinement >= 1 &&
          proxy.refinement <= kMaxRefinement && (renderer.has_hip || !proxy.placed) &&
-         (on_simplex || !proxy.on_surface()) && std::abs(renderer.touched) <= kMaxLayers &&
+         (on_simplex || !proxy.on_surface()) && renderer.touched >= -kMaxLayers && renderer.touched <= kMaxLayers &&
          renderer.slack_mm >= 0.0 && renderer.slack_mm <= kFarthestMm &&
          renderer.friction.slid_mm >= 0.0 && renderer.friction.slid_mm <= kFarthestMm &&
          IsPosition(renderer.p_DHip_mm) && IsPosition(renderer.p_DLastHip_mm) &&

@@ -87,7 +87,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
     output = SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_);
   } else {
     output = StepRenderer(surface, scene.settings, stylus.p_DHip_mm, elapsed_s, renderer_);
-    sample.isovalue = IsovalueOf(scene, output.isovalue);
+    if (renderer_.has_hip) sample.isovalue = IsovalueOf(scene, output.isovalue);
   }
   Describe(scene, output, sample);
   sample.surface_place = PlaceOf(renderer_.proxy);

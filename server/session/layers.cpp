@@ -82,6 +82,12 @@ void OrderLayers(SurfaceLayers& layers) {
   std::ranges::stable_sort(layers.layer, {}, &SurfaceLayer::isovalue);
 }
 
+void CheckSide(const SurfaceLayers& layers, FreeSide side) {
+  if (layers.layer.empty() || side == FreeSide::kBelow) return;
+  Refuse("layers are felt from below: leave free_side below, or remove the layers "
+         "(palpate layer --remove all)");
+}
+
 void CheckLayers(const SurfaceLayers& layers, const VolumeMetadata& volume) {
   const SurfaceLayer* before = nullptr;
   for (const SurfaceLayer& layer : layers.layer) {

@@ -16,6 +16,9 @@ namespace palpate {
 // or names twice, numbers out of range.
 void OrderLayers(SurfaceLayers& layers);
 
+// Throws Error (kInvalidArgument) if there are layers and they would be felt from above.
+void CheckSide(const SurfaceLayers& layers, FreeSide side);
+
 // For layers in order: throws Error (kInvalidArgument) for isovalues out of the volume's range, and
 // for two that are too close.
 void CheckLayers(const SurfaceLayers& layers, const VolumeMetadata& volume);

@@ -37,13 +37,6 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
   return volume.Denormalize(*normalized);
 }
 
-void CheckSide(const HapticSettings& haptics) {
-  if (haptics.layers.layer.empty() || haptics.free_side == FreeSide::kBelow) return;
-  throw Error(ErrorKind::kInvalidArgument,
-              "layers are felt from below: leave free_side below, or remove the layers "
-              "(palpate layer --remove all)");
-}
-
 void CheckHaptics(HapticSettings& haptics) {
   for (const NumberSetting& setting : kNumberSettings) {
     const double value = haptics.*setting.member;
@@ -53,7 +46,7 @@ void CheckHaptics(HapticSettings& haptics) {
                 fmt::format("{} is {}: it must be {}", setting.key, value, setting.what()));
   }
   OrderLayers(haptics.layers);
-  CheckSide(haptics);
+  CheckSide(haptics.layers, haptics.free_side);
 }
 
 void CheckRevision(const std::optional<std::uint64_t>& expected, std::uint64_t current) {
@@ -79,17 +72,26 @@ std::string ReplacedByLayers(const SettingsUpdate& update) {
   return {};
 }
 
+void CheckReplaced(const SurfaceLayers& felt, const SettingsUpdate& update) {
+  if (felt.layer.empty() || update.layers) return;
+  const std::string key = ReplacedByLayers(update);
+  if (key.empty()) return;
+  throw Error(ErrorKind::kInvalidArgument,
+              fmt::format("layers are felt, and each has its own {}: change one of them "
+                          "(palpate layer NAME), or remove them (palpate layer --remove all)",
+                          key));
+}
+
+// For a volume whose range is not known yet.
+SettingsUpdate WithoutIsovalue(SettingsUpdate update) {
+  update.isovalue = update.normalized_isovalue = std::nullopt;
+  return update;
+}
+
 // Without a look at the layers' isovalues, which are the volume's: CheckLayers.
 RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
                        const SettingsUpdate& update) {
-  if (!settings.haptics.layers.layer.empty() && !update.layers) {
-    if (const std::string key = ReplacedByLayers(update); !key.empty()) {
-      throw Error(ErrorKind::kInvalidArgument,
-                  fmt::format("layers are felt, and each has its own {}: change one of them "
-                              "(palpate layer NAME), or remove them (palpate layer --remove all)",
-                              key));
-    }
-  }
+  CheckReplaced(settings.haptics.layers, update);
   if (update.isovalue || update.normalized_isovalue) {
     settings.isovalue = ChosenIsovalue(volume, update.isovalue, update.normalized_isovalue, 0.0);
     settings.normalized_isovalue = volume.Normalize(settings.isovalue);
@@ -286,16 +288,14 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
 }
 
 void Session::CheckSettings(const LoadRequest& request, const SettingsUpdate& settings) const {
-  SettingsUpdate rest = settings;
   const bool has_isovalue = settings.isovalue || settings.normalized_isovalue;
   if (has_isovalue && (request.isovalue || request.normalized_isovalue)) {
     throw Error(ErrorKind::kInvalidArgument,
                 "the load and its settings both name an isovalue: give one of them");
   }
-  // The range of the new volume is not known yet.
-  rest.isovalue = rest.normalized_isovalue = std::nullopt;
   const std::lock_guard lock(mutex_);
-  Changed(*volume_, settings_, rest);
+  CheckReplaced(settings_.haptics.layers, settings);
+  Changed(*volume_, settings_, WithoutIsovalue(settings));
 }
 
 // The claim shrinks as bricks are made, so that nothing is counted twice for long.
@@ -351,7 +351,7 @@ void Session::TellBeforeOtherVolume(const LoadRequest& request, const SettingsUp
 void Session::TellLeftLayers(const LoadRequest& request, const SettingsUpdate& settings,
                              VolumeMetadata& metadata) const {
   std::unique_lock lock(mutex_);
-  RenderSettings changed = Changed(*volume_, settings_, settings);
+  RenderSettings changed = Changed(*volume_, settings_, WithoutIsovalue(settings));
   const FreeSide side = SideOf(metadata, request, settings);
   lock.unlock();
   SurfaceLayers& layers = changed.haptics.layers;

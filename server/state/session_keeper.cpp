@@ -58,6 +58,7 @@ void TakeChanges(const SavedSession& saved, const LoadRequest& now,
   for (const NumberSetting& setting : kNumberSettings) {
     take(was.*setting.member, is.*setting.member, haptics.*setting.member);
   }
+  take(was.layers, is.layers, haptics.layers);
   for (const FlagSetting& setting : kFlagSettings) {
     take(was.*setting.member, is.*setting.member, haptics.*setting.member);
   }

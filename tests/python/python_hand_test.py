@@ -54,6 +54,27 @@ class HandTest(DaemonTest):
         self.assertLessEqual(felt.tick[-1] - felt.tick[0] + 1 - len(felt), felt.dropped_samples)
         self.assertTrue((felt.tick[1:] > felt.tick[:-1]).all())
 
+    def test_a_layer_lets_the_hand_pass_and_the_recording_tells_it(self):
+        settings = self.conn.settings
+        settings.layers = [palpate.Layer("skin", 0.4, 0.3, pop_force_n=0.5),
+                           palpate.Layer("core", 0.6, 1.0)]
+        self.addCleanup(setattr, settings, "layers", [])
+        path = f"{self.daemon.folder}/layers.mcap"
+        with self.conn.device.lead() as hand:
+            self.conn.recording.start(path)
+            hand.follow(self.path(self.above(55), self.center_mm, self.above(55)))
+            self.conn.recording.stop()
+        recording = palpate.open_recording(path)
+        passings = recording.passings()
+        self.assertEqual([(passing.layer, passing.inwards) for passing in passings],
+                         [("skin", True), ("skin", False)])
+        for passing in passings:
+            self.assertAlmostEqual(passing.force_n, 0.5, delta=0.05)
+        behind = recording.ticks.layers_passed == 1
+        self.assertTrue((recording.ticks.contact_layer[behind] == 2).any())
+        self.assertTrue((recording.ticks.density[behind] >= 0.4 - 1e-6).all())
+        self.assertTrue((recording.ticks.density[~behind] <= 0.4 + 1e-6).all())
+
     def test_the_surface_holds_the_hand_up_with_a_force(self):
         with self.conn.device.lead() as hand:
             felt = hand.follow(self.path(self.above(55), self.center_mm))

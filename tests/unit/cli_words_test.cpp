@@ -9,6 +9,7 @@
 #include <map>
 
 #include "client/cli/description.h"
+#include "client/cli/layers.h"
 #include "client/cli/output.h"
 #include "client/cli/paths_there.h"
 #include "client/cli/place_command.h"
@@ -119,6 +120,25 @@ TEST(CliSetting, AnythingElseIsNotStored) {
     }
   }
   EXPECT_EQ(client::ToProto(update).update_mask().paths_size(), 0);
+}
+
+TEST(CliLayers, AListIsSoftButForTheInnermost) {
+  const auto number = [](const std::string& text) { return std::stod(text); };
+  const SurfaceLayers layers = LayersOfList("bone=300,skin=-300,fat=-80", number);
+  ASSERT_EQ(layers.layer.size(), 3u);
+  for (const SurfaceLayer& layer : layers.layer) {
+    EXPECT_EQ(layer.pop_force_n > 0.0, layer.name != "bone");
+  }
+  EXPECT_EQ(LayersOfList("skin-bone", number).layer[1].isovalue, 300.0);
+  for (const char* wrong : {"", "skin", "=3", ","}) {
+    EXPECT_THROW(LayersOfList(wrong, number), Error) << wrong;
+  }
+  // As JSON, they come back.
+  EXPECT_EQ(LayersOfJson(ToJson(layers).dump()), layers);
+  for (const char* wrong :
+       {"", "{}", "[]", R"({"layer":[{"name":3}]})", R"({"layer":[{"colour":"red"}]})"}) {
+    EXPECT_THROW(LayersOfJson(wrong), Error) << wrong;
+  }
 }
 
 TEST(CliSetting, WhatIsOffSharesALine) {

@@ -97,6 +97,8 @@ TEST_F(ConfigCheckTest, EachFileOfTlsIsJudgedAtItsKey) {
 // Of keys that come together, the one that is there is blamed.
 TEST_F(ConfigCheckTest, KeysThatNeedEachOther) {
   MakeGoodFiles();
+  ExpectFaults(Faults("haptics.layer = [{name = 'a', isovalue = 1}]\nhaptics.free_side = 'above'"),
+               {"f.toml:2: haptics.free_side"});
   ExpectFaults(Faults(Tls("server.pem", "")), {"f.toml:2: tls.certificate"});
   ExpectFaults(Faults(Tls("", "server.key")), {"f.toml:3: tls.key"});
   ExpectFaults(Faults(Tls("", "", "", "tokens.toml")), {"f.toml:5: tls.tokens"});

@@ -55,6 +55,13 @@ TEST_F(ConfigTest, ReadsEveryKey) {
       {"volume.device_mm_per_volume_mm = 0.5",
        [](auto& c) { return c.volume.device_mm_per_volume_mm == 0.5; }},
       {"volume.frame = 3", [](auto& c) { return c.volume.frame == 3; }},
+      {"haptics.layer = [{name = 'skin', isovalue = -300, pop_force_n = 1}, {name = 'bone', "
+       "isovalue = 300, id = 1}]",
+       [](auto& c) {
+         const auto& layers = c.haptics.layers.layer;
+         return layers.size() == 2 && layers[0].id == 2 && layers[0].pop_force_n == 1.0 &&
+                layers[0].stiffness_n_per_mm == 0.5 && layers[1].name == "bone";
+       }},
       {"volume.raw_size = [4, 5, 6]",
        [](auto& c) {
          return c.volume.raw->size == std::array<std::int64_t, 3>{4, 5, 6};
@@ -140,6 +147,8 @@ TEST_F(ConfigTest, AFaultNamesItsLineAndKey) {
       {"[haptics]\nforce_shading = 1\n", "2 haptics.force_shading"},
       {"[haptics]\npop_force_n = true\n", "2 haptics.pop_force_n"},
       {"[haptics]\nfree_side = \"left\"\n", "2 haptics.free_side"},
+      {"[[haptics.layer]]\nname = 'skin'\n", "1 haptics.layer"},
+      {"[[haptics.layer]]\nname = 'skin'\nisovalue = 1\npop_force_n = 9\n", "1 haptics.layer"},
       {"[realtime]\npriority = 200\n", "2 realtime.priority"},
       {"[volume]\nspacing_mm = [1, 2]\n", "2 volume.spacing_mm"},
       {"[volume]\nraw_size = [1.5, 2, 2]\n", "2 volume.raw_size"},

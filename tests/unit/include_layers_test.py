@@ -45,11 +45,11 @@ LAYERS = {
     "server/servo": ["server/realtime", "server/haptics", "server/device", "server/safety",
                      "server/scene", "server/samples"],
     "server/store": COMMON + ["server/realtime", "server/volume", "server/haptics"],
-    "server/state": COMMON + ["server/log", "server/scene", "server/store"],
+    "server/state": COMMON + ["server/log", "server/haptics", "server/scene", "server/store"],
     "server/client_files": COMMON + ["server/volume", "server/store", "server/state"],
     "server/session": COMMON + ["server/log", "server/client_files", "server/volume",
-                                "server/device", "server/scene", "server/samples", "server/store",
-                                "server/state"],
+                                "server/haptics", "server/device", "server/scene",
+                                "server/samples", "server/store", "server/state"],
     "server/recording": COMMON + ["common/wire", "server/realtime", "server/volume", "server/haptics",
                                   "server/device", "server/safety", "server/scene",
                                   "server/samples", "server/servo", "server/session"],
@@ -282,7 +282,7 @@ class IncludeLayers(unittest.TestCase):
         # What the build writes from the contract is in no folder of the tree.
         written = {header for header in others if re.match("(common|client)/", header)}
         self.assertIn("${PALPATE_CONTRACT_HEADERS}", installed)
-        files = re.search(r"set\(values ([\w ]+)\)",
+        files = re.search(r"set\(values ([\w\s]+)\)",
                           (ROOT / "proto/generate/CMakeLists.txt").read_text())[1].split()
         settings = "client/sdk/setting_list.h"
         files.remove("recorded")  # of files, which no call carries

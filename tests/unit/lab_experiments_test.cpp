@@ -340,6 +340,7 @@ TEST_F(LabExperiment, Figure11HasAPanelForEachCellAndMethod) {
 }
 
 TEST_F(LabExperiment, ErrorsAreClear) {
+  EXPECT_THROW(Run("layers"), Error);  // no head in the folder
   EXPECT_THROW(Run("table5"), Error);
   options_.table = folder_.path() / "missing.csv";
   EXPECT_THROW(Run("table4"), Error);

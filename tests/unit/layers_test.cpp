@@ -184,6 +184,19 @@ TEST_F(PlaneLayers, AnIdStaysPassedWhileItsLayerMoves) {
   EXPECT_EQ(Step(29.9).layers_passed, 0);
 }
 
+TEST_F(PlaneLayers, WhatPassedTheOneSurfaceHasPassedNoLayer) {
+  settings_.pop_force_n = 1.0;
+  bool popped = false;
+  for (double z = 25.0; z > 15.0; z -= 0.01) {
+    popped |= StepRenderer(surface_, settings_, Vec3(4.2, 4.1, z), kTickS, *state_).popped;
+  }
+  EXPECT_TRUE(popped);
+  layers_ = LayersOf({{.id = 1, .isovalue = 0.9, .pop_in_n = 1.0}});
+  const HapticOutput above_it = Step(15.0);
+  EXPECT_EQ(above_it.layers_passed, 0);
+  EXPECT_EQ(above_it.contact_layer, 0);
+}
+
 TEST_F(PlaneLayers, BehindALayerItsViscosityIsFelt) {
   settings_.viscosity_n_s_per_m = 1.0;
   layers_.layer[0].viscosity_n_s_per_m = 4.0;

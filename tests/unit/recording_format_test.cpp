@@ -49,6 +49,12 @@ HapticSettings RandomSettings(std::uint64_t seed) {
   for (const FlagSetting& flag : kFlagSettings) settings.*flag.member = random() % 2 == 1;
   settings.free_side = static_cast<FreeSide>(1 + random() % 2);
   settings.method = DecompositionMethod::kBcc;
+  for (std::uint32_t n = 0; n < seed % 4; ++n) {
+    SurfaceLayer layer{.id = 8 - n, .name = std::to_string(n), .isovalue = n + uniform(random) / 4};
+    layer.stiffness_n_per_mm = uniform(random);
+    if (n == 1) layer.pop_out_force_n = uniform(random);
+    settings.layers.layer.push_back(layer);
+  }
   return settings;
 }
 
@@ -171,6 +177,7 @@ TEST(RecordingFormat, ScenesComeBackBitForBit) {
       ASSERT_EQ(read.settings.*number.member, scene.settings.*number.member);
     }
     EXPECT_EQ(read.settings.method, scene.settings.method);
+    EXPECT_EQ(read.settings.layers, scene.settings.layers);
     EXPECT_EQ(read.settings.free_side, scene.settings.free_side);
     EXPECT_EQ(read.X_DI, scene.X_DI);
     EXPECT_EQ(read.X_WI, scene.X_WI);
@@ -205,6 +212,14 @@ TEST(RecordingFormat, ScenesOfOtherVersionsAreRead) {
     message = ToProto(SceneAt(1));
     message.mutable_settings()->set_refinement(refinement);
     EXPECT_THROW(FromProto(message), DamagedBytes) << refinement;
+  }
+}
+
+TEST(RecordingFormat, LayersThatCannotBeAreRefused) {
+  for (const std::uint32_t id : {0u, 7u, 9u}) {
+    v1::RecordedScene message = ToProto(SceneAt(2));
+    message.mutable_settings()->mutable_layers()->mutable_layer(0)->set_id(id);
+    EXPECT_THROW(FromProto(message), DamagedBytes) << id;
   }
 }
 

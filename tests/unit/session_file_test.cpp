@@ -64,6 +64,7 @@ void ExpectSameSettings(const RenderSettings& read, const RenderSettings& writte
   for (const FlagSetting& setting : kFlagSettings) {
     EXPECT_EQ(read.haptics.*setting.member, written.haptics.*setting.member) << setting.key;
   }
+  EXPECT_EQ(read.haptics.layers, written.haptics.layers);
 }
 
 void ExpectSameSession(const FeltSession& read, const FeltSession& written) {
@@ -92,7 +93,10 @@ class SessionFileTest : public ::testing::Test {
 };
 
 TEST_F(SessionFileTest, HoldsAllToTheBit) {
-  const SavedSession written = Session1();
+  SavedSession written = Session1();
+  written.felt.settings.haptics.layers.layer = {
+      {.id = 5, .name = "sk\"in", .isovalue = -300.1, .pop_force_n = 1.0 / 3.0},
+      {.id = 1, .name = "bone", .isovalue = 300.0, .pop_out_force_n = 0.0}};
   const SavedSession read = WriteAndRead(written);
   EXPECT_EQ(read.configured.source, written.configured.source);
   EXPECT_EQ(read.configured.spacing_mm, written.configured.spacing_mm);
