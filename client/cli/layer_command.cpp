@@ -79,14 +79,14 @@ void Take(const LayerValues& values, SurfaceLayer& layer) {
   take(values.viscosity, layer.viscosity_n_s_per_m);
 }
 
-[[noreturn]] void RefuseName(const SurfaceLayers& layers, const std::string& name) {
+[[noreturn]] void RefuseName(const SurfaceLayers& layers, const std::string& name, bool adds) {
   std::string names;
   for (const SurfaceLayer& layer : layers.layer) {
     names += (names.empty() ? "" : ", ") + layer.name;
   }
   throw Error(ErrorKind::kNotFound, "there is no layer '" + name + "'" +
                                         (names.empty() ? "" : ": there are " + names) +
-                                        "; with --isovalue it is added");
+                                        (adds ? "; with --isovalue it is added" : ""));
 }
 
 void RunLayer(client::Calls& palpated, const LayerValues& values, bool json) {
@@ -96,8 +96,8 @@ void RunLayer(client::Calls& palpated, const LayerValues& values, bool json) {
   const std::string& name = values.remove.empty() ? values.name : values.remove;
   auto layer = std::ranges::find(layers.layer, name, &SurfaceLayer::name);
   if (layer == layers.layer.end()) {
-    if (values.isovalue.empty()) RefuseName(layers, name);
-    layers.layer.push_back(NewLayer(layers, name, !values.pop_n || !(*values.pop_n > 0.0)));
+    if (values.isovalue.empty()) RefuseName(layers, name, values.remove.empty());
+    layers.layer.push_back(NewLayer(name, !values.pop_n || !(*values.pop_n > 0.0)));
     layer = layers.layer.end() - 1;
   }
   if (!values.remove.empty()) {
@@ -157,7 +157,9 @@ void AddLayer(arguments::Command& app, Invocation& invocation) {
       ->excludes(remove);
   const auto add = [&](const std::string& option, std::optional<double>& value,
                        const std::string& about) {
-    command->add_option(option, value, about)->check(arguments::NonNegativeNumber());
+    command->add_option(option, value, about)
+        ->check(arguments::NonNegativeNumber())
+        ->excludes(remove);
   };
   add("--stiffness", values->stiffness, "Force per way into it, N/mm");
   add("--damping", values->damping, "Damping along its normal, N·s/m");

@@ -46,10 +46,8 @@ std::string PopsAt(const SurfaceLayer& layer) {
 
 }  // namespace
 
-SurfaceLayer NewLayer(const SurfaceLayers& layers, const std::string& name, bool holds) {
-  SurfaceLayer layer{.id = 1, .name = name};
-  const auto is_taken = [&](const SurfaceLayer& other) { return other.id == layer.id; };
-  while (std::ranges::any_of(layers.layer, is_taken)) ++layer.id;
+SurfaceLayer NewLayer(const std::string& name, bool holds) {
+  SurfaceLayer layer{.name = name};
   layer.stiffness_n_per_mm = holds ? kFirmNPerMm : kSoftNPerMm;
   layer.pop_force_n = holds ? 0.0 : kSoftPopN;
   return layer;
@@ -64,7 +62,7 @@ SurfaceLayers LayersOfList(const std::string& list,
     if (equals == 0 || equals == std::string::npos) {
       Refuse("'" + part + "' is no layer: give NAME=ISOVALUE,NAME=ISOVALUE or skin-bone");
     }
-    SurfaceLayer layer = NewLayer(layers, part.substr(0, equals), false);
+    SurfaceLayer layer = NewLayer(part.substr(0, equals), false);
     layer.isovalue = isovalue_of(part.substr(equals + 1));
     layers.layer.push_back(layer);
   }
@@ -76,8 +74,9 @@ SurfaceLayers LayersOfList(const std::string& list,
 }
 
 std::string Describe(const SurfaceLayer& layer) {
-  std::string text = fmt::format("{}: isovalue {:.9g}, {:g} N/mm, {}", OneLine(layer.name),
-                                 layer.isovalue, layer.stiffness_n_per_mm, PopsAt(layer));
+  std::string text =
+      fmt::format("{} {}: isovalue {:.9g}, {:g} N/mm, {}", layer.id, OneLine(layer.name),
+                  layer.isovalue, layer.stiffness_n_per_mm, PopsAt(layer));
   const auto add = [&](std::string_view what, double value, std::string_view unit) {
     if (value > 0.0) text += fmt::format(", {} {:g}{}", what, value, unit);
   };
@@ -98,7 +97,10 @@ std::string Describe(const SurfaceLayers& layers) {
 SurfaceLayers LayersOfJson(const std::string& text) try {
   const Json json = Json::parse(text);
   SurfaceLayers layers;
-  for (const Json& layer : json.at("layer")) layers.layer.push_back(LayerOfJson(layer));
+  for (const Json& layer : json.at("layer")) {
+    layers.layer.push_back(LayerOfJson(layer));
+    layers.layer.back().id = 0;  // another layer may have it now
+  }
   return layers;
 } catch (const Json::exception& error) {
   Refuse("these are no layers as `palpate layers --json` prints them: " + OneLine(error.what()));

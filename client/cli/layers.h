@@ -16,16 +16,16 @@ namespace palpate::cli {
 // Skin over bone for CT in HU, as LayersOfList takes it.
 inline constexpr std::string_view kSkinBone = "skin=-300,bone=300";
 
-// A new layer with the first id that is free. `holds`: firm, and nothing passes it; else soft, and
-// the stylus passes it at 1 N.
-SurfaceLayer NewLayer(const SurfaceLayers& layers, const std::string& name, bool holds);
+// A layer without an id, which the daemon gives. `holds`: firm, and nothing passes it; else soft,
+// and the stylus passes it at 1 N.
+SurfaceLayer NewLayer(const std::string& name, bool holds);
 
 // Of "NAME=ISOVALUE,...", or of "skin-bone". The one with the greatest isovalue holds; the others
 // are soft. `isovalue_of` gives an isovalue for its text. Errors: kInvalidArgument.
 SurfaceLayers LayersOfList(const std::string& list,
                            const std::function<double(const std::string&)>& isovalue_of);
 
-// "skin: isovalue -300, 0.3 N/mm, pops at 1 N"
+// "1 skin: isovalue -300, 0.3 N/mm, pops at 1 N"
 std::string Describe(const SurfaceLayer& layer);
 // Lines that end with \n; for none: that the one surface is felt.
 std::string Describe(const SurfaceLayers& layers);

@@ -191,7 +191,8 @@ Setters HapticsSetters() {
   }
   setters["haptics.layer"] = [](E e, C c) {
     c.haptics.layers = LayersFromToml(e.node);
-    OrderLayers(c.haptics.layers);
+    SurfaceLayers checked = c.haptics.layers;
+    OrderLayers({}, checked);
   };
   return setters;
 }

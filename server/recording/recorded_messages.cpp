@@ -53,7 +53,7 @@ void TakeSettings(const v1::RenderSettings& message, RecordedScene& scene) {
   }
   scene.settings.layers = FromProto(message.layers());
   try {
-    OrderLayers(scene.settings.layers);
+    OrderLayers({}, scene.settings.layers);
   } catch (const Error& error) {
     throw DamagedBytes(std::string("damaged: ") + error.what());
   }

@@ -43,8 +43,8 @@ void CheckLayer(const SurfaceLayer& layer) {
     Refuse(fmt::format("a layer needs a name of 1 to {} bytes, without control characters",
                        kMostNameBytes));
   }
-  if (layer.id < 1 || layer.id > kMaxLayers) {
-    Refuse(fmt::format("{}: its id is {}: give one from 1 to {}", TitleOf(layer), layer.id,
+  if (layer.id > kMaxLayers) {
+    Refuse(fmt::format("{}: its id is {}: give one from 1 to {}, or none", TitleOf(layer), layer.id,
                        kMaxLayers));
   }
   if (!std::isfinite(layer.isovalue)) Refuse(TitleOf(layer) + ": its isovalue is no number");
@@ -66,26 +66,53 @@ bool AreApart(const VolumeMetadata& volume, const SurfaceLayer& a, const Surface
   return b.isovalue - a.isovalue >= kLeastLayerGap * (volume.value_max - volume.value_min);
 }
 
+bool HasId(const SurfaceLayers& layers, std::uint32_t id) {
+  return std::ranges::any_of(layers.layer, [&](const auto& layer) { return layer.id == id; });
+}
+
+// A stylus that has passed a layer has not passed another one that gets its id.
+std::uint32_t NewId(const SurfaceLayers& layers, const SurfaceLayers& felt) {
+  for (std::uint32_t id = 1; id <= kMaxLayers; ++id) {
+    if (!HasId(layers, id) && !HasId(felt, id)) return id;
+  }
+  std::uint32_t id = 1;
+  while (HasId(layers, id)) ++id;
+  return id;
+}
+
+void GiveIds(const SurfaceLayers& felt, SurfaceLayers& layers) {
+  for (const bool has_name : {true, false}) {
+    for (SurfaceLayer& layer : layers.layer) {
+      if (layer.id != 0) continue;
+      const auto same = std::ranges::find(felt.layer, layer.name, &SurfaceLayer::name);
+      if (has_name && same != felt.layer.end() && !HasId(layers, same->id)) layer.id = same->id;
+      if (!has_name) layer.id = NewId(layers, felt);
+    }
+  }
+}
+
 }  // namespace
 
-void OrderLayers(SurfaceLayers& layers) {
+void OrderLayers(const SurfaceLayers& felt, SurfaceLayers& layers) {
   if (layers.layer.size() > kMaxLayers) {
     Refuse(fmt::format("there can be {} layers, not {}", kMaxLayers, layers.layer.size()));
   }
+  GiveIds(felt, layers);
   std::set<std::uint32_t> ids;
   std::set<std::string> names;
   for (const SurfaceLayer& layer : layers.layer) {
     CheckLayer(layer);
-    if (!ids.insert(layer.id).second) Refuse(fmt::format("two layers have the id {}", layer.id));
     if (!names.insert(layer.name).second) Refuse("there are two of " + TitleOf(layer));
+    if (!ids.insert(layer.id).second) Refuse(fmt::format("two layers have the id {}", layer.id));
   }
   std::ranges::stable_sort(layers.layer, {}, &SurfaceLayer::isovalue);
 }
 
 void CheckSide(const SurfaceLayers& layers, FreeSide side) {
   if (layers.layer.empty() || side == FreeSide::kBelow) return;
-  Refuse("layers are felt from below: leave free_side below, or remove the layers "
-         "(palpate layer --remove all)");
+  Refuse(
+      "layers are felt from below: leave free_side below, or remove the layers "
+      "(palpate layer --remove all)");
 }
 
 void CheckLayers(const SurfaceLayers& layers, const VolumeMetadata& volume) {

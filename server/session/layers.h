@@ -12,9 +12,10 @@
 
 namespace palpate {
 
-// Sorts them by isovalue. Throws Error (kInvalidArgument) for what no layers can be: too many, ids
-// or names twice, numbers out of range.
-void OrderLayers(SurfaceLayers& layers);
+// Sorts them by isovalue, and gives an id to those that have none (0): that of the layer of `felt`
+// with the same name, or one that no layer has. Throws Error (kInvalidArgument) for what no layers
+// can be: too many, ids or names twice, numbers out of range.
+void OrderLayers(const SurfaceLayers& felt, SurfaceLayers& layers);
 
 // Throws Error (kInvalidArgument) if there are layers and they would be felt from above.
 void CheckSide(const SurfaceLayers& layers, FreeSide side);

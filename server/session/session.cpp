@@ -37,7 +37,7 @@ double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>&
   return volume.Denormalize(*normalized);
 }
 
-void CheckHaptics(HapticSettings& haptics) {
+void CheckHaptics(const SurfaceLayers& felt, HapticSettings& haptics) {
   for (const NumberSetting& setting : kNumberSettings) {
     const double value = haptics.*setting.member;
     CheckRange(setting.key, value, setting.low, setting.high, setting.unit);
@@ -45,7 +45,7 @@ void CheckHaptics(HapticSettings& haptics) {
     throw Error(ErrorKind::kInvalidArgument,
                 fmt::format("{} is {}: it must be {}", setting.key, value, setting.what()));
   }
-  OrderLayers(haptics.layers);
+  OrderLayers(felt, haptics.layers);
   CheckSide(haptics.layers, haptics.free_side);
 }
 
@@ -97,11 +97,12 @@ RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
     settings.normalized_isovalue = volume.Normalize(settings.isovalue);
   }
   HapticSettings& haptics = settings.haptics;
+  const SurfaceLayers felt = haptics.layers;
   for (const auto& [member, value] : update.numbers) haptics.*member = value;
   for (const auto& [member, value] : update.flags) haptics.*member = value;
   for (const auto& [setting, number] : update.choices) setting->set(haptics, number);
   if (update.layers) haptics.layers = *update.layers;
-  CheckHaptics(haptics);
+  CheckHaptics(felt, haptics);
   return settings;
 }
 
@@ -180,7 +181,7 @@ VolumeState Session::VolumeLocked() const {
 
 void Session::SetInitial(const RenderSettings& settings) {
   HapticSettings haptics = settings.haptics;
-  CheckHaptics(haptics);
+  CheckHaptics({}, haptics);
   const std::lock_guard lock(mutex_);
   if (settings_revision_ > 0) return;
   settings_.haptics = std::move(haptics);

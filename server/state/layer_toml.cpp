@@ -1,6 +1,5 @@
 #include "server/state/layer_toml.h"
 
-#include <algorithm>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -75,13 +74,6 @@ SurfaceLayers LayersFromToml(const toml::node& node) {
   if (!array) Refuse("must be [[haptics.layer]] with a name and an isovalue");
   SurfaceLayers layers;
   for (const toml::node& element : *array) layers.layer.push_back(LayerOf(element));
-  std::uint32_t next = 1;
-  for (SurfaceLayer& layer : layers.layer) {
-    const auto is_next = [&](const SurfaceLayer& other) { return other.id == next; };
-    if (layer.id != 0) continue;
-    while (std::ranges::any_of(layers.layer, is_next)) ++next;
-    layer.id = next;
-  }
   return layers;
 }
 

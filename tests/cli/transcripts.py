@@ -36,7 +36,8 @@ NO_DAEMON = {
             "place --move-mm 1,2", "place --move-mm 1,2,x", "place --center-mm 1,nan,2",
             "place --scale-by 0", "place --turn-deg 90", "place --turn-deg y,ninety",
             "place --scale-by -1", "place --face=-y", "place --face=y --head=+z",
-            "place --cells-per-mm 0", "place --expected-revision 3",
+            "layer", "layer a --remove b", "layer --remove a --pop-n 1", "layer a --pop-n -1",
+            "layers a=1 --load b", "place --cells-per-mm 0", "place --expected-revision 3",
             "place --cells-per-mm 2 --device-mm-per-voxel 0.5",
             "place --cells-per-mm 2 --device-mm-per-volume-mm 0.5",
             "place --device-mm-per-voxel 2 --device-mm-per-volume-mm 0.5",
@@ -96,6 +97,22 @@ DAEMON = {
         Step("set stifness 1", exit=2, error="'stiffness'"),
         Step(["set isovalue --normalized 0.5 --json", "set isovalue 0.5 --normalized --json"],
              json={"normalized_isovalue": 0.5}),
+    ],
+    "layers": [
+        Step("set free_side below"),
+        Step("layers", has=["no layers"]),
+        Step("layers skin=2,bone=9 --json", json={
+            "layer.0.name": "skin", "layer.0.pop_force_n": 1, "layer.1.pop_force_n": 0}),
+        Step("layer fat --isovalue 5 --pop-n 0.5 --viscosity 1 --json", json={
+            "layer.0.id": 1, "layer.1.name": "fat", "layer.1.id": 3, "layer.2.id": 2}),
+        Step("layer fat --pop-out-n 0.2", has=["3 fat: isovalue 5", "outwards 0.2 N", " tick "]),
+        Step(["set isovalue 4", "set stiffness 1", "set free_side above"], exit=3,
+             error="palpate layer"),
+        Step("layer muscle --pop-n 1", exit=4, error="--isovalue"),
+        Step("layer --remove muscle", exit=4, error="fat"),
+        Step("layer --remove fat --json", json={"layer.1.name": "bone"}),
+        Step("settings", has=["layer 1 skin"]),
+        Step("layer --remove all", has=["no layers"]),
     ],
     "refusals": [
         Step(["set stiffness 99", "set stiffness_n_per_mm -.5"], exit=3, error="stiffness"),

@@ -57,6 +57,23 @@ TEST_F(SessionLayersTest, AreAnsweredInOrderFromOutside) {
   EXPECT_TRUE(felt_ids_.empty());
 }
 
+// A stylus that has passed skin has not passed what comes in its place.
+TEST_F(SessionLayersTest, WithoutAnIdTheyGetThatOfTheirNameOrANewOne) {
+  const auto ids = [&] {
+    std::vector<std::uint32_t> found;
+    for (const SurfaceLayer& layer : Layers().layer) found.push_back(layer.id);
+    return found;
+  };
+  session().Update({.layers = SurfaceLayers{{Layer(0, "skin", 0.3), Layer(0, "bone", 0.6)}}});
+  EXPECT_EQ(ids(), (std::vector<std::uint32_t>{1, 2}));
+  session().Update({.layers = SurfaceLayers{{Layer(0, "fat", 0.4), Layer(0, "bone", 0.6)}}});
+  EXPECT_EQ(ids(), (std::vector<std::uint32_t>{3, 2}));
+  SurfaceLayers eight;  // no id is left that none of them had
+  for (int n = 0; n < 8; ++n) eight.layer.push_back(Layer(0, std::to_string(n), 0.1 + 0.1 * n));
+  session().Update({.layers = eight});
+  EXPECT_EQ(ids(), (std::vector<std::uint32_t>{1, 4, 5, 6, 7, 8, 2, 3}));
+}
+
 TEST_F(SessionLayersTest, BadOnesChangeNothing) {
   const SurfaceLayers good{{Layer(1, "skin", 0.3), Layer(2, "bone", 0.6)}};
   session().Update({.layers = good});
@@ -71,7 +88,6 @@ TEST_F(SessionLayersTest, BadOnesChangeNothing) {
       l.layer.push_back(Layer(id, std::to_string(id), 0.1 * id));
     }
   }));
-  EXPECT_TRUE(refuses([](auto& l) { l.layer[0].id = 0; }));
   EXPECT_TRUE(refuses([](auto& l) { l.layer[0].id = 9; }));
   EXPECT_TRUE(refuses([](auto& l) { l.layer[0].id = 2; }));
   for (const std::string& name : {std::string(), std::string("bone"), std::string("a\nb"),
@@ -127,9 +143,7 @@ TEST_F(SessionLayersTest, ANewVolumeKeepsThoseThatItHasAndNamesTheOthers) {
             ErrorKind::kInvalidArgument);
   EXPECT_EQ(Layers().layer[0].name, "skin");
   // What layers replace, is refused before a file is read.
-  EXPECT_EQ(Refusal([&] {
-              session().Load({.source = "none"}, kQuiet, kNever, {.isovalue = 0.4});
-            }),
+  EXPECT_EQ(Refusal([&] { session().Load({.source = "none"}, kQuiet, kNever, {.isovalue = 0.4}); }),
             ErrorKind::kInvalidArgument);
   // A level set is felt from above.
   metadata.is_level_set = true;

@@ -61,6 +61,22 @@ const kScenes = {
     harness.state.emit("picture");
   },
 };
+pageTest("layers are listed with the band that the proxy is in, and nobody steers the isovalue then", {}, async (page) => {
+  await page.evaluate(() => {
+    harness.connect({ mayFeel: ["isovalue"] });
+    harness.fact("settings", { settingsRevision: 2, settings: { isovalue: 320, layers: { layer: [
+      { id: 2, name: "skin", isovalue: -300 }, { id: 1, name: "bone", isovalue: 300 }] } } });
+    harness.pose(1, { layersPassed: 1, contactLayer: 0, freeSide: 2 });
+  });
+  const layers = await page.$$eval(".layers li", (lines) => lines.map((line) => line.textContent));
+  assert.deepEqual(layers, ["skin −300 HU", "bone 300 HU"]);
+  const { left, width } = await page.$eval(".band", (band) => ({ left: band.style.left, width: band.style.width }));
+  assert.deepEqual([left, width], ["35%", "30%"]);
+  assert.ok(await page.$eval('[data-mark="isovalue"]', (mark) => mark.hidden));
+  await page.$eval(".suggestions button", (button) => button.click());
+  assert.deepEqual(await page.evaluate(() => [harness.state.view.veil, harness.calls]), [-300, []]);
+});
+
 for (const [scene, prepare] of Object.entries(kScenes)) {
   for (const [width, height, isMobile] of [[360, 740, true], [1440, 900, false]]) {
     pageTest(`axe-core has no serious finding: ${scene}, ${width} pixels`, { width, height, isMobile }, async (page) => {

@@ -7,8 +7,6 @@ from palpate._errors import InvalidArgument
 from palpate._values import number, number_or_none, text_of, whole
 from palpate.v1 import render_pb2
 
-_MOST_LAYERS = 8
-
 
 @dataclasses.dataclass(frozen=True)
 class Layer:
@@ -20,7 +18,8 @@ class Layer:
     pop_force_n: spring force at which the stylus passes through it inwards, N; 0: never
     pop_out_force_n: the same outwards; None: pop_force_n
     viscosity_n_s_per_m: drag while this is the last layer that the stylus has passed
-    id: 1 to 8; a layer that was passed stays passed while its id stays. 0: the first that is free
+    id: 1 to 8; a layer that was passed stays passed while its id stays. 0: that of the layer with
+        this name, or a free one
     """
 
     name: str
@@ -36,7 +35,7 @@ class Layer:
 
 
 def layers_of(name: str, value: typing.Any) -> tuple[Layer, ...]:
-    """Layers of a message, or of a caller, with ids. Errors: InvalidArgument."""
+    """Layers of a message, or of a caller. Errors: InvalidArgument."""
     if isinstance(value, render_pb2.SurfaceLayers):
         return tuple(_layer_of(message) for message in value.layer)
     try:
@@ -46,10 +45,7 @@ def layers_of(name: str, value: typing.Any) -> tuple[Layer, ...]:
     for layer in layers:
         if not isinstance(layer, Layer):
             raise InvalidArgument(f"{name} are palpate.Layer(\"skin\", -300.0, ...), not {layer!r}")
-    taken = {whole("id", layer.id, 0, _MOST_LAYERS) for layer in layers}
-    free = iter(sorted(set(range(1, len(layers) + len(taken) + 1)) - taken))
-    return tuple(layer if layer.id else dataclasses.replace(layer, id=next(free))
-                 for layer in layers)
+    return tuple(layers)
 
 
 def put_layers(layers: tuple[Layer, ...], message: render_pb2.SurfaceLayers) -> None:
@@ -63,7 +59,7 @@ def put_layers(layers: tuple[Layer, ...], message: render_pb2.SurfaceLayers) -> 
 
 def _checked(name: str, value: typing.Any) -> typing.Any:
     if name == "id":
-        return whole(name, value)
+        return whole(name, value, 0, 8)
     if name == "name":
         return text_of(name, value)
     return number_or_none(name, value) if name == "pop_out_force_n" else number(name, value)

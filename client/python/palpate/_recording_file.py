@@ -9,6 +9,7 @@ import typing
 import numpy as np
 import numpy.typing as npt
 
+from palpate._enums import ProxyMode
 from palpate._errors import (Conflict, FailedPrecondition, InvalidArgument, NotFound,
                              PermissionDenied)
 from palpate._html import table
@@ -101,14 +102,18 @@ class RecordingFile:
     def passings(self) -> list[RecordedPassing]:
         """Returns where the stylus passed through a layer, oldest first.
 
-        Left out: changes of the layers, after which the stylus may be behind more or fewer of them.
+        Left out: changes of the layers, after which the stylus may be behind more or fewer of
+        them, and moments in which it felt nothing.
         Errors: none. Example: [passing.layer for passing in recording.passings()]
         """
         ticks = self.ticks
         passed = ticks.layers_passed.astype(np.int64)
         found = []
+        felt = ~np.isin(ticks.mode, (ProxyMode.SUSPENDED, ProxyMode.INSIDE))
         for before in np.flatnonzero(np.diff(passed)):
             now = before + 1
+            if not (felt[before] and felt[now]):
+                continue
             if (ticks.settings_revision[now] != ticks.settings_revision[before]
                     or ticks.tick[now] != ticks.tick[before] + 1):
                 continue

@@ -14,12 +14,9 @@ constexpr double kSoftNPerMm = 0.3, kFirmNPerMm = 1.0, kSoftPopN = 1.0;
 
 SurfaceLayer NewLayer(const SurfaceLayers& layers, const std::string& name, double isovalue,
                       bool holds) {
-  SurfaceLayer layer{.id = 1, .name = name, .isovalue = isovalue};
-  const auto has = [&](auto&& is) { return std::ranges::any_of(layers.layer, is); };
-  while (has([&](const SurfaceLayer& other) { return other.id == layer.id; })) ++layer.id;
-  while (has([&](const SurfaceLayer& other) { return other.name == layer.name; })) {
-    layer.name += "'";
-  }
+  SurfaceLayer layer{.name = name, .isovalue = isovalue};
+  const auto has_name = [&](const SurfaceLayer& other) { return other.name == layer.name; };
+  while (std::ranges::any_of(layers.layer, has_name)) layer.name += "'";
   layer.stiffness_n_per_mm = holds ? kFirmNPerMm : kSoftNPerMm;
   layer.pop_force_n = holds ? 0.0 : kSoftPopN;
   return layer;
@@ -83,11 +80,10 @@ void LayersPanel(Viewer& viewer) {
   if (gone) layers.layer.erase(layers.layer.begin() + static_cast<std::ptrdiff_t>(*gone));
   ImGui::BeginDisabled(layers.layer.size() >= kMostLayers);
   if (ImGui::Button("Add a layer")) {
-    const double isovalue = viewer.feed().settings()->isovalue;
-    const double before = layers.layer.empty() ? isovalue : layers.layer.back().isovalue;
-    const bool is_first = layers.layer.empty();
-    const double at = is_first ? isovalue : std::min(lattice->value_max, before + 0.1 * range);
-    layers.layer.push_back(NewLayer(layers, is_first ? "surface" : "layer", at, true));
+    double at = viewer.feed().settings()->isovalue;
+    if (has_layers) at = layers.layer.back().isovalue;
+    if (has_layers) at += std::min(0.1 * range, 0.5 * (lattice->value_max - at));
+    layers.layer.push_back(NewLayer(layers, has_layers ? "layer" : "surface", at, true));
     changed = true;
   }
   ImGui::EndDisabled();

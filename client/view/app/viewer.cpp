@@ -209,7 +209,9 @@ void Viewer::CheckOptions(const VolumeLattice& lattice) {
 std::optional<Bounds> Viewer::VolumeBounds() const {
   const ViewVolume& volume = feed_.volume();
   if (feed_.settings() && volume.bricks_left() == 0 && !options_.camera) {
-    if (const auto bounds = SurfaceBounds(volume, feed_.settings()->isovalue)) return bounds;
+    const std::vector<SurfaceLayer>& layers = feed_.settings()->layers.layer;
+    const double outermost = layers.empty() ? feed_.settings()->isovalue : layers.front().isovalue;
+    if (const auto bounds = SurfaceBounds(volume, outermost)) return bounds;
   }
   if (!volume.lattice() || !volume.X_DI()) return {};
   const Vec3 last_I = volume.lattice()->size.cast<double>() - Vec3::Ones();

@@ -2,8 +2,7 @@
 // steer the isovalue drag its mark.
 import type { State } from "../state";
 import { clamp } from "../view/geometry";
-import { bandOf, layersOf } from "../view/layers";
-import { isFreeAbove } from "../wire/contract";
+import { bandOf, isMaterialAbove, layersOf } from "../view/layers";
 import type { SuggestedIsovalue } from "../wire/contract";
 import type { Room } from "../wire/room";
 import { make, makeSvg, setAttribute, setText } from "./dom";
@@ -168,10 +167,9 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     const share = `${100 * (isovalue === null ? 0 : shareOf(scale, isovalue))}%`;
     line.hidden = isovalue === null || isLayered;
     line.style.left = share;
-    const isAbove = !isLayered && isFreeAbove(state.pose);
     split.forEach((stop, n) => {
       stop.setAttribute("offset", share);
-      stop.setAttribute("class", isovalue !== null && (n === 1) !== isAbove ? "material" : "air");
+      stop.setAttribute("class", isovalue !== null && (n === 1) === isMaterialAbove(state) ? "material" : "air");
     });
   };
   const showBand = (scale: Scale) => {
@@ -181,13 +179,16 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     const [low, high] = between.map((value) => 100 * shareOf(scale, value));
     Object.assign(band.style, { left: `${low}%`, width: `${high - low}%` });
   };
-  // Guests put the veil at a suggestion, users who may steer the isovalue.
+  // Guests put the veil at a suggestion, users who may steer the isovalue. Layers have their own.
+  let wasLayered = false;
   const updateVolume = () => {
+    wasLayered = layersOf(state).length > 0;
+    const steers = maySteer() && !wasLayered;
     const unit = state.volume?.unit ?? "";
     const suggestion = ({ name, isovalue, reason }: SuggestedIsovalue) => {
-      const title = `${maySteer() ? "Isovalue" : "Veil"} at ${name}, ${valueText(isovalue, unit)}`;
+      const title = `${steers ? "Isovalue" : "Veil"} at ${name}, ${valueText(isovalue, unit)}`;
       const made = make("button", { type: "button", title, "aria-label": title }, `${name} ${valueText(isovalue)}`);
-      made.addEventListener("click", () => (maySteer() ? setIsovalue(isovalue) : setVeil(isovalue)));
+      made.addEventListener("click", () => (steers ? setIsovalue(isovalue) : setVeil(isovalue)));
       return make("p", { class: "reading" }, made, make("span", { class: "note" }, reason));
     };
     const { suggestedIsovalues: suggested = [], histogram } = state.volume ?? {};
@@ -207,10 +208,13 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   opacity.addEventListener("input", () => state.setView({ veilOpacity: opacity.valueAsNumber }));
   let seen = "";
   state.on("pose", () => {
-    const now = `${state.isovalue()} ${isFreeAbove(state.pose)} ${state.pose?.layersPassed}`;
+    const now = `${state.isovalue()} ${isMaterialAbove(state)} ${state.pose?.layersPassed}`;
     if (now !== seen) update();
     seen = now;
   });
   state.on(["settings", "steering", "view"], update);
+  state.on("settings", () => {
+    if (wasLayered !== layersOf(state).length > 0) updateVolume();
+  });
   state.watch(["volume", "hello"], updateVolume);
 }

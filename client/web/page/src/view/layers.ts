@@ -1,5 +1,6 @@
 // The layers: surfaces that are felt one behind the other, in order from outside. They are everybody's.
 import type { State } from "../state";
+import { isFreeAbove } from "../wire/contract";
 import type { Vec3 } from "../wire/messages";
 
 export interface Layer {
@@ -18,6 +19,11 @@ const kColors: Vec3[] = [
 export function layersOf(state: State): Layer[] {
   const told = state.settings?.settings.layers?.layer ?? [];
   return told.map(({ id, name, isovalue }) => ({ id, name, isovalue, color: kColors[(id - 1) % kColors.length] }));
+}
+
+// Material has higher values than the isovalue. Poses tell of layers from which side they are touched.
+export function isMaterialAbove(state: State): boolean {
+  return layersOf(state).length > 0 || !isFreeAbove(state.pose);
 }
 
 // The isovalues between which SCP_H is; infinite where there is no layer. Null: no layers, or no pose.

@@ -8,7 +8,6 @@ import { VolumeTexture } from "../render/volume_texture";
 import type { State } from "../state";
 import type { VolumeShape, Voxels } from "../volume/manifest";
 import type { Vec3 } from "../wire/messages";
-import { isFreeAbove } from "../wire/contract";
 import type { Pose } from "../wire/contract";
 import { boundsIn } from "./camera";
 import type { Bounds, Size } from "./camera";
@@ -18,7 +17,7 @@ import { cameraOf, changeCamera } from "./look";
 import { faceLabels, patientFrame } from "./patient_axes";
 import { followPointers } from "./pointers";
 import { PalpationScene } from "./scene";
-import { layersOf } from "./layers";
+import { isMaterialAbove, layersOf } from "./layers";
 
 // The desktop viewer's (client/view/scene/view_options.h).
 const kSurfaceColor: Vec3 = [0.87, 0.8, 0.7];
@@ -164,7 +163,7 @@ export class Viewport {
       clipFromD: camera.clipFromD(size, bounds),
       deviceFromIndex: compose(map, indexFromBlocks(shape.factor)),
       isovalue,
-      materialAbove: !isFreeAbove(this.state.pose),
+      materialAbove: isMaterialAbove(this.state),
       color: kSurfaceColor,
       veils: [...layersOf(this.state).slice(0, -1), ...(veil === null ? [] : [{ isovalue: veil, color: kVeilColor }])]
         .map(({ isovalue, color }) => ({ isovalue, color })),

@@ -1,6 +1,7 @@
 // Says in plain words what happened while the page or the gateway was cut off, and when a new volume comes.
 import type { State } from "../state";
 import { valueText } from "../ui/words";
+import { layersOf } from "../view/layers";
 
 interface Away {
   sinceMs: number;
@@ -27,6 +28,7 @@ export class Meanwhile {
   }
 
   private isovalue(): number | null {
+    if (layersOf(this.state).length > 0) return null; // each has its own
     return this.state.settings?.settings.isovalue ?? null;
   }
 
