@@ -101,12 +101,12 @@ DAEMON = {
     "layers": [
         Step("set free_side below"),
         Step("layers", has=["no layers"]),
-        Step("layers skin=2,bone=9 --json", json={
+        Step("layers skin=0.2,bone=0.9 --json", json={
             "layer.0.name": "skin", "layer.0.pop_force_n": 1, "layer.1.pop_force_n": 0}),
-        Step("layer fat --isovalue 5 --pop-n 0.5 --viscosity 1 --json", json={
+        Step("layer fat --isovalue 0.5 --pop-n 0.5 --viscosity 1 --json", json={
             "layer.0.id": 1, "layer.1.name": "fat", "layer.1.id": 3, "layer.2.id": 2}),
-        Step("layer fat --pop-out-n 0.2", has=["3 fat: isovalue 5", "outwards 0.2 N", " tick "]),
-        Step(["set isovalue 4", "set stiffness 1", "set free_side above"], exit=3,
+        Step("layer fat --pop-out-n 0.2", has=["3 fat: isovalue 0.5", "outwards 0.2 N", " tick "]),
+        Step(["set isovalue 0.4", "set stiffness 1", "set free_side above"], exit=3,
              error="palpate layer"),
         Step("layer muscle --pop-n 1", exit=4, error="--isovalue"),
         Step("layer --remove muscle", exit=4, error="fat"),

@@ -65,7 +65,7 @@ class HandTest(DaemonTest):
             hand.follow(self.path(self.above(55), self.center_mm, self.above(55)))
             self.conn.recording.stop()
         recording = palpate.open_recording(path)
-        passings = recording.passings()
+        passings = recording.passings()[-2:]  # the hand may have been inside before
         self.assertEqual([(passing.layer, passing.inwards) for passing in passings],
                          [("skin", True), ("skin", False)])
         for passing in passings:

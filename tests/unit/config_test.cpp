@@ -59,7 +59,7 @@ TEST_F(ConfigTest, ReadsEveryKey) {
        "isovalue = 300, id = 1}]",
        [](auto& c) {
          const auto& layers = c.haptics.layers.layer;
-         return layers.size() == 2 && layers[0].id == 2 && layers[0].pop_force_n == 1.0 &&
+         return layers.size() == 2 && layers[0].id == 0 && layers[0].pop_force_n == 1.0 &&
                 layers[0].stiffness_n_per_mm == 0.5 && layers[1].name == "bone";
        }},
       {"volume.raw_size = [4, 5, 6]",
