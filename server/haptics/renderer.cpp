@@ -5,7 +5,6 @@
 #include <numbers>
 #include <optional>
 #include <span>
-#include <utility>
 
 #include "server/haptics/effects.h"
 #include "server/haptics/force_shading.h"
@@ -365,6 +364,14 @@ class Update {
   bool changes_layer_ = false;         // from contact to contact
 };
 
+// The one surface is none of the layers.
+void ForgetSurfaces(RendererState& state) noexcept {
+  state.layered = !state.layered;
+  state.passed = 0;
+  state.touched = 0;
+  state.slack_mm = 0.0;
+}
+
 }  // namespace
 
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
@@ -378,16 +385,11 @@ HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& se
     if (!state.has_hip) return output;
   }
   output.p_DHip_mm = state.p_DHip_mm;
-  const bool layered = surface.layers != nullptr;
-  // The one surface is none of the layers.
-  if (layered != std::exchange(state.layered, layered)) {
-    state.passed = 0;
-    state.touched = 0;
-    state.slack_mm = 0.0;
-  }
-  if (layered) {
+  if (surface.layers != nullptr) {
+    if (!state.layered) ForgetSurfaces(state);
     Update<true>(surface, settings, dt_s, state, output).Run();
   } else {
+    if (state.layered) ForgetSurfaces(state);
     Update<false>(surface, settings, dt_s, state, output).Run();
   }
   state.p_DLastHip_mm = state.p_DHip_mm;
