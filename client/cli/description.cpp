@@ -117,6 +117,9 @@ std::string Describe(const client::Settings& settings) {
           ? fmt::format(" (normalised {:g})", settings.normalized_isovalue)
           : "";
   AppendLine(text, "", fmt::format("isovalue {:g}{}", settings.isovalue, normalized));
+  if (!settings.layers.layer.empty()) {
+    AppendLine(text, "", "felt in place of isovalue, stiffness, damping, friction and pop_force:");
+  }
   for (const SurfaceLayer& layer : settings.layers.layer) {
     AppendLine(text, "", "layer " + Describe(layer));
   }

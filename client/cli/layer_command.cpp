@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <fstream>
-#include <iterator>
 #include <memory>
 #include <optional>
+#include <sstream>
 
 #include "client/cli/commands.h"
 #include "client/cli/isovalues.h"
@@ -52,9 +52,10 @@ void Set(client::Calls& palpated, const SurfaceLayers& layers,
 
 std::string ContentOf(const std::string& path) {
   std::ifstream file(path);
-  std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  if (!file) throw Error(ErrorKind::kNotFound, path + " cannot be read");
-  return text;
+  std::ostringstream text;
+  text << file.rdbuf();
+  if (!file || !text) throw Error(ErrorKind::kNotFound, path + " cannot be read");
+  return text.str();
 }
 
 void RunLayers(client::Calls& palpated, const LayersValues& values, bool json) {

@@ -23,7 +23,7 @@ void TakeField(const Json& json, std::optional<double>& value) {
 }
 
 SurfaceLayer LayerOfJson(const Json& json) {
-  SurfaceLayer layer;
+  SurfaceLayer layer{.stiffness_n_per_mm = client::Settings{}.stiffness_n_per_mm};
   std::size_t taken = 0;
   VisitFields(layer, [&](const char* name, auto& value) {
     const auto field = json.find(name);
@@ -32,6 +32,9 @@ SurfaceLayer LayerOfJson(const Json& json) {
     ++taken;
   });
   if (taken != json.size()) Refuse("a layer has a field that this palpate does not know");
+  if (!json.contains("name") || !json.contains("isovalue")) {
+    Refuse("each layer needs a name and an isovalue");
+  }
   return layer;
 }
 

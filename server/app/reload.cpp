@@ -114,20 +114,14 @@ void ConfigReload::TakeOver() {
   // and tokens may have been replaced.
   const std::function<void()> take_policy = read_policy_(next.config.security.policy);
   SettingsUpdate update = UpdateOf(live, next.config);
+  update.behind_layers = true;
   if (!IsEmpty(update)) {
-    const char* of_volume = update.layers ? "haptics.layer" : "volume.isovalue";
-    // The settings of the one surface may change behind the layers that are felt.
-    const SettingsState felt = session_.settings();
-    const SurfaceLayers& layers = felt.settings.haptics.layers;
-    if (!update.layers && !layers.layer.empty()) {
-      update.layers = layers;
-      update.expected_revision = felt.settings_revision;
-    }
     try {
       session_.Update(update);
     } catch (const RangeError& error) {
       // All other ranges were checked before. These depend on the volume.
-      throw AtKey(next, of_volume, error);
+      const bool is_layer = error.name().starts_with("layer ");
+      throw AtKey(next, is_layer ? "haptics.layer" : "volume.isovalue", error);
     }
   }
   if (Names(live, "log.level")) SetLogLevel(next.config.log_level);

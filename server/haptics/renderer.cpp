@@ -127,7 +127,7 @@ class Update {
         band().isovalue = bounds->isovalue;
       }
     }
-    // In a new volume the stylus is no deeper than where the HIP is.
+    // In a new volume or place the stylus is no deeper than where the HIP is.
     if (passed_ > 0 && state_.proxy.geometry_revision != surface_.geometry_revision) {
       double density = 0.0;
       PlaceAt(felt(), surface_.X_LD.Apply(state_.p_DHip_mm), state_.cache, density);

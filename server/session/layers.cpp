@@ -70,16 +70,20 @@ bool HasId(const SurfaceLayers& layers, std::uint32_t id) {
   return std::ranges::any_of(layers.layer, [&](const auto& layer) { return layer.id == id; });
 }
 
-// A stylus that has passed a layer has not passed another one that gets its id.
+// A stylus that has passed a layer has not passed another one that gets its id. If all ids are
+// felt, the innermost one is the least likely to be passed.
 std::uint32_t NewId(const SurfaceLayers& layers, const SurfaceLayers& felt) {
   for (std::uint32_t id = 1; id <= kMaxLayers; ++id) {
     if (!HasId(layers, id) && !HasId(felt, id)) return id;
   }
-  std::uint32_t id = 1;
-  while (HasId(layers, id)) ++id;
+  std::uint32_t id = 0;
+  for (const SurfaceLayer& layer : felt.layer) {
+    if (!HasId(layers, layer.id)) id = layer.id;
+  }
   return id;
 }
 
+// From outside: what the stylus has passed is the first ones.
 void GiveIds(const SurfaceLayers& felt, SurfaceLayers& layers) {
   for (const bool has_name : {true, false}) {
     for (SurfaceLayer& layer : layers.layer) {
@@ -97,15 +101,15 @@ void OrderLayers(const SurfaceLayers& felt, SurfaceLayers& layers) {
   if (layers.layer.size() > kMaxLayers) {
     Refuse(fmt::format("there can be {} layers, not {}", kMaxLayers, layers.layer.size()));
   }
+  for (const SurfaceLayer& layer : layers.layer) CheckLayer(layer);
+  std::ranges::stable_sort(layers.layer, {}, &SurfaceLayer::isovalue);
   GiveIds(felt, layers);
   std::set<std::uint32_t> ids;
   std::set<std::string> names;
   for (const SurfaceLayer& layer : layers.layer) {
-    CheckLayer(layer);
     if (!names.insert(layer.name).second) Refuse("there are two of " + TitleOf(layer));
     if (!ids.insert(layer.id).second) Refuse(fmt::format("two layers have the id {}", layer.id));
   }
-  std::ranges::stable_sort(layers.layer, {}, &SurfaceLayer::isovalue);
 }
 
 void CheckSide(const SurfaceLayers& layers, FreeSide side) {

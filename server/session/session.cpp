@@ -46,7 +46,6 @@ void CheckHaptics(const SurfaceLayers& felt, HapticSettings& haptics) {
                 fmt::format("{} is {}: it must be {}", setting.key, value, setting.what()));
   }
   OrderLayers(felt, haptics.layers);
-  CheckSide(haptics.layers, haptics.free_side);
 }
 
 void CheckRevision(const std::optional<std::uint64_t>& expected, std::uint64_t current) {
@@ -73,7 +72,7 @@ std::string ReplacedByLayers(const SettingsUpdate& update) {
 }
 
 void CheckReplaced(const SurfaceLayers& felt, const SettingsUpdate& update) {
-  if (felt.layer.empty() || update.layers) return;
+  if (felt.layer.empty() || update.layers || update.behind_layers) return;
   const std::string key = ReplacedByLayers(update);
   if (key.empty()) return;
   throw Error(ErrorKind::kInvalidArgument,
@@ -88,7 +87,7 @@ SettingsUpdate WithoutIsovalue(SettingsUpdate update) {
   return update;
 }
 
-// Without a look at the layers' isovalues, which are the volume's: CheckLayers.
+// Without a look at what depends on the volume: the layers' isovalues and the side.
 RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
                        const SettingsUpdate& update) {
   CheckReplaced(settings.haptics.layers, update);
@@ -182,6 +181,7 @@ VolumeState Session::VolumeLocked() const {
 void Session::SetInitial(const RenderSettings& settings) {
   HapticSettings haptics = settings.haptics;
   CheckHaptics({}, haptics);
+  CheckSide(haptics.layers, haptics.free_side);
   const std::lock_guard lock(mutex_);
   if (settings_revision_ > 0) return;
   settings_.haptics = std::move(haptics);
@@ -238,7 +238,8 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     const std::lock_guard lock(mutex_);
     CheckRevision(update.expected_revision, settings_revision_);
     const RenderSettings changed = Changed(*volume_, settings_, update);
-    CheckLayers(changed.haptics.layers, volume_->metadata());
+    CheckSide(changed.haptics.layers, changed.haptics.free_side);
+    if (update.layers) CheckLayers(changed.haptics.layers, volume_->metadata());
     // Another decomposition makes another surface for the proxy.
     if (changed.haptics.method != settings_.haptics.method) ++geometry_revision_;
     before = std::exchange(settings_, changed);
@@ -348,9 +349,10 @@ void Session::TellBeforeOtherVolume(const LoadRequest& request, const SettingsUp
   before_other_volume_(surface);
 }
 
-// Tells which layers the new volume leaves out. Throws for those that the load itself asks for.
-void Session::TellLeftLayers(const LoadRequest& request, const SettingsUpdate& settings,
-                             VolumeMetadata& metadata) const {
+// The layers that will be felt. Tells which ones the new volume leaves out. Throws for those that
+// the load itself asks for.
+SurfaceLayers Session::LayersOn(const LoadRequest& request, const SettingsUpdate& settings,
+                                VolumeMetadata& metadata) const {
   std::unique_lock lock(mutex_);
   RenderSettings changed = Changed(*volume_, settings_, WithoutIsovalue(settings));
   const FreeSide side = SideOf(metadata, request, settings);
@@ -358,17 +360,17 @@ void Session::TellLeftLayers(const LoadRequest& request, const SettingsUpdate& s
   SurfaceLayers& layers = changed.haptics.layers;
   if (settings.layers) CheckLayers(layers, metadata);
   const std::string left = FitLayers(metadata, side, layers);
-  if (left.empty()) return;
+  if (left.empty()) return layers;
   if (settings.layers) throw Error(ErrorKind::kInvalidArgument, left);
-  LogWarning("{}", left);
   metadata.warnings.push_back(left);
+  return layers;
 }
 
 VolumeState Session::PublishVolume(const LoadRequest& request, VolumeMetadata metadata,
                                    const BrickDirectory& bricks, std::uint64_t frames_bytes,
                                    const SettingsUpdate& settings) {
   CheckSettings(request, settings);
-  TellLeftLayers(request, settings, metadata);
+  const SurfaceLayers layers = LayersOn(request, settings, metadata);
   const VolumePlace registration = PlaceLoaded(request, metadata);
   store_.RequireSaved(request.discards_edits);
   const VolumeSnapshot next(metadata, bricks, 1, 1);
@@ -377,7 +379,8 @@ VolumeState Session::PublishVolume(const LoadRequest& request, VolumeMetadata me
                                       values->suggested.front().isovalue);
   const double isovalue =
       ChosenIsovalue(next, settings.isovalue, settings.normalized_isovalue, start);
-  TellBeforeOtherVolume(request, settings, registration, next, isovalue);
+  TellBeforeOtherVolume(request, settings, registration, next,
+                        layers.layer.empty() ? isovalue : layers.layer.front().isovalue);
   VolumeState state;
   const auto publish = [&](const std::shared_ptr<const VolumeSnapshot>& volume,
                            std::span<const BrickChange>) {
@@ -404,7 +407,8 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
   if (metadata.is_level_set && was_density) side_of_densities_ = settings_.haptics.free_side;
   settings_ = Changed(*volume, settings_, settings);
   settings_.haptics.free_side = side;
-  FitLayers(metadata, side, settings_.haptics.layers);
+  const std::string left = FitLayers(metadata, side, settings_.haptics.layers);
+  if (!left.empty()) LogWarning("{}", left);
   volume_ = volume;
   request_ = request;
   is_reshaped_ = false;

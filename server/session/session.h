@@ -49,6 +49,7 @@ struct SettingsUpdate {
   // Settings of kChoiceSettings and the numbers of their enumerators.
   std::vector<std::pair<const ChoiceSetting*, int>> choices{};
   std::optional<SurfaceLayers> layers{};
+  bool behind_layers = false;  // may change what layers replace, although they are felt
   std::optional<std::uint64_t> expected_revision{};
 };
 
@@ -196,8 +197,8 @@ class Session {
   const VolumeLoader& loader() const { return loader_; }
 
  private:
-  void TellLeftLayers(const LoadRequest& request, const SettingsUpdate& settings,
-                      VolumeMetadata& metadata) const;
+  SurfaceLayers LayersOn(const LoadRequest& request, const SettingsUpdate& settings,
+                         VolumeMetadata& metadata) const;
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
   void TellBeforeOtherVolume(const LoadRequest& request, const SettingsUpdate& settings,

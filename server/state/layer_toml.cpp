@@ -59,7 +59,7 @@ toml::array LayersToToml(const SurfaceLayers& layers) {
       if constexpr (std::is_same_v<Value, std::optional<double>>) {
         if (value) table.insert(name, *value);
       } else if constexpr (std::is_same_v<Value, std::uint32_t>) {
-        table.insert(name, std::int64_t{value});
+        if (value != 0) table.insert(name, std::int64_t{value});
       } else {
         table.insert(name, value);
       }

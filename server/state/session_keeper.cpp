@@ -58,9 +58,13 @@ void TakeChanges(const SavedSession& saved, const LoadRequest& now,
   for (const NumberSetting& setting : kNumberSettings) {
     take(was.*setting.member, is.*setting.member, haptics.*setting.member);
   }
-  take(was.layers, is.layers, haptics.layers);
   for (const FlagSetting& setting : kFlagSettings) {
     take(was.*setting.member, is.*setting.member, haptics.*setting.member);
+  }
+  take(was.layers, is.layers, haptics.layers);
+  if (haptics.free_side == FreeSide::kAbove && !haptics.layers.layer.empty()) {
+    LogWarning("layers do not come back: they are felt from below, and free_side is above");
+    haptics.layers = {};
   }
 }
 

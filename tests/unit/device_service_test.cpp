@@ -272,7 +272,7 @@ TEST(DeviceService, ADockedStylusIsHeldAndThatIsNoError) {
 TEST(DeviceService, ForcesAreHeldInAReplay) {
   DeviceServiceRig rig;
   rig.session().SetForcesOff(true);
-  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_OFF));  // after the first tick
   ASSERT_TRUE(rig.Enable("fake-usb").ok());
   EXPECT_EQ(rig.answer.state(), v1::FORCE_STATE_HELD);
   EXPECT_EQ(rig.answer.reason(), v1::FORCE_REASON_REPLAY);

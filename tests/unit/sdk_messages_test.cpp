@@ -35,8 +35,9 @@ struct Is {
 // the library does not know fails.
 TEST(SdkMessages, EverySettingIsUpdatedByItsName) {
   const auto* type = v1::RenderSettings::descriptor();
-  ASSERT_EQ(static_cast<int>(kSettings.size()), type->field_count());
+  ASSERT_EQ(static_cast<int>(kSettings.size()) + 1, type->field_count());  // and the layers
   SettingsUpdate update;
+  update.layers = SurfaceLayers{{{.id = 3, .name = "skin", .isovalue = -300.0}}};
   for (const Setting& setting : kSettings) {
     const auto* field = type->FindFieldByName(std::string(setting.key));
     ASSERT_TRUE(field) << setting.key;
@@ -66,6 +67,7 @@ TEST(SdkMessages, EverySettingIsUpdatedByItsName) {
     EXPECT_TRUE(IsKnown(back, setting)) << setting.key;
     EXPECT_TRUE(std::visit(Is{back, field->number()}, setting.kind)) << setting.key;
   }
+  EXPECT_EQ(back.layers, update.layers);
   EXPECT_EQ(back.revision, 5u);
 }
 

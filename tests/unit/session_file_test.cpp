@@ -97,7 +97,10 @@ TEST_F(SessionFileTest, HoldsAllToTheBit) {
   written.felt.settings.haptics.layers.layer = {
       {.id = 5, .name = "sk\"in", .isovalue = -300.1, .pop_force_n = 1.0 / 3.0},
       {.id = 1, .name = "bone", .isovalue = 300.0, .pop_out_force_n = 0.0}};
+  SurfaceLayers& configured = written.configured_settings.haptics.layers;
+  configured.layer = {{.name = "skin", .isovalue = -300.1}};  // the daemon gives it an id
   const SavedSession read = WriteAndRead(written);
+  EXPECT_EQ(read.configured_settings.haptics.layers, configured);
   EXPECT_EQ(read.configured.source, written.configured.source);
   EXPECT_EQ(read.configured.spacing_mm, written.configured.spacing_mm);
   EXPECT_EQ(read.configured.device_mm_per_volume_mm, written.configured.device_mm_per_volume_mm);
@@ -204,6 +207,7 @@ TEST_F(SessionKeeperTest, WhatIsConfiguredOtherwiseNowIsAsConfigured) {
   settings.haptics.stiffness_n_per_mm = 0.125;
   settings.haptics.force_shading = true;
   settings.haptics.method = DecompositionMethod::kBcc;
+  settings.haptics.layers.layer = {{.name = "skin", .isovalue = 0.25}};
   const LoadRequest configured{.source = "builtin:bumps", .isovalue = 0.25};
   const std::optional<FeltSession> left = Make(configured, settings)->TakeLeft();
   ASSERT_TRUE(left);
@@ -211,6 +215,9 @@ TEST_F(SessionKeeperTest, WhatIsConfiguredOtherwiseNowIsAsConfigured) {
   EXPECT_EQ(left->volume.isovalue, 0.25);
   settings.isovalue = left->settings.isovalue;
   ExpectSameSettings(left->settings, settings);
+  // Layers are felt from below alone.
+  settings.haptics.free_side = FreeSide::kAbove;
+  EXPECT_TRUE(Make(configured, settings)->TakeLeft()->settings.haptics.layers.layer.empty());
 }
 
 // Readers of the state alone, or nobody.

@@ -1,6 +1,7 @@
 // Layers of the settings: what is refused, what another volume keeps, and what the servo gets.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <span>
@@ -70,6 +71,7 @@ TEST_F(SessionLayersTest, WithoutAnIdTheyGetThatOfTheirNameOrANewOne) {
   EXPECT_EQ(ids(), (std::vector<std::uint32_t>{3, 2}));
   SurfaceLayers eight;  // no id is left that none of them had
   for (int n = 0; n < 8; ++n) eight.layer.push_back(Layer(0, std::to_string(n), 0.1 + 0.1 * n));
+  std::ranges::reverse(eight.layer);
   session().Update({.layers = eight});
   EXPECT_EQ(ids(), (std::vector<std::uint32_t>{1, 4, 5, 6, 7, 8, 2, 3}));
 }
@@ -149,8 +151,12 @@ TEST_F(SessionLayersTest, ANewVolumeKeepsThoseThatItHasAndNamesTheOthers) {
   metadata.is_level_set = true;
   session().PublishVolume({.source = "made"}, metadata, bricks);
   EXPECT_TRUE(Layers().layer.empty());
-  // The isovalue of a load is the new volume's.
+  // The settings of a load are the new volume's: its side and its range.
   metadata.is_level_set = false;
+  session().PublishVolume({.source = "made"}, metadata, bricks, 0,
+                          {.layers = SurfaceLayers{{Layer(0, "skin", 0.3)}}});
+  EXPECT_EQ(Layers().layer.size(), 1u);
+  session().Update({.layers = SurfaceLayers{}});
   metadata.value_min = 2.0;
   metadata.value_max = 3.0;
   session().PublishVolume({.source = "made"}, metadata, bricks, 0, {.isovalue = 2.5});

@@ -109,7 +109,7 @@ class RecordingFile:
         ticks = self.ticks
         passed = ticks.layers_passed.astype(np.int64)
         found = []
-        felt = ~np.isin(ticks.mode, (ProxyMode.SUSPENDED, ProxyMode.INSIDE))
+        felt = ~np.isin(ticks.mode, (ProxyMode.SUSPENDED, ProxyMode.INSIDE, ProxyMode.FAULT))
         for before in np.flatnonzero(np.diff(passed)):
             now = before + 1
             if not (felt[before] and felt[now]):

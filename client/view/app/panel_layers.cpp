@@ -26,7 +26,7 @@ SurfaceLayer NewLayer(const SurfaceLayers& layers, const std::string& name, doub
 std::string WhereInWords(const SurfaceLayers& layers, const client::Pose& pose) {
   const std::size_t passed = std::min<std::size_t>(pose.layers_passed, layers.layer.size());
   for (const SurfaceLayer& layer : layers.layer) {
-    if (layer.id == pose.contact_layer) return "the stylus touches " + layer.name;
+    if (layer.id == pose.contact_layer && layer.id != 0) return "the stylus touches " + layer.name;
   }
   if (passed == 0) return "the stylus is outside";
   const std::string behind = "the stylus is behind " + layers.layer[passed - 1].name;
@@ -35,7 +35,7 @@ std::string WhereInWords(const SurfaceLayers& layers, const client::Pose& pose) 
 
 // Returns true if the user changed the layer; sets `removed`.
 bool EditLayer(Viewer& viewer, SurfaceLayer& layer, double speed, bool& removed) {
-  ImGui::PushID(static_cast<int>(layer.id));
+  ImGui::PushID(layer.name.c_str());
   const Rgb& c = LayerColor(static_cast<int>(layer.id));
   ImGui::ColorButton("##color", {c.x(), c.y(), c.z(), 1.0f},
                      ImGuiColorEditFlags_NoTooltip | ImGuiColorEditFlags_NoDragDrop);

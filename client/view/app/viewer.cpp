@@ -281,9 +281,13 @@ void Viewer::FollowSettings() {
 
 // The innermost layer is drawn as the surface, the others as veils.
 void Viewer::FollowLayers() {
-  if (own_layers_ &&
-      (own_layers_ == feed_.settings()->layers || Clock::now() > own_layers_until_)) {
-    own_layers_.reset();
+  if (own_layers_) {
+    const SurfaceLayers& told = feed_.settings()->layers;
+    for (SurfaceLayer& layer : own_layers_->layer) {
+      const auto same = std::ranges::find(told.layer, layer.name, &SurfaceLayer::name);
+      if (layer.id == 0 && same != told.layer.end()) layer.id = same->id;
+    }
+    if (own_layers_ == told || Clock::now() > own_layers_until_) own_layers_.reset();
   }
   state_.surface.layers.clear();
   for (const SurfaceLayer& layer : ShownLayers().layer) {

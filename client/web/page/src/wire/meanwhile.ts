@@ -28,7 +28,6 @@ export class Meanwhile {
   }
 
   private isovalue(): number | null {
-    if (layersOf(this.state).length > 0) return null; // each has its own
     return this.state.settings?.settings.isovalue ?? null;
   }
 
@@ -62,6 +61,7 @@ export class Meanwhile {
   // A palpated that was restarted has no isovalue until its volume is there, and the settings here are those
   // from before until it sends its own: both are right where they agree.
   private compareIsovalue(): void {
+    if (layersOf(this.state).length > 0) this.isovalueBefore = null;
     const [before, now] = [this.isovalueBefore, this.isovalue()];
     if (before === null || now === null || !this.state.volume) return;
     if (now !== this.state.pose?.isovalue) return;
