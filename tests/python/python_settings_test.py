@@ -59,16 +59,17 @@ class SettingsTest(DaemonTest):
     def test_layers_go_there_and_come_back_in_order(self):
         settings = self.conn.settings
         self.assertEqual(settings.layers, ())
+        self.addCleanup(settings.update, layers=[], isovalue=0.5)
         settings.layers = [palpate.Layer("bone", 0.6, 1.5), palpate.Layer(
             "skin", 0.4, 0.3, pop_force_n=1.0, pop_out_force_n=0.5, viscosity_n_s_per_m=2.0)]
         skin, bone = settings.layers
         self.assertEqual(skin, palpate.Layer("skin", 0.4, 0.3, pop_force_n=1.0, pop_out_force_n=0.5,
-                                             viscosity_n_s_per_m=2.0, id=2))
-        self.assertEqual(bone, palpate.Layer("bone", 0.6, 1.5, id=1))
+                                             viscosity_n_s_per_m=2.0, id=1))
+        self.assertEqual(bone, palpate.Layer("bone", 0.6, 1.5, id=2))
         # Read back, one changed: ids stay.
         settings.layers = [dataclasses.replace(skin, isovalue=0.7), bone]
         self.assertEqual([(layer.name, layer.id) for layer in settings.layers],
-                         [("bone", 1), ("skin", 2)])
+                         [("bone", 2), ("skin", 1)])
         # What they replace is refused, and says where to look.
         for name, value in (("isovalue", 0.5), ("stiffness_n_per_mm", 1.0), ("free_side", "above")):
             with self.assertRaisesRegex(palpate.InvalidArgument, "palpate layer"):
@@ -82,7 +83,6 @@ class SettingsTest(DaemonTest):
             with self.assertRaises(palpate.InvalidArgument):
                 settings.layers = wrong
         self.assertEqual(settings.all(), before)
-        settings.update(layers=[], isovalue=0.5)
 
     def test_names_and_numpy_numbers_will_do(self):
         self.conn.settings.free_side = "above"

@@ -159,9 +159,10 @@ TEST(Guests, GetWhatIsDeclaredAndNothingElse) {
                             "recording.ticks",
                             "recording.lost_ticks"};
   EXPECT_EQ(others, expected);
-  // Settings: all.
-  EXPECT_EQ(facts.size() - others.size(),
-            static_cast<std::size_t>(v1::RenderSettings::descriptor()->field_count()));
+  // Settings: all, and all of a layer.
+  const int settings = v1::RenderSettings::descriptor()->field_count() - 1;
+  const int of_layer = v1::SurfaceLayer::descriptor()->field_count();
+  EXPECT_EQ(facts.size() - others.size(), static_cast<std::size_t>(settings + of_layer));
 }
 
 TEST(Guests, GetTextWithoutControlCharacters) {
