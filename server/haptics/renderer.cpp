@@ -127,8 +127,12 @@ class Update {
         band().isovalue = bounds->isovalue;
       }
     }
-    // In a new volume or place the stylus is no deeper than where the HIP is.
-    if (passed_ > 0 && state_.proxy.geometry_revision != surface_.geometry_revision) {
+    // In a new volume the stylus is no deeper than where the HIP is. The one surface lets go in a
+    // new place, too, as in old recordings.
+    const Proxy& proxy = state_.proxy;
+    const bool is_other = kLayered ? proxy.loaded_revision != surface_.volume->loaded_revision()
+                                   : proxy.geometry_revision != surface_.geometry_revision;
+    if (passed_ > 0 && is_other) {
       double density = 0.0;
       PlaceAt(felt(), surface_.X_LD.Apply(state_.p_DHip_mm), state_.cache, density);
       while (passed_ > 0 && density <= felt().lower) Pass(-1);

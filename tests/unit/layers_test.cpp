@@ -184,6 +184,16 @@ TEST_F(PlaneLayers, AnIdStaysPassedWhileItsLayerMoves) {
   EXPECT_EQ(Step(29.9).layers_passed, 0);
 }
 
+TEST_F(PlaneLayers, WhereTheVolumeIsPutAnewALayerHoldsFromWithinAsBefore) {
+  layers_.layer[0].pop_out_n = 0.0;
+  for (double z = 35.0; z > 25.0; z -= 0.01) Step(z);
+  for (double z = 25.0; z < 31.0; z += 0.01) Step(z);
+  ++surface_.geometry_revision;
+  const HapticOutput output = Step(31.0);
+  EXPECT_EQ(output.layers_passed, 1);
+  EXPECT_NEAR(output.force_D_n.z(), -0.4, 1e-6);
+}
+
 TEST_F(PlaneLayers, WhatPassedTheOneSurfaceHasPassedNoLayer) {
   settings_.pop_force_n = 1.0;
   bool popped = false;
