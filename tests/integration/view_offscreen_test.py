@@ -117,7 +117,7 @@ class OfASphere(Drawn):
     volume = "builtin:sphere:48"
 
     def test_contact_is_waited_for_and_looked_at(self):
-        picture, _ = self.draw("--size", "400x300", "--wait-contact", "--wait-gap", "0.001",
+        picture, _ = self.draw("--size", "400x300", "--wait-contact", "--wait-gap", "0.0002",
                                "--camera", "profile,12", "--haptic-surface", "--no-box",
                                "--no-stylus")
         # The wireframe of H around the middle, in its colour.
