@@ -1,0 +1,29 @@
+// A ball at the stylus's tip, on voxels of some shape.
+//
+// Frames: I voxels, D device (mm). Threads: plain values, pure functions. Errors: none.
+#pragma once
+
+#include <utility>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+struct Ball {
+  double radius_mm = 0.0;                     // > 0
+  Mat3 device_from_index = Mat3::Identity();  // mm per voxel; a rotation makes no difference
+  bool is_least = false;                      // feels the least value within it, not the greatest
+  friend bool operator==(const Ball&, const Ball&) = default;
+};
+
+// Radii in voxels of the shortest edge. Smaller ones mean nothing on the lattice; larger ones take
+// too long.
+inline constexpr double kLeastBallVoxels = 0.3;
+inline constexpr double kMostBallVoxels = 8.0;
+
+// The least and the greatest radius on voxels of this shape, in mm.
+std::pair<double, double> BallRange(const Mat3& device_from_index);
+// Whether its field can be made, in bounded time.
+bool CanBe(const Ball& ball);
+
+}  // namespace palpate
