@@ -50,6 +50,7 @@ Json ToJson(const client::Settings& settings) {
     json[std::string(setting.key)] = SettingJson(setting, settings);
   }
   json["layers"] = ToJson(settings.layers.layer);
+  json["ball"] = ToJson(settings.ball);
   return json;
 }
 
@@ -133,6 +134,8 @@ std::string Describe(const client::Settings& settings) {
     }
   }
   if (!off.empty()) AppendLine(text, "", off);
+  const std::string ball = client::BallInWords(settings);
+  if (!ball.empty()) AppendLine(text, "", OneLine(ball));
   return text;
 }
 

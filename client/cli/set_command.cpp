@@ -3,15 +3,22 @@
 #include <fmt/core.h>
 
 #include <cctype>
+#include <chrono>
 #include <memory>
+#include <thread>
 
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/isovalues.h"
 #include "client/cli/output.h"
+#include "client/cli/progress.h"
+#include "client/sdk/words.h"
+#include "common/error/error.h"
 
 namespace palpate::cli {
 namespace {
+
+constexpr std::chrono::milliseconds kLook(100);
 
 std::vector<std::string> Names() {
   std::vector<std::string> names;
@@ -55,12 +62,33 @@ const Setting& TakeSetting(SetValues& values) {
   return *setting;
 }
 
+// Returns when the ball of `asked` is felt: its field is made in the background.
+void WaitForBall(client::Calls& palpated, const client::Settings& asked) {
+  client::Settings now = asked;
+  WithProgress([&](const client::ProgressFunction& progress) {
+    while (now.ball.is_awaited && now.tool_radius_mm == asked.tool_radius_mm) {
+      if (!progress({.stage = "making the ball's field",
+                     .fraction = now.ball.share_done.value_or(0.0)})) {
+        throw Error(ErrorKind::kCancelled, "it goes on; the ball is felt when it is made");
+      }
+      std::this_thread::sleep_for(kLook);
+      now = palpated.GetSettings();
+    }
+  });
+  if (now.tool_radius_mm != asked.tool_radius_mm) {
+    throw Error(ErrorKind::kConflict,
+                fmt::format("somebody else has set tool_radius to {:g} mm", now.tool_radius_mm));
+  }
+  if (!now.ball.problem.empty()) throw Error(ErrorKind::kTooLarge, client::BallInWords(now));
+}
+
 void Change(client::Calls& palpated, const Setting& setting, const SetValues& values, bool json) {
   client::SettingsUpdate update = values.update;
   if (&setting == &client::kIsovalue && !update.isovalue) {
     update.isovalue = SuggestedIsovalueOf(palpated.GetVolume(), values.value);
   }
   const client::SettingsResult result = palpated.Set(update);
+  if (update.tool_radius_mm || update.free_side) WaitForBall(palpated, result.settings);
   if (!json) return WriteOutput(DescribeChange(setting, result) + "\n");
   Json object = ToJson(result.settings);
   object["applied_tick"] = result.applied_tick;

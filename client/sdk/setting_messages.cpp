@@ -68,7 +68,8 @@ struct Write {
 
 }  // namespace
 
-Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision) {
+Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision,
+                   const v1::BallState& ball) {
   Settings result;
   result.revision = revision;
   const Reflection& fields = *settings.GetReflection();
@@ -79,6 +80,7 @@ Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision) {
     result.unknown.set(n, !is_known);
   }
   result.layers = palpate::FromProto(settings.layers());
+  result.ball = palpate::FromProto(ball);
   return result;
 }
 

@@ -15,7 +15,8 @@ using palpate::FromProto;
 using palpate::ToProto;
 
 // Settings::unknown lists what the message does not have, and choices of a later version.
-Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision);
+Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision,
+                   const v1::BallState& ball = {});
 
 v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update);
 

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "client/sdk/recording.h"
+#include "client/sdk/settings.h"
 #include "common/contract/enumerations.h"
 
 namespace palpate::client {
@@ -20,5 +21,8 @@ std::string UnsavedInWords(std::uint64_t edits);
 // The sentence that everybody is told in a replay: "replay of trial-7.mcap by token ada: forces
 // are off". None: without the file and who replays it.
 std::string InWords(const std::optional<RunningReplay>& replay);
+
+// What is felt of the settings' ball; empty: the ball itself.
+std::string BallInWords(const Settings& settings);
 
 }  // namespace palpate::client

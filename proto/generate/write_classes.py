@@ -7,7 +7,7 @@ from value_list import Field, File, Value
 # Those that the package gives as they are, or builds its own upon.
 OF_PACKAGE = ("ForceStatus", "ListedDevice", "DeviceHealth", "DeviceDescription",
               "ServoDescription", "LastChange", "RunningReplay", "RecordingState",
-              "SuggestedIsovalue")
+              "SuggestedIsovalue", "BallState")
 HEAD = '''"""Values of the contract. Written by proto/generate from palpate/v1/*.proto: change those."""
 
 import dataclasses

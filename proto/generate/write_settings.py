@@ -73,6 +73,7 @@ def client(settings: list[Setting]) -> str:
   std::bitset<{len(settings)}> unknown;
   // Felt in place of the one surface, by ascending isovalue; none: the one surface.
   SurfaceLayers layers{{}};
+  BallState ball{{}};  // what is felt of tool_radius_mm
 }};
 
 // What is to change, all at one tick; what is absent stays. Of isovalue and normalized_isovalue

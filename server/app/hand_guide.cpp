@@ -23,15 +23,15 @@ constexpr std::chrono::milliseconds kLook(2);
 constexpr std::chrono::seconds kMostRoom(5);
 
 bool HaveSameSurface(const HapticSurface& a, const HapticSurface& b) {
-  return a.isovalue == b.isovalue && a.free_side == b.free_side && a.method == b.method &&
-         a.X_DI == b.X_DI;
+  return a.isovalue == b.isovalue && a.free_side == b.free_side &&
+         a.geometry_revision == b.geometry_revision;
 }
 
 }  // namespace
 
 // Of layers the hand plans to touch the outermost one.
 HandGuide::Felt::Felt(const Scene& scene)
-    : volume(scene.volume),
+    : volume(scene.felt_volume()),
       surface(scene.surface),
       stiffness_n_per_mm(scene.settings.stiffness_n_per_mm) {
   if (surface.layers == nullptr) return;

@@ -120,8 +120,12 @@ void ConfigReload::TakeOver() {
       session_.Update(update);
     } catch (const RangeError& error) {
       // All other ranges were checked before. These depend on the volume.
-      const bool is_layer = error.name().starts_with("layer ");
-      throw AtKey(next, is_layer ? "haptics.layer" : "volume.isovalue", error);
+      const std::string& name = error.name();
+      throw AtKey(next,
+                  name.starts_with("layer ") ? "haptics.layer"
+                  : name == "tool_radius_mm" ? "haptics.tool_radius_mm"
+                                             : "volume.isovalue",
+                  error);
     }
   }
   if (Names(live, "log.level")) SetLogLevel(next.config.log_level);

@@ -194,6 +194,21 @@ Root FollowLine(const HapticSurface& surface, Vec3i cell, Vec3 p_I, const Vec3& 
   return root;
 }
 
+// How far it is from p_I along u_I to the padded lattice, in mm; 0 within it, infinite beside it.
+double WayToLattice(const HapticSurface& surface, const Vec3& p_I, const Vec3& u_I) {
+  double enter = 0.0, leave = kUnbounded;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double low = -1.0 - p_I[axis], high = surface.volume->size()[axis] - p_I[axis];
+    if (u_I[axis] == 0.0) {
+      if (low > 0.0 || high < 0.0) return kUnbounded;
+      continue;
+    }
+    enter = std::max(enter, std::min(low / u_I[axis], high / u_I[axis]));
+    leave = std::min(leave, std::max(low / u_I[axis], high / u_I[axis]));
+  }
+  return enter <= leave ? enter : kUnbounded;
+}
+
 struct Start {
   Vec3i cell;
   Vec3 p_I, local;
@@ -306,6 +321,23 @@ VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
   const Vec3 gradient = CovectorToDevice(surface.X_ID, root.gradient_I);
   visual.normal_D = gradient.norm() > 0.0 ? Vec3(-gradient.normalized()) : contact_normal_D;
   return visual;
+}
+
+VisualProxy FirstOnWay(const HapticSurface& surface, const Vec3& from_D_mm, const Vec3& direction_D,
+                       double reach_mm) noexcept {
+  const Vec3 u_I = surface.X_ID.linear * direction_D;
+  Vec3 p_I = surface.X_ID.Apply(from_D_mm);
+  const double out_mm = WayToLattice(surface, p_I, u_I);
+  if (!(out_mm <= reach_mm)) return {};
+  p_I += out_mm * u_I;
+  const Vec3i cell = p_I.array().floor().cast<int>();
+  const Root root =
+      FollowLine(surface, cell.cwiseMax(-1).cwiseMin(surface.volume->size() - Vec3i::Ones()), p_I,
+                 u_I, reach_mm - out_mm);
+  if (root.s < 0.0) return {};
+  const Vec3 gradient = CovectorToDevice(surface.X_ID, root.gradient_I);
+  return {true, surface.X_DI.Apply(root.p_I),
+          gradient.norm() > 0.0 ? Vec3(-gradient.normalized()) : Vec3(Vec3::Zero())};
 }
 
 }  // namespace palpate

@@ -32,4 +32,9 @@ struct VisualProxy {
 VisualProxy FindVisualProxy(const HapticSurface& surface, const Place& place,
                             const Vec3& contact_normal_D, CellCache& cache) noexcept;
 
+// The first point of V on the way from `from_mm` in a direction (unit). The normal is zero where V
+// has none.
+VisualProxy FirstOnWay(const HapticSurface& surface, const Vec3& from_D_mm, const Vec3& direction_D,
+                       double reach_mm) noexcept;
+
 }  // namespace palpate

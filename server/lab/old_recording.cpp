@@ -38,7 +38,7 @@ template <class Visit>
 void VisitOldFields(TickSample& sample, Visit&& visit) {
   VisitFields(sample, [&](std::string_view name, auto& field) {
     if (!name.starts_with("led_") && !name.starts_with("series_") && name != "refinement" &&
-        name != "layers_passed" && name != "contact_layer") {
+        name != "layers_passed" && name != "contact_layer" && name != "tool_radius_mm") {
       visit(field);
     }
   });

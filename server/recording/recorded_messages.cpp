@@ -10,6 +10,7 @@
 #include "server/recording/bytes.h"
 #include "server/recording/voxel_log.h"
 #include "server/session/layers.h"
+#include "server/volume/ball.h"
 #include "server/volume/brick_packer.h"
 
 namespace palpate {
@@ -149,6 +150,12 @@ v1::RecordedScene ToProto(const RecordedScene& scene) {
   out.mutable_device()->set_max_force_n(scene.device.max_force_n);
   out.mutable_device()->set_tick_s(scene.device.tick_s);
   if (scene.series_position_frames) out.set_series_position_frames(*scene.series_position_frames);
+  if (scene.ball) {
+    v1::RecordedBall& ball = *out.mutable_ball();
+    ball.set_radius_mm(scene.ball->radius_mm);
+    *ball.mutable_device_from_index() = ToProto(AffineMap{scene.ball->device_from_index, {}});
+    ball.set_is_least(scene.ball->is_least);
+  }
   return out;
 }
 
@@ -181,6 +188,12 @@ RecordedScene FromProto(const v1::RecordedScene& in) {
   if (in.has_series_position_frames()) scene.series_position_frames = in.series_position_frames();
   if (in.has_device()) {
     scene.device = {in.device().resolution_mm(), in.device().max_force_n(), in.device().tick_s()};
+  }
+  if (in.has_ball()) {
+    scene.ball = Ball{.radius_mm = in.ball().radius_mm(),
+                      .device_from_index = FromProto(in.ball().device_from_index()).linear,
+                      .is_least = in.ball().is_least()};
+    if (!CanBe(*scene.ball)) throw DamagedBytes("damaged: its ball cannot be");
   }
   if (!IsDevice(scene.device)) throw DamagedBytes("damaged: its device cannot be");
   TakeSettings(in.settings(), scene);

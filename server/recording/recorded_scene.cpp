@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "common/error/error.h"
-#include "server/scene/felt_layers.h"
+#include "server/scene/felt_surface.h"
 
 namespace palpate {
 namespace {
@@ -33,7 +33,7 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .isovalue = scene.isovalue,
           .normalized_isovalue = scene.surface.sign() * scene.surface.isovalue,
           .settings = scene.settings,
-          .X_DI = scene.surface.X_DI,
+          .X_DI = scene.X_DI(),
           .volume_hash = hash,
           .volume_source = scene.volume->metadata().source,
           .spacing_mm = scene.volume->metadata().spacing_mm,
@@ -47,11 +47,12 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .value_max = scene.volume->metadata().value_max,
           .is_level_set = scene.volume->metadata().is_level_set,
           .X_WI = scene.volume->metadata().WorldFromIndex(),
-          .series_position_frames = scene.series_position_frames};
+          .series_position_frames = scene.series_position_frames,
+          .ball = scene.ball ? std::optional(scene.ball->ball) : std::nullopt};
 }
 
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,
-              const VolumeHash& hash) {
+              const VolumeHash& hash, std::optional<FeltBall>& ball) {
   if (hash != recorded.volume_hash) {
     throw Error(ErrorKind::kConflict,
                 "another volume was recorded: load " + recorded.volume_source + " as it was then");
@@ -64,15 +65,14 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
   if (!IsPlaceOfVolume(recorded.X_DI)) {
     throw Error(ErrorKind::kInvalidArgument, "the recording's place of the volume is no place");
   }
+  if (!recorded.ball || (ball && ball->ball() != *recorded.ball)) ball.reset();
+  if (ball) ball->Follow(*volume);
+  if (recorded.ball && !ball) ball.emplace(*recorded.ball, *volume);
   Scene scene;
-  scene.surface = MakeHapticSurface(*volume, recorded.X_DI, recorded.normalized_isovalue,
-                                    recorded.settings.method, recorded.geometry_revision,
-                                    recorded.settings.free_side,
-                                    static_cast<int>(recorded.settings.refinement));
   scene.volume = std::move(volume);
   scene.isovalue = recorded.isovalue;
   scene.settings = recorded.settings;
-  FeelLayers(scene);
+  FeelSurface(recorded.X_DI, recorded.normalized_isovalue, recorded.geometry_revision, ball, scene);
   scene.settings_revision = recorded.settings_revision;
   scene.scene_revision = recorded.scene_revision;
   scene.forces_off = recorded.forces_off;

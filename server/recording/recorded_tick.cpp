@@ -45,6 +45,7 @@ TickSample SampleOf(const RecordedTick& tick) {
       .isovalue = pose.isovalue,
       .force_limit_n = pose.forces.limit_n,
       .series_position_frames = tick.series_position_frames.value_or(TickSample::kNone),
+      .tool_radius_mm = pose.tool_radius_mm,
       .scene_revision = tick.scene_revision,
       .settings_revision = pose.settings_revision,
       .volume_revision = pose.volume_revision,

@@ -27,6 +27,7 @@
 #include "server/recording/mcap_format.h"
 #include "server/recording/volume_hash.h"
 #include "server/samples/tick_sample.h"
+#include "server/volume/ball.h"
 #include "server/volume/brick_directory.h"
 
 namespace palpate {
@@ -109,6 +110,7 @@ struct RecordedScene {
   // that an older program made.
   std::optional<AffineMap> X_WI{};
   std::optional<double> series_position_frames{};  // as SeriesState; none: no series
+  std::optional<Ball> ball{};                      // that is felt; none: a point
 
   // True for a frame of a series as it was loaded or edited. A blend hardly ever comes again.
   bool ShowsFrame() const {

@@ -44,6 +44,7 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("refinement", sample.refinement);
   visit("layers_passed", sample.layers_passed);
   visit("contact_layer", sample.contact_layer);
+  visit("tool_radius_mm", sample.tool_radius_mm);
   visit("missed_ticks", sample.missed_ticks);
   visit("capped_ticks", sample.capped_ticks);
   visit("faulty_ticks", sample.faulty_ticks);

@@ -124,6 +124,7 @@ void PutSettings(const Session& session, v1::Facts& facts) {
   const SettingsState state = session.settings();
   *facts.mutable_settings()->mutable_settings() = ToProto(state.settings);
   facts.mutable_settings()->set_settings_revision(state.settings_revision);
+  *facts.mutable_settings()->mutable_ball() = ToProto(session.ball());
 }
 
 void PutPlacement(Session& session, v1::Facts& facts) {

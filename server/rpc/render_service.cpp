@@ -85,6 +85,7 @@ Reply* RenderService::GetSettings(CallContext* context, const v1::GetSettingsReq
                          const SettingsState state = session_.settings();
                          *response->mutable_settings() = ToProto(state.settings);
                          response->set_settings_revision(state.settings_revision);
+                         *response->mutable_ball() = ToProto(session_.ball());
                        });
 }
 
@@ -96,6 +97,7 @@ Reply* RenderService::UpdateSettings(CallContext* context, const v1::UpdateSetti
                          const SettingsApplied result = session_.Update(FromProto(*request));
                          *response->mutable_settings() = ToProto(result.state.settings);
                          response->set_settings_revision(result.state.settings_revision);
+                         *response->mutable_ball() = ToProto(session_.ball());
                          response->set_applied_tick(result.applied.tick);
                          response->set_receipt_to_applied_ns(result.applied.time_ns - received_ns);
                          for (const std::string& name : request->update_mask().paths()) {

@@ -39,6 +39,7 @@ PoseSample PoseOf(const TickSample& sample) {
   pose.refinement = sample.refinement;
   pose.layers_passed = sample.layers_passed;
   pose.contact_layer = sample.contact_layer;
+  pose.tool_radius_mm = sample.tool_radius_mm;
   return pose;
 }
 

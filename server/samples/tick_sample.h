@@ -43,6 +43,7 @@ struct TickSample {
   double isovalue = 0.0;
   double force_limit_n = 0.0;             // the greatest force that the motors' warmth allows
   double series_position_frames = kNone;  // kNone: the volume is no series
+  double tool_radius_mm = 0.0;            // of the ball that is felt; 0: a point
   std::uint64_t scene_revision = 0;       // rises with everything that is published to the servo
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;

@@ -16,13 +16,23 @@
 #include "server/haptics/haptic_surface.h"
 #include "server/haptics/settings.h"
 #include "server/realtime/snapshot_handoff.h"
+#include "server/volume/ball.h"
 
 namespace palpate {
 
+// The ball that is felt at the tip.
+struct SceneBall {
+  std::shared_ptr<const VolumeSnapshot> field;  // in place of the volume
+  Ball ball;                                    // that the field was made for
+  double radius_mm = 0.0;                       // where the volume lies now
+  AffineMap X_DI;                               // of the volume; the surface's is the field's
+};
+
 struct Scene {
   std::shared_ptr<const VolumeSnapshot> volume;
+  std::optional<SceneBall> ball;               // none: a point
   std::shared_ptr<const HapticLayers> layers;  // null: the one surface
-  HapticSurface surface;                       // borrows *volume and *layers
+  HapticSurface surface;                       // borrows *layers, and *ball->field or else *volume
   double isovalue = 0.0;                       // data units
   HapticSettings settings;
   std::uint64_t settings_revision = 0;
@@ -30,6 +40,11 @@ struct Scene {
   std::string patient_axes;          // of the file or answered, as in VolumeMetadata; for listeners
   bool forces_off = false;           // nothing is felt; afterwards the proxy starts anew
   std::optional<double> series_position_frames{};  // as SeriesState; none: no series
+
+  const AffineMap& X_DI() const { return ball ? ball->X_DI : surface.X_DI; }
+  const std::shared_ptr<const VolumeSnapshot>& felt_volume() const {
+    return ball ? ball->field : volume;
+  }
 };
 
 // Through this inbox the servo thread gets its scenes.

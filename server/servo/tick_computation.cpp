@@ -18,6 +18,7 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
   sample.free_side = output.free_side;
   sample.layers_passed = static_cast<std::uint32_t>(output.layers_passed);
   sample.contact_layer = static_cast<std::uint32_t>(output.contact_layer);
+  if (scene.ball) sample.tool_radius_mm = scene.ball->radius_mm;
   sample.contact = !output.proxy.normal_D.isZero();
   sample.input_rejected = output.input_rejected;
   sample.density = scene.volume->Denormalize(output.proxy.density);
@@ -94,7 +95,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   sample.refinement = static_cast<std::uint32_t>(surface.lattice.refinement());
   if (suspended) {
     sample.mode = ProxyMode::kSuspended;
-    sample.free_side = scene.settings.free_side;
+    sample.free_side = surface.free_side;
   }
   const Vec3 force_D_n = safety_.Step({.force_D_n = output.force_D_n,
                                        .p_DHip_mm = output.p_DHip_mm,

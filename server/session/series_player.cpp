@@ -49,6 +49,7 @@ struct SeriesPlayer::Series {
   double shown = 0.0;
   std::uint64_t shown_revision = 0;  // a later revision is an edit
   bool said_no_room = false;         // the missing memory for blends was already logged
+  bool said_slow = false;            // and that frames are left out
 };
 
 SeriesPlayer::SeriesPlayer(Session& session, std::function<Clock::time_point()> now)
@@ -79,7 +80,11 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
   loaded.metadata.warnings = WarningsForClients(warnings, files.front().string());
   loaded.metadata.reloadable = false;  // each file has its own range of values
   loaded.metadata.series_position_frames = 0.0;
-  progress("publishing", 1.0);
+  const auto tell = [&](std::string_view stage, double fraction) {
+    progress(stage, fraction);
+    if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
+  };
+  tell("publishing", 1.0);
 
   auto series = std::make_shared<Series>();
   series->size = loaded.metadata.size;
@@ -95,7 +100,7 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
   };
   const Retire retire{session_.retired(), series};
   const VolumeState state = session_.PublishVolume(request, loaded.metadata, series->frames.front(),
-                                                   loaded.memory_bytes, settings);
+                                                   loaded.memory_bytes, settings, tell);
   series->loaded_revision = series->shown_revision = state.volume->revision();
 
   const std::lock_guard lock(mutex_);
@@ -220,13 +225,23 @@ void SeriesPlayer::Run() {
     } catch (const std::exception& error) {
       LogError("the series ends: {}", error.what());
     }
+    const bool has_ball = session_.ball().felt_radius_mm > 0.0;
     lock.lock();
     if (shown) taken_ = {command, position, *shown};
+    SayIfSlow(*series, Clock::now() - started, has_ball);
     if (!shown && series_ == series) session_.retired().Add(std::exchange(series_, nullptr));
     was_taken_.notify_all();
     // Limits the rate of frames, however often a client calls Control.
     wake_.wait_until(lock, started + kInterval, [this] { return stop_; });
   }
+}
+
+void SeriesPlayer::SayIfSlow(Series& series, Clock::duration took, bool has_ball) {
+  const double took_s = std::chrono::duration<double>(took).count();
+  const bool is_slow = took > kInterval && took_s * std::abs(rate_hz_) > 1.0;
+  if (!playing_ || !is_slow || std::exchange(series.said_slow, true)) return;
+  LogWarning("the series leaves out frames: one took {:.0f} ms{}", 1e3 * took_s,
+             has_ball ? ", with a ball at the tip" : "");
 }
 
 bool SeriesPlayer::KeepEdits(Series& series, const VolumeSnapshot& present) {

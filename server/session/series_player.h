@@ -87,6 +87,8 @@ class SeriesPlayer {
   void Advance(Clock::time_point now);
   double ShownPosition() const;
   SeriesState StateLocked(const VolumeState& volume) const;
+  // Says once that frames are left out, if one took longer than it lasts.
+  void SayIfSlow(Series& series, Clock::duration took, bool has_ball);
   // Returns none when the series has ended. While the volume is held, nothing is shown.
   std::optional<EditedRevisions> Show(Series& series, double position);
   std::optional<BrickDirectory> TryBlend(Series& series, std::size_t frame, double share,

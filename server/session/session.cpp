@@ -6,7 +6,7 @@
 
 #include "common/error/error.h"
 #include "server/log/log.h"
-#include "server/scene/felt_layers.h"
+#include "server/scene/felt_surface.h"
 #include "server/session/layers.h"
 #include "server/session/range.h"
 #include "server/store/load_warnings.h"
@@ -19,99 +19,11 @@ namespace {
 // A tick takes 1 ms. If the servo needs this long, it does not run.
 constexpr std::chrono::milliseconds kServoPatience{2000};
 
-// Takes the isovalue in the form that was given.
-double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>& isovalue,
-                      const std::optional<double>& normalized, double otherwise) {
-  if (isovalue && normalized) {
-    throw Error(ErrorKind::kInvalidArgument,
-                "give the isovalue in data units or normalised, not both");
-  }
-  const VolumeMetadata& metadata = volume.metadata();
-  if (isovalue) {
-    CheckRange("isovalue", *isovalue, metadata.value_min, metadata.value_max,
-               metadata.unit.empty() ? "" : " " + metadata.unit);
-    return *isovalue;
-  }
-  if (!normalized) return otherwise;
-  CheckRange("normalized isovalue", *normalized, 0.0, 1.0, "");
-  return volume.Denormalize(*normalized);
-}
-
-void CheckHaptics(const SurfaceLayers& felt, HapticSettings& haptics) {
-  for (const NumberSetting& setting : kNumberSettings) {
-    const double value = haptics.*setting.member;
-    CheckRange(setting.key, value, setting.low, setting.high, setting.unit);
-    if (setting.Allows(value)) continue;
-    throw Error(ErrorKind::kInvalidArgument,
-                fmt::format("{} is {}: it must be {}", setting.key, value, setting.what()));
-  }
-  OrderLayers(felt, haptics.layers);
-}
-
 void CheckRevision(const std::optional<std::uint64_t>& expected, std::uint64_t current) {
   if (!expected || *expected == current) return;
   throw Error(
       ErrorKind::kConflict,
       fmt::format("the settings are at revision {}, not {}: read them again", current, *expected));
-}
-
-// What an update may not name while there are layers, unless it names them, too.
-std::string ReplacedByLayers(const SettingsUpdate& update) {
-  if (update.isovalue || update.normalized_isovalue) return "isovalue";
-  for (const NumberSetting& setting : kNumberSettings) {
-    using S = HapticSettings;
-    for (const auto replaced : {&S::stiffness_n_per_mm, &S::damping_n_s_per_m, &S::static_friction,
-                                &S::dynamic_friction, &S::pop_force_n}) {
-      const auto names = [&](const auto& number) { return number.first == replaced; };
-      if (setting.member == replaced && std::ranges::any_of(update.numbers, names)) {
-        return std::string(setting.key);
-      }
-    }
-  }
-  return {};
-}
-
-void CheckReplaced(const SurfaceLayers& felt, const SettingsUpdate& update) {
-  if (felt.layer.empty() || update.layers || update.behind_layers) return;
-  const std::string key = ReplacedByLayers(update);
-  if (key.empty()) return;
-  throw Error(ErrorKind::kInvalidArgument,
-              fmt::format("layers are felt, and each has its own {}: change one of them "
-                          "(palpate layer NAME), or remove them (palpate layer --remove all)",
-                          key));
-}
-
-// For a volume whose range is not known yet.
-SettingsUpdate WithoutIsovalue(SettingsUpdate update) {
-  update.isovalue = update.normalized_isovalue = std::nullopt;
-  return update;
-}
-
-// Without a look at what depends on the volume: the layers' isovalues and the side.
-RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
-                       const SettingsUpdate& update) {
-  CheckReplaced(settings.haptics.layers, update);
-  if (update.isovalue || update.normalized_isovalue) {
-    settings.isovalue = ChosenIsovalue(volume, update.isovalue, update.normalized_isovalue, 0.0);
-    settings.normalized_isovalue = volume.Normalize(settings.isovalue);
-  }
-  HapticSettings& haptics = settings.haptics;
-  const SurfaceLayers felt = haptics.layers;
-  for (const auto& [member, value] : update.numbers) haptics.*member = value;
-  for (const auto& [member, value] : update.flags) haptics.*member = value;
-  for (const auto& [setting, number] : update.choices) setting->set(haptics, number);
-  if (update.layers) haptics.layers = *update.layers;
-  CheckHaptics(felt, haptics);
-  return settings;
-}
-
-// What the update makes of a choice; none: it stays.
-template <class Enum>
-std::optional<Enum> Chosen(const SettingsUpdate& update, std::string_view key) {
-  for (const auto& [setting, number] : update.choices) {
-    if (setting->key == key) return EnumeratorOf<Enum>(number);
-  }
-  return std::nullopt;
 }
 
 // For the servo, before there is a volume.
@@ -197,15 +109,78 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
   scene->patient_axes = patient_axes_;
   scene->forces_off = forces_off_ || !has_volume_;
   scene->series_position_frames = volume_->metadata().series_position_frames;
-  scene->surface =
-      MakeHapticSurface(*volume_, X_DI_, DensityOf(*volume_, settings_.isovalue),
-                        settings_.haptics.method, geometry_revision_, settings_.haptics.free_side,
-                        static_cast<int>(settings_.haptics.refinement));
-  FeelLayers(*scene);
+  if (ball_ && !MayStay(*ball_)) SetBallLocked({});
+  FeelSurface(X_DI_, DensityOf(*volume_, settings_.isovalue), geometry_revision_, ball_, *scene);
   if (has_volume_) {
     for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
   }
   inbox_.Publish(std::move(scene));
+  ball_maker_.Wake();
+}
+
+// Until another ball is there.
+bool Session::MayStay(const FeltBall& ball) const {
+  const std::optional<Ball> wanted = BallOf(settings_.haptics, X_DI_);
+  // Layers are felt from below only.
+  const bool has_side = settings_.haptics.layers.layer.empty() || ball.side() == FreeSide::kBelow;
+  return wanted && CanBe(*wanted) && has_side;
+}
+
+BallState Session::ball() const {
+  const std::lock_guard lock(mutex_);
+  BallState state;
+  if (ball_) state.felt_radius_mm = ball_->RadiusMm(X_DI_);
+  if (has_volume_) state.problem = RefusalOfBall(settings_.haptics, X_DI_);
+  const std::optional<BallMaker::Wanted> awaited = MissingBall(settings_.haptics);
+  if (!awaited) return state;
+  state.problem = ball_maker_.ProblemOf(*awaited);
+  state.is_awaited = state.problem.empty();
+  state.share_done = ball_maker_.share();
+  return state;
+}
+
+void Session::CheckRoom(const SettingsUpdate& update) const {
+  if (!update.Names(&HapticSettings::tool_radius_mm)) return;
+  std::unique_lock lock(mutex_);
+  const auto wanted = MissingBall(Changed(*volume_, settings_, update).haptics);
+  lock.unlock();
+  if (wanted) ClaimFor(wanted->ball, *wanted->volume, *loader_.budget);
+}
+
+std::optional<BallMaker::Wanted> Session::MissingBall(const HapticSettings& haptics) const {
+  const std::optional<Ball> wanted = BallOf(haptics, X_DI_);
+  const bool can_be = wanted && has_volume_ && CanBe(*wanted);
+  if (!can_be || (ball_ && HaveSameField(ball_->ball(), *wanted))) return {};
+  return BallMaker::Wanted{*wanted, volume_};
+}
+
+bool Session::IsWanted(const FeltBall& ball) const {
+  const std::optional<Ball> wanted = BallOf(settings_.haptics, X_DI_);
+  return wanted && HaveSameField(ball.ball(), *wanted);
+}
+
+// The newest edits are caught up with in a transaction: no other comes then.
+bool Session::TakeBall(FeltBall made) {
+  bool is_taken = false;
+  store_.Edit([&](const std::shared_ptr<const VolumeSnapshot>& present) {
+    std::optional<FeltBall> newest = Following(made, *present);
+    const std::lock_guard lock(mutex_);
+    is_taken = newest && IsWanted(*newest);
+    if (!is_taken) return VolumeChange();
+    SetBallLocked(std::move(newest));
+    PublishLocked();
+    return VolumeChange();
+  });
+  return is_taken;
+}
+
+void Session::SetBallLocked(std::optional<FeltBall> ball) {
+  if (!ball && !ball_) return;
+  if (ball_) retired().Add(ball_->field());
+  ball_ = std::move(ball);
+  ++geometry_revision_;  // another lattice
+  if (ball_) LogInfo("a ball of {:g} mm is felt", ball_->RadiusMm(X_DI_));
+  loader_.budget->SetPart(kBallInMessages, ball_ ? ball_->field()->bricks().MemoryBytes() : 0);
 }
 
 AppliedTick Session::WaitForServo(std::uint64_t scene_revision) {
@@ -231,6 +206,7 @@ void Session::TakeBack(const RenderSettings& before, std::uint64_t revision) {
 SettingsApplied Session::Update(const SettingsUpdate& update) {
   if (update.isovalue || update.normalized_isovalue || update.layers) first_load_.Require();
   RequireServo();
+  CheckRoom(update);
   SettingsApplied result;
   RenderSettings before;
   std::uint64_t scene_revision = 0;
@@ -240,6 +216,11 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     const RenderSettings changed = Changed(*volume_, settings_, update);
     CheckSide(changed.haptics.layers, changed.haptics.free_side);
     if (update.layers) CheckLayers(changed.haptics.layers, volume_->metadata());
+    if (has_volume_ && update.Names(&HapticSettings::tool_radius_mm)) {
+      const std::string refusal = RefusalOfBall(changed.haptics, X_DI_);
+      if (!refusal.empty()) throw RangeError("tool_radius_mm", refusal);
+      ball_maker_.ForgetProblem();
+    }
     // Another decomposition makes another surface for the proxy.
     if (changed.haptics.method != settings_.haptics.method) ++geometry_revision_;
     before = std::exchange(settings_, changed);
@@ -277,6 +258,7 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   MemoryClaim claim = loader_.budget->Claim("the new volume", 0);
   const auto loaded = std::make_shared<const LoadedVolume>(
       LoadBricks(request, progress, cancelled, claim, warnings));
+  claim.Resize(0);        // all of it is there
   retired().Add(loaded);  // also if it is not published
   for (const std::string& warning : warnings) LogWarning("{}", warning);
   VolumeMetadata metadata = loaded->metadata;
@@ -284,9 +266,12 @@ VolumeState Session::Load(const LoadRequest& request, const LoadProgress& progre
   metadata.warnings = WarningsForClients(warnings, request.source);
   metadata.reloadable = request.source_stays && !request.raw && request.frame.value_or(0) == 0 &&
                         request.grid.empty() && request.component.empty();
-  progress("publishing", 1.0);
-  if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
-  return PublishVolume(request, metadata, loaded->bricks, 0, settings);
+  const auto tell = [&](std::string_view stage, double fraction) {
+    progress(stage, fraction);
+    if (cancelled()) throw Error(ErrorKind::kCancelled, "loading was cancelled");
+  };
+  tell("publishing", 1.0);
+  return PublishVolume(request, metadata, loaded->bricks, 0, settings, tell);
 }
 
 void Session::CheckSettings(const LoadRequest& request, const SettingsUpdate& settings) const {
@@ -336,56 +321,78 @@ FreeSide Session::SideOf(const VolumeMetadata& metadata, const LoadRequest& requ
   return was_level_set ? side_of_densities_ : settings_.haptics.free_side;
 }
 
-void Session::TellBeforeOtherVolume(const LoadRequest& request, const SettingsUpdate& settings,
-                                    const VolumePlace& registration, const VolumeSnapshot& volume,
-                                    double isovalue) const {
+void Session::TellBeforeOtherVolume(const HapticSettings& felt, const AffineMap& X_DI,
+                                    double isovalue, const std::optional<FeltBall>& ball,
+                                    std::shared_ptr<const VolumeSnapshot> volume) const {
   if (!before_other_volume_) return;
-  std::unique_lock lock(mutex_);
-  const HapticSurface surface = MakeHapticSurface(
-      volume, registration.X_DW * volume.metadata().WorldFromIndex(), DensityOf(volume, isovalue),
-      Chosen<DecompositionMethod>(settings, "method").value_or(settings_.haptics.method),
-      geometry_revision_ + 1, SideOf(volume.metadata(), request, settings));
-  lock.unlock();
-  before_other_volume_(surface);
+  Scene scene;
+  scene.volume = std::move(volume);
+  scene.settings = felt;
+  if (!felt.layers.layer.empty()) isovalue = felt.layers.layer.front().isovalue;
+  scene.settings.layers = {};
+  FeelSurface(X_DI, DensityOf(*scene.volume, isovalue), 1, ball, scene);
+  before_other_volume_(scene.surface);
 }
 
-// The layers that will be felt. Tells which ones the new volume leaves out. Throws for those that
-// the load itself asks for.
-SurfaceLayers Session::LayersOn(const LoadRequest& request, const SettingsUpdate& settings,
-                                VolumeMetadata& metadata) const {
+// The settings that will be felt. Tells what the new volume leaves out. Throws for what the load
+// itself asks for.
+HapticSettings Session::FeltOn(const LoadRequest& request, const SettingsUpdate& settings,
+                               const AffineMap& X_DI, VolumeMetadata& metadata) const {
   std::unique_lock lock(mutex_);
-  RenderSettings changed = Changed(*volume_, settings_, WithoutIsovalue(settings));
-  const FreeSide side = SideOf(metadata, request, settings);
+  HapticSettings felt = Changed(*volume_, settings_, WithoutIsovalue(settings)).haptics;
+  felt.free_side = SideOf(metadata, request, settings);
   lock.unlock();
-  SurfaceLayers& layers = changed.haptics.layers;
-  if (settings.layers) CheckLayers(layers, metadata);
-  const std::string left = FitLayers(metadata, side, layers);
-  if (left.empty()) return layers;
-  if (settings.layers) throw Error(ErrorKind::kInvalidArgument, left);
-  metadata.warnings.push_back(left);
-  return layers;
+  if (settings.layers) CheckLayers(felt.layers, metadata);
+  const std::string refusal = RefusalOfBall(felt, X_DI);
+  if (!refusal.empty() && settings.Names(&HapticSettings::tool_radius_mm)) Refuse(refusal);
+  const std::string left = FitLayers(metadata, felt.free_side, felt.layers);
+  if (!left.empty() && settings.layers) Refuse(left);
+  if (!left.empty()) metadata.warnings.push_back(left);
+  if (!refusal.empty()) metadata.warnings.push_back("a point is felt: " + refusal);
+  return felt;
+}
+
+// None if there is no room for its field, unless the load itself asks for the ball: the volume is
+// worth more.
+std::optional<FeltBall> Session::BallFor(const HapticSettings& felt, const SettingsUpdate& settings,
+                                         const AffineMap& X_DI, const VolumeSnapshot& volume,
+                                         const LoadProgress& progress) const {
+  const std::optional<Ball> ball = BallOf(felt, X_DI);
+  if (!ball || !CanBe(*ball)) return {};
+  try {
+    return MakeFeltBall(*ball, volume, *loader_.budget, [&](double share) {
+      progress("making the field of the ball at the tip", share);
+    });
+  } catch (const Error& error) {
+    const bool is_asked_for = settings.Names(&HapticSettings::tool_radius_mm);
+    if (error.kind() != ErrorKind::kTooLarge || is_asked_for) throw;
+    return {};
+  }
 }
 
 VolumeState Session::PublishVolume(const LoadRequest& request, VolumeMetadata metadata,
                                    const BrickDirectory& bricks, std::uint64_t frames_bytes,
-                                   const SettingsUpdate& settings) {
+                                   const SettingsUpdate& settings, const LoadProgress& progress) {
   CheckSettings(request, settings);
-  const SurfaceLayers layers = LayersOn(request, settings, metadata);
   const VolumePlace registration = PlaceLoaded(request, metadata);
+  const AffineMap X_DI = registration.X_DW * metadata.WorldFromIndex();
+  const HapticSettings felt = FeltOn(request, settings, X_DI, metadata);
   store_.RequireSaved(request.discards_edits);
-  const VolumeSnapshot next(metadata, bricks, 1, 1);
-  const auto values = std::make_shared<const VolumeValues>(ValuesOf(next));
-  const double start = ChosenIsovalue(next, request.isovalue, request.normalized_isovalue,
+  const auto next = std::make_shared<const VolumeSnapshot>(metadata, bricks, 1, 1);
+  const auto values = std::make_shared<const VolumeValues>(ValuesOf(*next));
+  const double start = ChosenIsovalue(*next, request.isovalue, request.normalized_isovalue,
                                       values->suggested.front().isovalue);
   const double isovalue =
-      ChosenIsovalue(next, settings.isovalue, settings.normalized_isovalue, start);
-  TellBeforeOtherVolume(request, settings, registration, next,
-                        layers.layer.empty() ? isovalue : layers.layer.front().isovalue);
+      ChosenIsovalue(*next, settings.isovalue, settings.normalized_isovalue, start);
+  std::optional<FeltBall> ball = BallFor(felt, settings, X_DI, *next, progress);
+  TellBeforeOtherVolume(felt, X_DI, isovalue, ball, next);
   VolumeState state;
   const auto publish = [&](const std::shared_ptr<const VolumeSnapshot>& volume,
                            std::span<const BrickChange>) {
     const std::lock_guard lock(mutex_);
     TakeLoaded(request, settings, registration, volume, isovalue);
+    if (ball) ball->TakeRevisions(*volume);
+    SetBallLocked(ball && IsWanted(*ball) ? ball : std::nullopt);
     values_ = values;
     has_volume_ = true;
     PublishLocked();
@@ -407,8 +414,6 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
   if (metadata.is_level_set && was_density) side_of_densities_ = settings_.haptics.free_side;
   settings_ = Changed(*volume, settings_, settings);
   settings_.haptics.free_side = side;
-  const std::string left = FitLayers(metadata, side, settings_.haptics.layers);
-  if (!left.empty()) LogWarning("{}", left);
   volume_ = volume;
   request_ = request;
   is_reshaped_ = false;
@@ -417,6 +422,7 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
   ++geometry_revision_;
   registration_ = registration;
   X_DI_ = registration.X_DW * metadata.WorldFromIndex();
+  FitLayersLocked();
   patient_axes_ = metadata.patient_axes;
   voxels_name_ = RegistrationStore::VoxelsName(metadata, volume->bricks().content_hash());
   if (patient_axes_.empty() && registration_store_) {
@@ -430,19 +436,46 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
   }
 }
 
+// None: it takes too long in a transaction, or there is no room. The ball is made anew then, in the
+// background; no edit fails because of it.
+std::optional<FeltBall> Session::Following(FeltBall ball, const VolumeSnapshot& volume) const {
+  const std::optional<std::uint64_t> bytes = ball.BytesToFollow(volume);
+  if (!bytes) return {};
+  try {
+    const MemoryClaim claim = loader_.budget->Claim(kBallInMessages, *bytes);
+    ball.Follow(volume);
+    return ball;
+  } catch (const Error& error) {
+    LogWarning("a point is felt: {}", error.what());
+    return {};
+  }
+}
+
 std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
                                      std::span<const BrickChange> changes) {
-  const std::lock_guard lock(mutex_);
+  // Nobody else gives a ball meanwhile: this is a transaction.
+  std::unique_lock lock(mutex_);
+  std::optional<FeltBall> ball = ball_;
+  lock.unlock();
+  if (ball) ball = Following(*ball, *volume);
+  lock.lock();
   if (volume != volume_) {
     const auto before =
-        std::tuple(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_);
+        std::tuple(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_, ball_);
+    if (ball_ && ball) {
+      retired().Add(ball_->field());
+      ball_ = std::move(ball);
+    } else if (ball_) {
+      SetBallLocked({});
+    }
     const bool has_other_lattice = volume->loaded_revision() != volume_->loaded_revision();
     try {
       volume_ = volume;
       if (has_other_lattice) TakeLattice();
       PublishLocked(changes);
     } catch (...) {
-      std::tie(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_) = before;
+      std::tie(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_, ball_) =
+          before;
       throw;
     }
   }
@@ -462,10 +495,14 @@ void Session::TakeLattice() {
   settings_.isovalue = std::clamp(wanted, metadata.value_min, metadata.value_max);
   held_isovalue_ = {wanted, settings_.isovalue};
   settings_.normalized_isovalue = volume_->Normalize(settings_.isovalue);
-  HapticSettings& haptics = settings_.haptics;
-  const std::string left = FitLayers(metadata, haptics.free_side, haptics.layers);
-  if (!left.empty()) LogWarning("{}", left);
+  FitLayersLocked();
   ++settings_revision_;
+}
+
+void Session::FitLayersLocked() {
+  HapticSettings& felt = settings_.haptics;
+  const std::string left = FitLayers(volume_->metadata(), felt.free_side, felt.layers);
+  if (!left.empty()) LogWarning("{}", left);
 }
 
 VolumeState Session::Move(const std::function<VolumePlace(const VolumeState&)>& change,

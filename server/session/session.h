@@ -30,7 +30,9 @@
 #include "server/scene/registration.h"
 #include "server/scene/render_settings.h"
 #include "server/scene/scene.h"
+#include "server/session/ball_maker.h"
 #include "server/session/first_load.h"
+#include "server/session/settings_update.h"
 #include "server/state/registration_store.h"
 #include "server/state/session_file.h"
 #include "server/store/volume_loader.h"
@@ -38,20 +40,6 @@
 #include "server/volume/suggested_isovalues.h"
 
 namespace palpate {
-
-// The changes to make. Give the isovalue in at most one of its two forms.
-struct SettingsUpdate {
-  std::optional<double> isovalue{};
-  std::optional<double> normalized_isovalue{};
-  // Members of RenderSettings::haptics and their new values.
-  std::vector<std::pair<double HapticSettings::*, double>> numbers{};
-  std::vector<std::pair<bool HapticSettings::*, bool>> flags{};
-  // Settings of kChoiceSettings and the numbers of their enumerators.
-  std::vector<std::pair<const ChoiceSetting*, int>> choices{};
-  std::optional<SurfaceLayers> layers{};
-  bool behind_layers = false;  // may change what layers replace, although they are felt
-  std::optional<std::uint64_t> expected_revision{};
-};
 
 struct SettingsState {
   RenderSettings settings;
@@ -139,10 +127,13 @@ class Session {
   SettingsState settings() const;
   VolumeState volume() const;
   FeltSession Felt() const;
+  // What is felt of the settings' ball.
+  BallState ball() const;
 
   // Waits until the servo has used the change. Throws kInvalidArgument, kConflict, kUnavailable,
-  // and kLoading for an isovalue before the first volume. If the servo stops before it uses the
-  // change, the change is taken back, unless somebody else has changed settings since.
+  // kTooLarge if there is no room for the ball, and kLoading for an isovalue before the first
+  // volume. If the servo stops before it uses the change, the change is taken back, unless somebody
+  // else has changed settings since.
   SettingsApplied Update(const SettingsUpdate& update);
 
   // Sets the settings to start with, except for the isovalue. Call it before the first Load. Does
@@ -164,11 +155,13 @@ class Session {
   // Publishes another volume. It lies where it was felt last, or is fitted to the workspace. The
   // request's scale, if given, replaces the scale. Without an isovalue in the request, the first
   // suggestion of ValuesOf is taken. `frames_bytes`: the memory of all frames if the
-  // volume is one of several frames; used in messages. `settings`: see Load. Layers that the volume
-  // cannot have are left out, which a warning of its metadata says.
-  VolumeState PublishVolume(const LoadRequest& request, VolumeMetadata metadata,
-                            const BrickDirectory& bricks, std::uint64_t frames_bytes = 0,
-                            const SettingsUpdate& settings = {});
+  // volume is one of several frames; used in messages. `settings`: see Load. Layers and a ball that
+  // the volume cannot have are left out, which a warning of its metadata says. `progress`: of the
+  // ball's field; what it throws ends the publication.
+  VolumeState PublishVolume(
+      const LoadRequest& request, VolumeMetadata metadata, const BrickDirectory& bricks,
+      std::uint64_t frames_bytes = 0, const SettingsUpdate& settings = {},
+      const LoadProgress& progress = [](std::string_view, double) {});
 
   // Change voxels by its Edit.
   VolumeStore& store() { return store_; }
@@ -197,13 +190,16 @@ class Session {
   const VolumeLoader& loader() const { return loader_; }
 
  private:
-  SurfaceLayers LayersOn(const LoadRequest& request, const SettingsUpdate& settings,
-                         VolumeMetadata& metadata) const;
+  HapticSettings FeltOn(const LoadRequest& request, const SettingsUpdate& settings,
+                        const AffineMap& X_DI, VolumeMetadata& metadata) const;
+  std::optional<FeltBall> BallFor(const HapticSettings& felt, const SettingsUpdate& settings,
+                                  const AffineMap& X_DI, const VolumeSnapshot& volume,
+                                  const LoadProgress& progress) const;
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
-  void TellBeforeOtherVolume(const LoadRequest& request, const SettingsUpdate& settings,
-                             const VolumePlace& registration, const VolumeSnapshot& volume,
-                             double isovalue) const;
+  void TellBeforeOtherVolume(const HapticSettings& felt, const AffineMap& X_DI, double isovalue,
+                             const std::optional<FeltBall>& ball,
+                             std::shared_ptr<const VolumeSnapshot> volume) const;
   VolumePlace PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
   FreeSide SideOf(const VolumeMetadata& metadata, const LoadRequest& request,
                   const SettingsUpdate& settings) const;
@@ -212,9 +208,20 @@ class Session {
                   const VolumePlace& registration,
                   const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue);
   void TakeLattice();
+  void FitLayersLocked();
+  std::optional<FeltBall> Following(FeltBall ball, const VolumeSnapshot& volume) const;
   std::uint64_t PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
                               std::span<const BrickChange> changes);
   void PublishLocked(std::span<const BrickChange> changes = {});
+  // Throws Error (kTooLarge) if there is no room for the ball that the update asks for.
+  void CheckRoom(const SettingsUpdate& update) const;
+  // The ball of these settings, unless it is felt.
+  std::optional<BallMaker::Wanted> MissingBall(const HapticSettings& haptics) const;
+  bool MayStay(const FeltBall& ball) const;
+  bool IsWanted(const FeltBall& ball) const;
+  // Returns false if it is not wanted any more.
+  bool TakeBall(FeltBall made);
+  void SetBallLocked(std::optional<FeltBall> ball);
   VolumeState VolumeLocked() const;
   LoadedVolume LoadBricks(const LoadRequest& request, const LoadProgress& progress,
                           const LoadCancelled& cancelled, MemoryClaim& claim,
@@ -241,8 +248,9 @@ class Session {
   std::optional<std::pair<double, double>> held_isovalue_{};
   VolumePlace registration_;
   AffineMap X_DI_;
-  std::string patient_axes_;  // of the file or answered; empty: unknown
-  std::string voxels_name_;   // of the voxels as loaded, for answers
+  std::optional<FeltBall> ball_;  // that is felt; none: a point
+  std::string patient_axes_;      // of the file or answered; empty: unknown
+  std::string voxels_name_;       // of the voxels as loaded, for answers
   RenderSettings settings_;
   FreeSide side_of_densities_ = FreeSide::kBelow;  // the free side to restore after a level set
   std::atomic<bool> forces_off_{false};            // written under the lock
@@ -251,11 +259,17 @@ class Session {
   std::uint64_t geometry_revision_ = 0;
   std::uint64_t scene_revision_ = 0;
 
-  // Last, so that its thread ends before the other members.
+  // Last, so that their threads end before the other members.
   VolumeStore store_{
       loader_.budget, [this] { inbox_.Collect(); },
       [this](const std::shared_ptr<const VolumeSnapshot>& volume,
              std::span<const BrickChange> changes) { return PublishEdited(volume, changes); }};
+  BallMaker ball_maker_{loader_.budget,
+                        [this] {
+                          const std::lock_guard lock(mutex_);
+                          return MissingBall(settings_.haptics);
+                        },
+                        [this](FeltBall made) { return TakeBall(std::move(made)); }};
 };
 
 }  // namespace palpate

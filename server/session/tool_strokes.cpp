@@ -10,6 +10,11 @@ namespace {
 // The most scenes kept when they are published faster than the servo uses them, or while the servo
 // stands still.
 constexpr std::size_t kMostScenes = 4096;
+// Carving by a ball fades out over this beyond the ball, in longest voxel edges.
+constexpr double kBeyondBallVoxels = 0.75;
+// The values that stop a ball are up to this far beyond it. It carves so much ahead, where it is
+// pressed to, and not at its sides.
+constexpr double kAheadVoxels = 1.5;
 // An orientation is accepted if its norm differs from 1 by at most this.
 constexpr double kUnitTolerance = 1e-3;
 
@@ -43,7 +48,7 @@ double DistanceToLine(const Vec3& p, const Vec3& from, const Vec3& to) {
 bool Joined(const CarveStep& step, CarveStep& before) {
   constexpr double kStraightness = 0.125;  // of the radius
   if (step.stroke != before.stroke || step.p_WFrom_mm != before.p_WTo_mm ||
-      step.radius_mm != before.radius_mm ||
+      step.radius_mm != before.radius_mm || step.full_mm != before.full_mm ||
       step.duration_ns + before.duration_ns > ToolStrokes::kLongestCarveStepNs ||
       DistanceToLine(before.p_WTo_mm, before.p_WFrom_mm, step.p_WTo_mm) >
           kStraightness * step.radius_mm) {
@@ -65,8 +70,19 @@ void ToolStrokes::OnScene(const Scene& scene) {
   tools.loaded_revision = scene.volume->loaded_revision();
   tools.clutch = settings.clutch_tool;
   tools.carve = settings.carve_tool;
-  tools.X_WD = metadata.WorldFromIndex() * scene.surface.X_ID;
-  tools.radius_mm = settings.carve_radius_mm * tools.X_WD.linear.col(0).norm();
+  tools.X_WD = metadata.WorldFromIndex() * scene.X_DI().Inverse();
+  const double W_from_D = tools.X_WD.linear.col(0).norm();
+  tools.full_mm = W_from_D * 0.5 * settings.carve_radius_mm;
+  tools.radius_mm = W_from_D * settings.carve_radius_mm;
+  if (scene.ball) {
+    const double ball_mm = W_from_D * scene.ball->radius_mm;
+    const double beyond_mm = W_from_D * kBeyondBallVoxels * scene.surface.longest_voxel_mm;
+    tools.full_mm = std::max(tools.full_mm, ball_mm);
+    tools.radius_mm = std::max(tools.radius_mm, ball_mm + beyond_mm);
+    if (settings.carve_rate_per_s > 0.0) {
+      tools.ahead_mm = kAheadVoxels * scene.surface.longest_voxel_mm;
+    }
+  }
   tools.value_per_s = settings.carve_rate_per_s * (metadata.value_max - metadata.value_min);
   if (!tools_.empty()) {
     const Tools& last = tools_.back();
@@ -139,7 +155,9 @@ void ToolStrokes::FollowCarve(bool held, const Tools& tools, const TickSample& s
     if (std::exchange(carve_.held, false)) EndCarveStep();
     return;
   }
-  const Vec3 p_W_mm = tools.X_WD.Apply(ToVector(sample.scp_h_mm));
+  const Vec3 scp_h_mm = ToVector(sample.scp_h_mm), pressed_mm = ToVector(sample.hip_mm) - scp_h_mm;
+  const double share = std::min(1.0, tools.ahead_mm / std::max(pressed_mm.norm(), 1e-9));
+  const Vec3 p_W_mm = tools.X_WD.Apply(scp_h_mm + share * pressed_mm);
   const bool began = !std::exchange(carve_.held, true);
   if (!began && carve_.placement != tools.placement) EndCarveStep();
   if (began || carve_.step.loaded_revision != tools.loaded_revision) ++strokes_;
@@ -151,6 +169,7 @@ void ToolStrokes::FollowCarve(bool held, const Tools& tools, const TickSample& s
   // After a fault, carves at most for the time of one step.
   const std::int64_t since_ns = std::min(sample.time_ns - carve_.until_ns, kToolStepNs);
   carve_.step.value += away * tools.value_per_s * (1e-9 * static_cast<double>(since_ns));
+  carve_.step.full_mm = tools.full_mm;
   carve_.step.radius_mm = tools.radius_mm;
   carve_.step.p_WTo_mm = p_W_mm;
   carve_.until_ns = sample.time_ns;

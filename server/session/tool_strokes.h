@@ -43,10 +43,11 @@ struct RigidMotion {
 struct CarveStep {
   std::uint64_t stroke = 0;           // 1, 2, ...; a new one for each press or volume
   std::uint64_t loaded_revision = 0;  // of the volume that was felt
-  Vec3 p_WFrom_mm = Vec3::Zero();
+  Vec3 p_WFrom_mm = Vec3::Zero();     // of SCP_H; of a ball a little ahead, towards HIP
   Vec3 p_WTo_mm = Vec3::Zero();
+  double full_mm = 0.0;    // in W; voxels this near to the path change by `value`
   double radius_mm = 0.0;  // in W; voxels farther away do not change
-  double value = 0.0;      // data units to add along the path; below 0 removes
+  double value = 0.0;      // data units to add; below 0 removes
   std::int64_t duration_ns = 0;
 };
 
@@ -79,8 +80,9 @@ class ToolStrokes {
     std::uint64_t loaded_revision = 0;
     bool clutch = false;
     bool carve = false;
-    double radius_mm = 0.0;    // in W
-    double value_per_s = 0.0;  // data units
+    double full_mm = 0.0, radius_mm = 0.0;  // as in CarveStep
+    double ahead_mm = 0.0;                  // in D, from SCP_H towards HIP
+    double value_per_s = 0.0;               // data units
     AffineMap X_WD;
     std::uint64_t placement = 0;  // changes when X_WD or the volume changes
   };

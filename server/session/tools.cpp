@@ -20,12 +20,10 @@ bool Touches(const CarveStep& step, const VolumeMetadata& volume) {
   return (high.array() >= 0.0).all() && (low.array() <= last.array()).all();
 }
 
-// The full value along the path of SCP_H, and less beside it.
 VolumeEdit ToEdit(const CarveStep& step) {
-  const double half_mm = 0.5 * step.radius_mm;
   VolumeEdit edit;
-  edit.shape = CapsuleShape{step.p_WFrom_mm, step.p_WTo_mm, half_mm};
-  edit.falloff = half_mm;
+  edit.shape = CapsuleShape{step.p_WFrom_mm, step.p_WTo_mm, step.full_mm};
+  edit.falloff = step.radius_mm - step.full_mm;
   edit.frame = EditFrame::kWorld;
   edit.operation = step.value < 0.0 ? EditOperation::kSubtract : EditOperation::kAdd;
   edit.value = std::abs(step.value);

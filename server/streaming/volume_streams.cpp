@@ -82,7 +82,7 @@ void VolumeStreams::Unsubscribe(Stream& stream) {
 
 void VolumeStreams::OnScene(const Scene& scene, std::span<const BrickChange>) {
   // Freed after the lock is released, if this is the last holder.
-  VolumeNow now{scene.volume, scene.surface.X_DI, scene.settings_revision, scene.patient_axes};
+  VolumeNow now{scene.volume, scene.X_DI(), scene.settings_revision, scene.patient_axes};
   const std::lock_guard lock(mutex_);
   const bool has_lattice =
       now_.volume && now_.volume->loaded_revision() == scene.volume->loaded_revision();

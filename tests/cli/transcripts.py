@@ -114,6 +114,14 @@ DAEMON = {
         Step("settings", has=["layer 1 skin"]),
         Step("layer --remove all", has=["no layers"]),
     ],
+    "ball": [
+        Step("set tool_radius 5", has=["tool_radius 5 mm applied at tick"]),
+        Step("settings --json", json={"tool_radius_mm": 5, "ball.felt_radius_mm": 5}),
+        Step("set tool_radius 0.01", exit=3, error="0.3 to 8 voxels"),
+        Step("set tool_radius 21", exit=3, error="0 to 20 mm"),
+        Step("set tool_radius 0", has=["applied at tick"]),
+        Step("settings --json", json={"ball.felt_radius_mm": 0}),
+    ],
     "refusals": [
         Step(["set stiffness 99", "set stiffness_n_per_mm -.5"], exit=3, error="stiffness"),
         # Negative numbers are values, too: the daemon refuses them for this volume.

@@ -84,6 +84,19 @@ class SettingsTest(DaemonTest):
                 settings.layers = wrong
         self.assertEqual(settings.all(), before)
 
+    def test_a_ball_is_waited_for(self):
+        settings = self.conn.settings
+        self.addCleanup(settings.update, tool_radius_mm=0.0)
+        settings.tool_radius_mm = 6.0
+        self.assertEqual(settings.wait_for_ball(), 6.0)
+        self.assertEqual(settings.ball(), palpate.BallState(6.0, False, None, ""))
+        with self.conn.poses(100) as stream:
+            self.assertTrue(wait_until(lambda: next(stream).tool_radius_mm[-1] == 6.0))
+        with self.assertRaisesRegex(palpate.InvalidArgument, "voxels"):
+            settings.tool_radius_mm = 0.01
+        settings.tool_radius_mm = 0.0
+        self.assertEqual(settings.wait_for_ball(timeout_s=5.0), 0.0)
+
     def test_names_and_numpy_numbers_will_do(self):
         self.conn.settings.free_side = "above"
         self.assertIs(self.conn.settings.free_side, palpate.FreeSide.ABOVE)

@@ -61,7 +61,8 @@ class Ticks(RecordingTest):
 
         for name in ("tick", "time_ns", "buttons", "scene_revision", "settings_revision",
                      "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
-                     "faulty_ticks", "refinement", "layers_passed", "contact_layer"):
+                     "faulty_ticks", "refinement", "layers_passed", "contact_layer",
+                     "tool_radius_mm"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
         np.testing.assert_array_equal(self.recording.to_unix_ns(ticks.time_ns),
                                       column("unix_ns", int))

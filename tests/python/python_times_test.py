@@ -33,6 +33,7 @@ CALLS = 5000
 # Below the daemon's bound of 2 000 per second for one client.
 BETWEEN_CALLS_S = 0.0006
 SLOW_MS = 20.0
+EDIT_MS = 20.0
 
 
 class TimesTest(unittest.TestCase):
@@ -141,6 +142,28 @@ def taken_ms(call):
     taken_s = time.perf_counter() - start
     time.sleep(max(0.0, BETWEEN_CALLS_S - taken_s))
     return taken_s * 1e3
+
+
+class EditsWithABall(TimesTest):
+    """Of 16 voxels along each axis, at 4 voxels: the field around it is made anew."""
+
+    def test_they_are_felt_soon(self):
+        daemon = self.enterContext(Daemon("builtin:bumps:128"))
+        conn = self.enterContext(daemon.connect())
+        medians_ms = []
+        for voxels in (0, 4):
+            voxel_mm = conn.volume.place().device_mm_per_voxel
+            conn.settings.tool_radius_mm = voxels * voxel_mm
+            conn.settings.wait_for_ball()
+            taken = []
+            for n in range(60):
+                corner = np.array([20 + n, 50, 100 - n])
+                taken.append(taken_ms(lambda corner=corner: conn.volume.edit.box(
+                    corner, corner + 15, "add", 0.1 + 0.2 * (corner[0] % 2), frame="index")))
+            medians_ms.append(statistics.median(taken))
+        print(f"an edit of 16³ is felt in {medians_ms[0]:.1f} ms by a point, in "
+              f"{medians_ms[1]:.1f} ms by a ball")
+        self.assertLessEqual(medians_ms[1], EDIT_MS)
 
 
 class Calls(TimesTest):

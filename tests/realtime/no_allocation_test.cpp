@@ -1,5 +1,5 @@
 // A tick never allocates or frees, in free space, in contact, while the surface
-// moves, when voxels are edited, while it is suspended, and when the volume is
+// moves, with a ball, when voxels are edited, while it is suspended, and when the volume is
 // replaced.
 #include <gtest/gtest.h>
 
@@ -11,6 +11,7 @@
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
 #include "server/samples/tick_outbox.h"
+#include "server/scene/felt_surface.h"
 #include "server/servo/servo_tick.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
@@ -90,6 +91,15 @@ std::unique_ptr<Scene> MakeEdited(const Scene& scene, std::uint64_t revision) {
   return edited;
 }
 
+// As felt by a ball.
+std::unique_ptr<Scene> WithBall(const Scene& scene, double radius_mm, std::uint64_t revision) {
+  auto felt = std::make_unique<Scene>(scene);
+  const AffineMap X_DI = scene.X_DI();
+  const FeltBall ball({radius_mm, X_DI.linear, false}, *scene.volume);
+  FeelSurface(X_DI, scene.isovalue, revision, ball, *felt);
+  return felt;
+}
+
 TEST(NoAllocation, TheCountSeesAnAllocation) {
   counting = true;
   const auto control = std::make_unique<int>(1);
@@ -109,16 +119,18 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
   const auto bumps_swollen = MakeScene("builtin:bumps:64", 0.3, 2);
   const auto gyroid = MakeScene("builtin:gyroid:64", 0.5, 3);
   const auto edited = MakeEdited(*bumps, 2);
+  const auto ball = WithBall(*bumps, 6.0, 4);
   auto suspended = std::make_unique<Scene>(*bumps);
   suspended->forces_off = true;
   TickTime time;
-  long contacts = 0, ejecting = 0, edits = 0;
+  long contacts = 0, ejecting = 0, edits = 0, with_ball = 0;
   calls = 0;
   counting = true;
   for (int n = 0; n < 40000; ++n) {
     const Scene& scene = n / 5000 % 4 == 3   ? *gyroid
                          : n / 5000 % 4 == 2 ? (n % 10 < 5 ? *edited : *bumps)
                          : n % 5000 > 4900   ? *suspended
+                         : n / 300 % 4 == 2  ? *ball
                          : n / 500 % 2 == 1  ? *bumps_swollen
                                              : *bumps;
     time.started_ns += 1'000'000;
@@ -128,6 +140,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
     outbox->last.Tell(sample);
     contacts += sample.contact;
     edits += sample.contact && &scene == edited.get();
+    with_ball += sample.contact && &scene == ball.get();
     ejecting += sample.mode == ProxyMode::kEjecting;
   }
   counting = false;
@@ -136,6 +149,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
   EXPECT_GT(contacts, 5000);
   EXPECT_GT(ejecting, 0);
   EXPECT_GT(edits, 100);
+  EXPECT_GT(with_ball, 100);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <optional>
 #include <random>
 #include <span>
 #include <string>
@@ -16,6 +17,7 @@
 #include "server/recording/recorded_scene.h"
 #include "server/recording/recorder.h"
 #include "server/samples/scp_v.h"
+#include "server/scene/felt_surface.h"
 #include "server/servo/servo_tick.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/patience.h"
@@ -103,6 +105,15 @@ class SceneRig {
     scene_.settings = settings;
     Publish(0);
   }
+  // A ball of this radius; none: a point.
+  void SetBall(const std::optional<double>& radius_mm, bool is_least) {
+    ball_.reset();
+    if (radius_mm) {
+      ball_.emplace(palpate::Ball{*radius_mm, 1.7 * Mat3::Identity(), is_least}, *volume_);
+    }
+    geometry_revision_ += 1000;
+    Publish(0);
+  }
   void SetForcesOff(bool off) {
     scene_.forces_off = off;
     Publish(0);
@@ -128,9 +139,8 @@ class SceneRig {
     AffineMap X_DI;
     X_DI.linear *= 1.7;
     X_DI.translation = Vec3(-40.0, -40.0, -40.0);
-    scene_.surface =
-        MakeHapticSurface(*volume_, X_DI, tau_, DecompositionMethod::kTpbcc, revision_,
-                          scene_.settings.free_side, static_cast<int>(scene_.settings.refinement));
+    if (ball_) ball_->Follow(*volume_);
+    FeelSurface(X_DI, tau_, geometry_revision_ + revision_, ball_, scene_);
     if (recorder_) Note(changed_bytes);
   }
   void Note(std::uint64_t changed_bytes) {
@@ -145,6 +155,8 @@ class SceneRig {
   std::unique_ptr<CellCache> cells_ = std::make_unique<CellCache>();
   std::shared_ptr<const VolumeSnapshot> volume_;
   std::uint64_t revision_ = 1;
+  std::uint64_t geometry_revision_ = 0;
+  std::optional<FeltBall> ball_;
   double tau_ = 0.5;
   Scene scene_;
   std::uint64_t missed_ = 0;

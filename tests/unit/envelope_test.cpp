@@ -118,7 +118,8 @@ TEST(Guests, GetWhatIsDeclaredAndNothingElse) {
                                                            "replayed",
                                                            "refinement",
                                                            "layers_passed",
-                                                           "contact_layer"};
+                                                           "contact_layer",
+                                                           "tool_radius_mm"};
   EXPECT_EQ(ShownOfPoses(), pose);
   const std::set<std::string> facts = ShownOfFacts(false);
   EXPECT_EQ(ShownOfFacts(true), facts);
@@ -130,6 +131,9 @@ TEST(Guests, GetWhatIsDeclaredAndNothingElse) {
       Vector("volume.world_from_index.translation") +
       Vector("placement.device_from_index.translation") +
       std::set<std::string>{"settings.settings_revision",
+                            "settings.ball.felt_radius_mm",
+                            "settings.ball.is_awaited",
+                            "settings.ball.share_done",
                             "volume.size_x",
                             "volume.size_y",
                             "volume.size_z",

@@ -41,14 +41,15 @@ LAYERS = {
     "server/guide": COMMON + ["server/volume", "server/haptics", "server/device"],
     "server/scene": COMMON + ["server/realtime", "server/volume", "server/haptics",
                               "server/device"],
-    "server/samples": ["server/realtime", "server/haptics", "server/safety", "server/scene"],
+    "server/samples": ["common/geometry", "server/realtime", "server/haptics", "server/safety",
+                       "server/scene"],
     "server/servo": ["server/realtime", "server/haptics", "server/device", "server/safety",
                      "server/scene", "server/samples"],
     "server/store": COMMON + ["server/realtime", "server/volume", "server/haptics"],
     "server/state": COMMON + ["server/log", "server/haptics", "server/scene", "server/store"],
     "server/client_files": COMMON + ["server/volume", "server/store", "server/state"],
-    "server/session": COMMON + ["server/log", "server/client_files", "server/volume",
-                                "server/haptics", "server/device", "server/scene",
+    "server/session": COMMON + ["server/log", "server/realtime", "server/client_files",
+                                "server/volume", "server/haptics", "server/device", "server/scene",
                                 "server/samples", "server/store", "server/state"],
     "server/recording": COMMON + ["common/wire", "server/realtime", "server/volume", "server/haptics",
                                   "server/device", "server/safety", "server/scene",
@@ -176,10 +177,11 @@ NAMES = {
 }
 
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
-PLAIN_VOLUME_HEADERS = {"server/volume/brick_directory.h", "server/volume/brick_packer.h",
-                        "server/volume/lattice.h", "server/volume/snapshot.h",
-                        "server/volume/volume_metadata.h", "server/volume/edit.h",
-                        "server/volume/filter.h", "server/volume/volume_export.h"}
+PLAIN_VOLUME_HEADERS = {"server/volume/ball.h", "server/volume/ball_field.h",
+                        "server/volume/brick_directory.h", "server/volume/brick_packer.h",
+                        "server/volume/edit.h", "server/volume/filter.h", "server/volume/lattice.h",
+                        "server/volume/snapshot.h", "server/volume/volume_export.h",
+                        "server/volume/volume_metadata.h"}
 # What programs outside of the tree include.
 PUBLIC_HEADERS = ["client/sdk/client.h", "client/sdk/nrrd_file.h", "client/sdk/words.h"]
 

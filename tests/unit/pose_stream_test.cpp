@@ -153,6 +153,7 @@ TEST(PoseSample, HasTheFieldsOfTheTick) {
   sample.refinement = 26;
   sample.layers_passed = 27;
   sample.contact_layer = 28;
+  sample.tool_radius_mm = 29;
   EXPECT_EQ(PoseOf(sample), (PoseSample{.tick = 1,
                                         .time_ns = 2,
                                         .hip_mm = Vec3(3, 4, 5),
@@ -173,7 +174,8 @@ TEST(PoseSample, HasTheFieldsOfTheTick) {
                                         .forces = {ForceState::kHeld, ForceReason::kStale, 25},
                                         .refinement = 26,
                                         .layers_passed = 27,
-                                        .contact_layer = 28}));
+                                        .contact_layer = 28,
+                                        .tool_radius_mm = 29}));
 }
 
 TEST(PoseSample, LeavesOutWhatIsAbsent) {

@@ -10,6 +10,7 @@
 
 #include "server/haptics/proxy.h"
 #include "server/lab/fresh_cells.h"
+#include "server/volume/ball_field.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/path_judge.h"
 #include "tests/support/scaled.h"
@@ -47,6 +48,11 @@ struct Torture {
   long moves = 0, steps = 0, fall_throughs = 0, unrested = 0, capped = 0, contacts = 0,
        misplaced = 0, jumps = 0;
 
+  void ExpectSound() const {
+    EXPECT_GT(contacts, steps / 20);
+    for (const long fault : {fall_throughs, misplaced, jumps, unrested, capped})
+      EXPECT_EQ(fault, 0);
+  }
   void Print(int levels) const {
     std::printf(
         "levels %3d: %ld steps, %ld moves, %ld in contact, fall-throughs %ld, misplaced %ld, "
@@ -55,7 +61,9 @@ struct Torture {
   }
 };
 
-HapticSurface RandomSurface(std::mt19937_64& random, const VolumeSnapshot& volume, int refinement) {
+// `middle`: of the values among which τ is chosen.
+HapticSurface RandomSurface(std::mt19937_64& random, const VolumeSnapshot& volume, int refinement,
+                            const Vec3i& middle = Vec3i::Ones()) {
   std::uniform_real_distribution<double> uniform;
   Mat3 shear = Mat3::Identity();
   if (uniform(random) < 0.5) {
@@ -65,7 +73,7 @@ HapticSurface RandomSurface(std::mt19937_64& random, const VolumeSnapshot& volum
   double isovalue = uniform(random);
   // Equal to a value that is there, the least and the greatest included.
   if (uniform(random) < 0.4) {
-    isovalue = volume.StoredCell(Vec3i(1, 1, 1))[static_cast<std::size_t>(uniform(random) * 8)];
+    isovalue = volume.StoredCell(middle)[static_cast<std::size_t>(uniform(random) * 8)];
   }
   if (uniform(random) < 0.1) isovalue = uniform(random) < 0.5 ? 0.0 : 1.0;
   // Only 2 kTieStep above it is the padding of a level set: H between them is known to 1e-8 voxels.
@@ -75,20 +83,24 @@ HapticSurface RandomSurface(std::mt19937_64& random, const VolumeSnapshot& volum
                            DecompositionMethod::kTpbcc, 1, side, refinement);
 }
 
-void TortureGrid(std::mt19937_64& random, int levels, int refinement, int steps, Torture& result) {
-  const auto volume = RandomVolume(random, levels);
-  if (!HasRange(*volume)) return;
-  const HapticSurface surface = RandomSurface(random, *volume, refinement);
+// `origin_I`: around which the HIP moves.
+void TortureGrid(std::mt19937_64& random, const VolumeSnapshot& volume, int refinement, int steps,
+                 Torture& result, const Vec3i& origin_I = Vec3i::Zero()) {
+  if (!HasRange(volume)) return;
+  const HapticSurface surface = RandomSurface(random, volume, refinement, origin_I + Vec3i::Ones());
+  const auto at = [&](const Vec3& p_I) {
+    return surface.X_DI.Apply(p_I + origin_I.cast<double>());
+  };
   static CellCache cache;
   cache = CellCache();
   PathJudge judge(surface);
   Proxy proxy;
   Vec3 hip_I = Vec3::Constant(-3.0);
-  Vec3 last_mm = StepProxy(surface, surface.X_DI.Apply(hip_I), kFarMm, proxy, cache).p_DH_mm;
+  Vec3 last_mm = StepProxy(surface, at(hip_I), kFarMm, proxy, cache).p_DH_mm;
   bool has_last = !proxy.buried;
   for (int n = 0; n < steps; ++n) {
     MoveHip(random, hip_I);
-    const Vec3 hip_mm = surface.X_DI.Apply(hip_I);
+    const Vec3 hip_mm = at(hip_I);
     const ProxyStep step = StepProxy(surface, hip_mm, kFarMm, proxy, cache);
     ++result.steps;
     result.moves += step.moves;
@@ -123,14 +135,28 @@ TEST_P(ProxyTorture, NeverFallsThroughAndAlwaysRests) {
   std::mt19937_64 random(6);
   for (int levels : {0, 256, 16, 4, 2, 1}) {
     Torture result;
-    for (int n = 0; n < grids; ++n) TortureGrid(random, levels, refinement, steps, result);
+    for (int n = 0; n < grids; ++n) {
+      TortureGrid(random, *RandomVolume(random, levels), refinement, steps, result);
+    }
     result.Print(levels);
-    EXPECT_GT(result.contacts, result.steps / 20);
-    EXPECT_EQ(result.fall_throughs, 0);
-    EXPECT_EQ(result.misplaced, 0);
-    EXPECT_EQ(result.jumps, 0);
-    EXPECT_EQ(result.unrested, 0);
-    EXPECT_EQ(result.capped, 0);
+    result.ExpectSound();
+  }
+}
+
+// Plateaus as large as the ball, at values of the volume.
+TEST_P(ProxyTorture, TheFieldOfABallIsAVolumeLikeOthers) {
+  const int grids = std::max(3, test::Scaled(6));
+  std::mt19937_64 random(8);
+  for (int levels : {0, 16, 2}) {
+    Torture result;
+    for (int n = 0; n < grids; ++n) {
+      const BallField field(
+          {.radius_mm = 0.5 + 2.5 * static_cast<double>(n) / grids, .is_least = n % 3 == 2});
+      const auto volume = field.Of(*RandomVolume(random, levels), 1, [](double) {});
+      TortureGrid(random, *volume, GetParam(), 1500, result, field.margin());
+    }
+    result.Print(levels);
+    result.ExpectSound();
   }
 }
 

@@ -170,6 +170,7 @@ TEST(RecordingFormat, ScenesComeBackBitForBit) {
     RecordedScene scene = SceneAt(seed);
     if (seed % 2 == 1) scene.X_WI.reset();
     if (seed % 3 == 1) scene.series_position_frames = 0.1 * static_cast<double>(seed);
+    if (seed % 5 == 1) scene.ball = Ball{1.0 / 3.0, Mat3(Vec3(0.3, -0.7, 0.2).asDiagonal()), true};
     const v1::RecordedScene message = ToProto(scene);
     const RecordedScene read = FromProto(message);
     EXPECT_EQ(ToProto(read).SerializeAsString(), message.SerializeAsString());
@@ -186,6 +187,7 @@ TEST(RecordingFormat, ScenesComeBackBitForBit) {
     EXPECT_EQ(read.volume_hash, scene.volume_hash);
     EXPECT_EQ(read.size, scene.size);
     EXPECT_EQ(read.series_position_frames, scene.series_position_frames);
+    EXPECT_EQ(read.ball, scene.ball);
   }
 }
 
@@ -220,6 +222,19 @@ TEST(RecordingFormat, LayersThatCannotBeAreRefused) {
     v1::RecordedScene message = ToProto(SceneAt(2));
     message.mutable_settings()->mutable_layers()->mutable_layer(0)->set_id(id);
     EXPECT_THROW(FromProto(message), DamagedBytes) << id;
+  }
+}
+
+// A field of theirs would take forever, or does not exist.
+TEST(RecordingFormat, BallsThatCannotBeAreRefused) {
+  RecordedScene scene = SceneAt(7);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  Mat3 flat = Mat3::Identity();
+  flat.col(2) = flat.col(1) + 1e-6 * Vec3::UnitZ();
+  for (const Ball& ball : {Ball{0.29}, Ball{8.1}, Ball{nan}, Ball{-1.0}, Ball{1.0, Mat3::Zero()},
+                           Ball{1.0, Mat3::Constant(nan)}, Ball{1.0, flat}}) {
+    scene.ball = ball;
+    EXPECT_THROW(FromProto(ToProto(scene)), DamagedBytes);
   }
 }
 

@@ -89,6 +89,9 @@ TEST_F(RecordingReplay, GivesTheSameBitsThroughSettingsEditsAndFaults) {
     rig.Run(500);
     rig.Miss(n);
     rig.Run(100);
+    if (n >= 2) {
+      rig.SetBall(n == 7 ? std::nullopt : std::optional(3.4 + 1.7 * n), n == 5);
+    }
     for (int edits = 0; edits < 5; ++edits) {
       rig.Edit(Carve(*rig.volume(), random_));
       if (edits % 2 == 0) rig.Run(30);  // no tick alone uses the others
@@ -256,14 +259,16 @@ TEST_F(RecordingReplay, ScenesThatCannotBeAreRefused) {
   const auto volume = Gyroid();
   const RecordedScene good = SceneOf(volume);
   const VolumeHash hash = HashVolume(*volume), other{hash.high, hash.low + 1};
+  std::optional<FeltBall> none;
   const auto refusal_of = [&](const std::function<void(RecordedScene&)>& change) {
     RecordedScene scene = good;
     change(scene);
-    return testing::Refusal([&] { ToScene(scene, volume, hash); });
+    none.reset();
+    return testing::Refusal([&] { ToScene(scene, volume, hash, none); });
   };
   const auto invalid = ErrorKind::kInvalidArgument;
   EXPECT_EQ(refusal_of([](RecordedScene&) {}), std::nullopt);
-  EXPECT_EQ(testing::Refusal([&] { ToScene(good, volume, other); }), ErrorKind::kConflict);
+  EXPECT_EQ(testing::Refusal([&] { ToScene(good, volume, other, none); }), ErrorKind::kConflict);
   EXPECT_EQ(refusal_of([](RecordedScene& bad) { bad.unknown_settings = {"texture_mm"}; }),
             ErrorKind::kConflict);
   for (const double scale : {0.0, 1e-140, 1e140}) {
@@ -482,6 +487,7 @@ TEST_F(RecordingReplay, ScenesThatContradictEachOtherAreRefused) {
       refusal_of([](RecordedScene& next) { next.settings.method = DecompositionMethod::kBcc; }),
       contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { next.X_DI.translation.x() += 1.0; }), contradicts);
+  EXPECT_EQ(refusal_of([](RecordedScene& next) { next.ball = Ball{2.0}; }), contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { --next.geometry_revision; }), contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { --next.volume_revision; }), contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { ++next.volume_hash.low; }), contradicts);

@@ -143,6 +143,8 @@ HapticSettings CarvingAt(double rate_per_s, double radius_mm = 5.0) {
 TEST(Carve, MovesTheSurfaceSmoothlyAndTheProxyStaysOutside) {
   HapticSettings other_side = kCarving;
   other_side.free_side = FreeSide::kAbove;
+  HapticSettings with_ball = CarvingAt(2.0, 0.1);
+  with_ball.tool_radius_mm = 8.0;
   // From within a sphere of material that is felt as the free side.
   const HandAt from_within = [](double time_s) {
     StylusScript::Target target;
@@ -163,6 +165,7 @@ TEST(Carve, MovesTheSurfaceSmoothlyAndTheProxyStaysOutside) {
         Carving{"adds", "builtin:sphere:32", CarvingAt(-0.2), resting, 1.0, 0.3},
         Carving{"the greatest brush", "builtin:sphere:96", CarvingAt(2.0, 20.0), resting, 0.1,
                 -0.05},
+        Carving{"a ball", "builtin:sphere:32", with_ball, resting, 2.0, -1.0},
         Carving{"from within", "builtin:sphere:32", other_side, from_within, 1.0, 0.5},
         // By an editor that is late.
         Carving{"a groove", "builtin:bumps:48", kCarving, sliding, 2.0, -0.5, kSlewN, 40}}) {

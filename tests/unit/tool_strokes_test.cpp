@@ -80,6 +80,43 @@ TEST_F(ToolStrokesTest, AReleaseGivesTheMotionSinceThePress) {
   EXPECT_FALSE(strokes_.TakeMotion().has_value());
 }
 
+TEST_F(ToolStrokesTest, ABallCarvesWhatItTouchesUnlessTheToolIsLarger) {
+  for (const double ball_mm : {4.0, 1.0}) {
+    scene_.ball = SceneBall{scene_.volume, {}, ball_mm, scene_.surface.X_DI};
+    Publish();
+    Tick(kCarveButton);
+    Tick(kCarveButton, Vec3(1, 0, 0));
+    Tick(0);
+    const auto steps = strokes_.TakeCarving();
+    ASSERT_EQ(steps.size(), 1u);
+    // The ball has twice its radius in W; half a millimetre is a voxel.
+    EXPECT_NEAR(steps[0].full_mm, ball_mm > 3.0 ? 8.0 : 3.0, 1e-12);
+    EXPECT_NEAR(steps[0].radius_mm, ball_mm > 3.0 ? 8.0 + 0.75 : 6.0, 1e-12);
+  }
+}
+
+// What stops it is up to a voxel and a half away.
+TEST_F(ToolStrokesTest, ABallCarvesAheadWhereItIsPressedTo) {
+  scene_.ball = SceneBall{scene_.volume, {}, 4.0, scene_.surface.X_DI};
+  for (const double rate_per_s : {2.0, -2.0}) {
+    scene_.settings.carve_rate_per_s = rate_per_s;
+    Publish();
+    for (const double pressed_mm : {0.3, 5.0}) {
+      for (int n = 0; n < 2; ++n) {
+        TickSample sample = Sample(kCarveButton, Vec3(1, 2, 3));
+        sample.hip_mm[2] -= pressed_mm;
+        strokes_.OnSample(sample);
+      }
+      Tick(0);
+      const auto steps = strokes_.TakeCarving();
+      ASSERT_EQ(steps.size(), 1u);
+      const double ahead_mm = rate_per_s > 0.0 ? std::min(pressed_mm, 1.5 * 0.5) : 0.0;
+      const Vec3 expected = 2.0 * (Vec3(1, 2, 3 - ahead_mm) - Vec3(1, 2, 3));
+      EXPECT_LT((steps[0].p_WTo_mm - expected).norm(), 1e-12);
+    }
+  }
+}
+
 TEST_F(ToolStrokesTest, BothButtonsAtOnceMoveAndDoNotCarve) {
   for (int n = 0; n <= 100; ++n) Tick(kCarveButton | kClutchButton, Vec3(n, 0, 0));
   EXPECT_TRUE(Tick(0));

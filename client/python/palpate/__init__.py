@@ -32,13 +32,13 @@ from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker,
 from palpate._recording_file import RecordedTicks, RecordingFile, open_recording
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
-from palpate._value_list import (ForceStatus, LastChange, ListedDevice, RecordingState,
-                                 RunningReplay, SuggestedIsovalue)
+from palpate._value_list import (BallState, ForceStatus, LastChange, ListedDevice,
+                                 RecordingState, RunningReplay, SuggestedIsovalue)
 from palpate._volume import VolumeAccess, VolumeInfo
 from palpate._voxels import Volume
 
 __all__ = [
-    "Activity", "Applied", "Cancelled", "Conflict", "ConnectedCaller", "Connection",
+    "Activity", "Applied", "BallState", "Cancelled", "Conflict", "ConnectedCaller", "Connection",
     "DecompositionMethod", "Device", "DeviceConnection", "DeviceInfo", "DeviceStatus", "DiskFull",
     "EditResult", "Edits", "Error", "Facts", "FailedPrecondition", "ForceCommand", "ForceReason",
     "ForceState", "ForceStatus", "FreeSide", "Hand", "Internal", "InvalidArgument", "LastChange",

@@ -2,12 +2,16 @@
 
 import collections.abc
 import dataclasses
+import time
 import typing
 
+from palpate._errors import TooLarge, Unavailable
+from palpate._held import held_in
 from palpate._layers import Layer, layers_of, put_layers
 from palpate._link import Link
 from palpate._setting_kinds import Setting
 from palpate._setting_list import SettingList
+from palpate._value_list import BallState
 from palpate._values import whole_or_none
 from palpate.v1 import render_pb2, render_pb2_grpc, volume_pb2
 
@@ -37,7 +41,7 @@ class Settings(SettingList):
     present one. Forces and lengths are those of the device. An unknown attribute is an
     AttributeError. A choice reads as a member of its enumeration, and the member equals its word:
     conn.settings.method == "tpbcc". Set a choice by the member or the word.
-    Errors: InvalidArgument (out of range), Unavailable.
+    Errors: InvalidArgument (out of range), TooLarge (no memory for the ball), Unavailable.
     Example: conn.settings.isovalue = 300.0
     """
 
@@ -79,8 +83,31 @@ class Settings(SettingList):
         answer = self._link.call(self._stub.UpdateSettings, request)
         return Applied(answer.settings_revision, answer.applied_tick)
 
+    def ball(self) -> BallState:
+        """Returns what is felt of tool_radius_mm: the field of a ball is made in the background.
+
+        Errors: Unavailable. Example: conn.settings.ball().felt_radius_mm
+        """
+        answer = self._link.call(self._stub.GetSettings, render_pb2.GetSettingsRequest())
+        return BallState(**held_in(answer.ball))
+
+    def wait_for_ball(self, timeout_s: float = 60.0) -> float:
+        """Waits until the ball of tool_radius_mm is felt. Returns its radius in mm.
+
+        Errors: Unavailable (not within timeout_s), TooLarge (no memory for it).
+        Example: conn.settings.tool_radius_mm = 2.0; conn.settings.wait_for_ball()
+        """
+        until = time.monotonic() + timeout_s
+        while (ball := self.ball()).is_awaited:
+            if time.monotonic() > until:
+                raise Unavailable(f"a ball of {ball.felt_radius_mm:g} mm is still felt")
+            time.sleep(0.05)
+        if ball.problem:
+            raise TooLarge(ball.problem)
+        return ball.felt_radius_mm
+
     def __dir__(self) -> list[str]:
-        return [*_SETTINGS, "all", "update"]
+        return [*_SETTINGS, "all", "ball", "update", "wait_for_ball"]
 
     def __repr__(self) -> str:
         return f"<palpate settings: {', '.join(_SETTINGS)}>"

@@ -3,6 +3,7 @@
 #include <string>
 #include <variant>
 
+#include "client/sdk/words.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
 #include "client/view/live/setting_change.h"
@@ -51,6 +52,9 @@ void FeelPanel(Viewer& viewer) {
   BeginAllowed(viewer, client::Role::kEditor);
   for (const client::Setting& setting : client::kHapticSettings) {
     if (IsShown(setting, *settings)) EditSetting(viewer, setting, *settings);
+    if (setting.key != "tool_radius_mm") continue;
+    const std::string ball = client::BallInWords(*settings);
+    if (!ball.empty()) ImGui::TextWrapped("%s", OneLine(ball, 200).c_str());
   }
   EndAllowed();
 }

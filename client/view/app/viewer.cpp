@@ -322,7 +322,8 @@ void Viewer::FollowProxy() {
 }
 
 void Viewer::UpdateHapticLines(const Vec3& p_I) {
-  if (!state_.overlay.haptic_surface || !feed_.settings()) {
+  // A ball feels H of another field.
+  if (!state_.overlay.haptic_surface || !feed_.settings() || feed_.pose()->tool_radius_mm > 0.0) {
     haptic_lines_I_.clear();
     felt_.reset();
     return;

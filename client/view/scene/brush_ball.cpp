@@ -9,9 +9,9 @@ namespace palpate::view {
 namespace {
 
 constexpr int kOutlineSides = 96;
-constexpr Rgba8 kBallColor = {90, 225, 255, 80};
+constexpr Rgba8 kBrushColor = {90, 225, 255, 255};
+constexpr std::uint8_t kBallAlpha = 80;
 constexpr std::uint8_t kBallBehind = 22;
-constexpr Rgba8 kOutlineColor = {170, 240, 255, 255};
 constexpr Rgba8 kFadeColor = {170, 240, 255, 110};
 constexpr std::uint8_t kOutlineBehind = 150;
 constexpr std::uint8_t kFadeBehind = 60;
@@ -20,6 +20,11 @@ void AddOutline(const SphereOutline& outline, const Rgba8& rgba, std::uint8_t al
                 Overlay& overlay) {
   AddOutline(PolygonAbout(outline.axis, outline.center_D, outline.radius_mm, kOutlineSides), rgba,
              alpha_behind, overlay);
+}
+
+// Half a pixel outside of the ball, which would hide half of the line.
+double Aside(const Vec3& center_D, const Projection& projection) {
+  return 0.5 * projection.MmPerPixel(center_D);
 }
 
 }  // namespace
@@ -35,15 +40,23 @@ std::optional<SphereOutline> OutlineOf(const Vec3& center_D, double radius_mm, c
                        .axis = axis};
 }
 
+void AddBall(const Vec3& center_D, double radius_mm, const Rgba8& rgba,
+             const Projection& projection, Overlay& overlay) {
+  const auto outline =
+      OutlineOf(center_D, radius_mm + Aside(center_D, projection), projection.eye_D());
+  if (!outline) return;
+  Rgba8 body = rgba, line = rgba;
+  body[3] = kBallAlpha;
+  for (int n = 0; n < 3; ++n) line[n] = static_cast<std::uint8_t>(255 - (255 - rgba[n]) / 2);
+  AddSphere(center_D, radius_mm, {body, kBallBehind}, overlay.solids);
+  AddOutline(*outline, line, kOutlineBehind, overlay);
+}
+
 void AddBrushBall(const Vec3& center_D, double radius_mm, double fade_mm,
                   const Projection& projection, Overlay& overlay) {
-  // Half a pixel outside of the ball, which would hide half of the line.
-  const double aside_mm = 0.5 * projection.MmPerPixel(center_D);
-  const auto outline = OutlineOf(center_D, radius_mm + aside_mm, projection.eye_D());
-  if (!outline) return;
-  AddSphere(center_D, radius_mm, {kBallColor, kBallBehind}, overlay.solids);
-  AddOutline(*outline, kOutlineColor, kOutlineBehind, overlay);
+  AddBall(center_D, radius_mm, kBrushColor, projection, overlay);
   if (fade_mm <= 0.0) return;
+  const double aside_mm = Aside(center_D, projection);
   if (const auto fade = OutlineOf(center_D, radius_mm + fade_mm + aside_mm, projection.eye_D())) {
     AddOutline(*fade, kFadeColor, kFadeBehind, overlay);
   }

@@ -1,4 +1,4 @@
-// The ball of the edit brush in the view.
+// Balls in the view: of the edit brush, and at the stylus's tip.
 //
 // Frame: D (mm). Threads: pure.
 #pragma once
@@ -17,9 +17,11 @@ struct SphereOutline {
 // None: the eye is within the sphere.
 std::optional<SphereOutline> OutlineOf(const Vec3& center_D, double radius_mm, const Vec3& eye_D);
 
-// Adds the ball, clear enough to see what is under it, its outline, and fainter the outline of
-// where the fade ends. What the surface hides of them is fainter, so that one sees where the ball
-// meets the surface.
+// Adds a ball, clear enough to see what is under it, and its outline. What the surface hides of
+// them is fainter, so that one sees where the ball meets the surface.
+void AddBall(const Vec3& center_D, double radius_mm, const Rgba8& rgba,
+             const Projection& projection, Overlay& overlay);
+// Adds fainter the outline of where the fade ends, too.
 void AddBrushBall(const Vec3& center_D, double radius_mm, double fade_mm,
                   const Projection& projection, Overlay& overlay);
 

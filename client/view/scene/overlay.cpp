@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "client/view/scene/brush_ball.h"
 #include "client/view/scene/lines.h"
 #include "client/view/scene/patient_axes.h"
 #include "client/view/scene/solids.h"
@@ -202,6 +203,9 @@ Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, c
   }
   if (!scene.pose) return overlay;
   if (options.points) AddPoints(*scene.pose, projection, overlay);
+  if (options.points && scene.pose->tool_radius_mm > 0.0) {
+    AddBall(scene.pose->scp_h_mm, scene.pose->tool_radius_mm, kScpHColor, projection, overlay);
+  }
   if (options.force) AddForce(*scene.pose, scene.max_force_n, projection, overlay);
   if (options.stylus) AddStylus(*scene.pose, projection, overlay);
   if (scene.hand_target_D) AddHandTarget(scene, projection, overlay);

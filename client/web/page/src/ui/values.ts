@@ -25,6 +25,13 @@ function recordingText(state: State): string {
   return `running for ${fixed(recording.ticks / kTicksPerS, 0, "s")}${lost}`;
 }
 
+function ballText({ toolRadiusMm }: Pose, state: State): string {
+  const ball = state.settings?.ball;
+  const made = ball?.isAwaited ? `; another one is being made (${fixed(100 * (ball.shareDone ?? 0), 0, "%")})` : "";
+  if (toolRadiusMm > 0) return fixed(toolRadiusMm, 2, "mm") + made;
+  return made && `a point${made}`;
+}
+
 function userText(state: State): string {
   const { hello } = state;
   if (!hello) return "";
@@ -37,6 +44,7 @@ const kRows: [string, string, (pose: Pose | null, state: State, copy: VolumeCopy
   ["Stream", "Whether what you see is now", (_, state) => badgeOf(state).words],
   ["Stylus", "What the haptic loop does with the proxy", (pose) => pose && kProxyMode[nameOf(kProxyMode, pose.mode)]],
   ["Layers", "Where the proxy is among the surfaces that are felt one behind the other", (_, state) => whereInLayers(state)],
+  ["Ball at the tip", "Its radius on the device", (pose, state) => pose && ballText(pose, state)],
   ["Force", "On the hand, and the most that the device gives now",
     (pose) => pose && `${fixed(norm(pose.forceN), 2, "N")} of ${fixed(pose.forces.limitN, 1, "N")}`],
   ["Forces", "Whether the device may push", (pose) => pose && forcesText(pose)],

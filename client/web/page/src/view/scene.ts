@@ -71,6 +71,10 @@ export class PalpationScene {
   private readonly gap = seenThrough(unitTube(), 0xa0c3ff); // SCP_H to SCP_V
   private readonly shaft = seenThrough(unitTube(), 0xffcd3c); // of the force
   private readonly head = seenThrough(new three.ConeGeometry(1, 1, 16).translate(0, 0.5, 0), 0xffcd3c);
+  private readonly ball = new three.Mesh(
+    new three.SphereGeometry(1, 48, 32),
+    new three.MeshLambertMaterial({ color: 0x3cc85a, transparent: true, opacity: 0.35, depthWrite: false }),
+  );
   private readonly stylus = new three.Group();
   private readonly touched = new three.Group();
   private readonly light = new three.DirectionalLight(0xffffff, 2);
@@ -83,7 +87,7 @@ export class PalpationScene {
       part.rotation.x = Math.PI / 2; // from y to z
       this.stylus.add(part);
     }
-    this.touched.add(this.hip, this.scpH, this.scpV, this.spring, this.gap, this.shaft, this.head, this.stylus);
+    this.touched.add(this.hip, this.scpH, this.scpV, this.spring, this.gap, this.shaft, this.head, this.stylus, this.ball);
     this.touched.visible = false;
     this.scene.add(this.box, this.touched, new three.AmbientLight(0xffffff, 1.2), this.light);
   }
@@ -150,6 +154,9 @@ export class PalpationScene {
     const at = (px: number) => (lengthPx > 1 ? add(scpH, scale((px * pixel) / force, pose.forceN)) : null);
     this.span(this.shaft, scpH, at(lengthPx - headPx), 2.2 * pixel);
     this.span(this.head, at(lengthPx - headPx) ?? scpH, at(lengthPx), 6 * pixel);
+    this.ball.visible = pose.toolRadiusMm > 0;
+    this.ball.position.set(...scpH);
+    this.ball.scale.setScalar(Math.max(pose.toolRadiusMm, 1e-6));
     this.stylus.position.set(...hip);
     this.stylus.quaternion.copy(new three.Quaternion(...pose.stylusOrientation).normalize());
   }

@@ -33,7 +33,7 @@ const kRestShare = 1e-3; // of the distance: a target that is this near is reach
 
 // What is drawn of a pose.
 function looksOf(pose: Pose | null): string {
-  return pose ? [pose.hipMm, pose.scpHMm, pose.scpVMm, pose.stylusOrientation, pose.forceN].join() : "";
+  return pose ? [pose.hipMm, pose.scpHMm, pose.scpVMm, pose.stylusOrientation, pose.forceN, pose.toolRadiusMm].join() : "";
 }
 
 export class Viewport {

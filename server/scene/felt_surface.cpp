@@ -1,4 +1,4 @@
-#include "server/scene/felt_layers.h"
+#include "server/scene/felt_surface.h"
 
 #include <cmath>
 #include <limits>
@@ -13,6 +13,8 @@ double DensityOf(const VolumeSnapshot& volume, double isovalue) {
   }
   return density;
 }
+
+namespace {
 
 void FeelLayers(Scene& scene) {
   const HapticSettings& settings = scene.settings;
@@ -35,6 +37,20 @@ void FeelLayers(Scene& scene) {
   }
   scene.layers = felt;
   scene.surface.layers = felt.get();
+}
+
+}  // namespace
+
+void FeelSurface(const AffineMap& X_DI, double density, std::uint64_t geometry_revision,
+                 const std::optional<FeltBall>& ball, Scene& scene) {
+  const HapticSettings& settings = scene.settings;
+  scene.ball.reset();
+  if (ball) scene.ball = SceneBall{ball->field(), ball->ball(), ball->RadiusMm(X_DI), X_DI};
+  scene.surface = MakeHapticSurface(*scene.felt_volume(), ball ? ball->PlaceOf(X_DI) : X_DI,
+                                    density, settings.method, geometry_revision,
+                                    ball ? ball->side() : settings.free_side,
+                                    static_cast<int>(settings.refinement));
+  FeelLayers(scene);
 }
 
 }  // namespace palpate
