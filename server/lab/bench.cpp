@@ -56,11 +56,13 @@ ReplaySummary Total(const std::vector<ReplaySummary>& summaries) {
 
 }  // namespace
 
-ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes, int refinement) {
+ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes, int refinement,
+                            double ball_voxels) {
   const LoadedSurface loaded = LoadSurface({.volume = slide.volume,
                                             .isovalue = 0.5,
                                             .normalized = true,
-                                            .spacing_mm = {slide.spacing_mm}});
+                                            .spacing_mm = {slide.spacing_mm},
+                                            .ball_voxels = ball_voxels});
   const std::vector<Vec3> hips_mm = MakeTrajectory(
       *loaded.volume, {.isovalue = loaded.isovalue, .speed_cm_per_s = slide.speed_cm_per_s});
   HapticSettings settings;
@@ -78,7 +80,8 @@ void RunBench(const BenchOptions& options, std::ostream& out) {
   std::vector<ReplaySummary> summaries;
   std::string trajectories;
   for (const FixedSlide& slide : kFixedSlides) {
-    summaries.push_back(RunFixedSlide(slide, options.passes, options.refinement));
+    summaries.push_back(
+        RunFixedSlide(slide, options.passes, options.refinement, options.ball_voxels));
     if (!options.json) PrintTable(slide, summaries.back(), out);
     // The slide's name comes first in its object.
     trajectories += fmt::format("{}{{\"name\":\"{}\",{}", trajectories.empty() ? "" : ",",

@@ -30,12 +30,14 @@ inline constexpr std::array<FixedSlide, 8> kFixedSlides = {{
     {"gyroid_fine_50", "builtin:gyroid:128", 1.0 / 3.0, 50.0},
 }};
 
-ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes, int refinement = 1);
+ReplaySummary RunFixedSlide(const FixedSlide& slide, int passes, int refinement = 1,
+                            double ball_voxels = 0.0);
 
 struct BenchOptions {
   bool json = false;  // one line with one object that holds an object per slide; false: a table
   int passes = 1;
   int refinement = 2;
+  double ball_voxels = 0.0;  // 0: a point
 };
 
 void RunBench(const BenchOptions& options, std::ostream& out);

@@ -129,6 +129,11 @@ arguments::Command* AddExperiment(arguments::Command& app, Options& options) {
   return experiment;
 }
 
+void AddBall(arguments::Command& command, double& voxels) {
+  command.add_option("--ball", voxels,
+                     "radius of a ball at the tip, in voxels of the shortest edge [0: a point]");
+}
+
 void AddSurface(arguments::Command& command, SurfaceOptions& options) {
   command.add_option("--volume", options.volume, "volume file, DICOM folder or builtin name")
       ->required();
@@ -139,6 +144,7 @@ void AddSurface(arguments::Command& command, SurfaceOptions& options) {
       .add_option("--spacing-mm", options.spacing_mm,
                   "voxel spacing instead of the volume's own: one number, or one per axis")
       ->expected(1, 3);
+  AddBall(command, options.ball_voxels);
 }
 
 // A replay of a trajectory and a replay of a recording share only the option --volume.
@@ -157,8 +163,9 @@ void AddRecordingReplay(arguments::Command& replay, RecordingReplayOptions& opti
     needed.push_back(replay.get_option(name)->required(false));
   }
   needed.push_back(replay.get_option("--volume")->required(false));
-  for (const char* name : {"--isovalue", "--trajectory", "--out", "--normalized", "--spacing-mm",
-                           "--method", "--refine", "--stiffness", "--passes", "--set", "--hand"}) {
+  for (const char* name :
+       {"--isovalue", "--trajectory", "--out", "--normalized", "--spacing-mm", "--method",
+        "--refine", "--stiffness", "--passes", "--set", "--hand", "--ball"}) {
     recording->excludes(replay.get_option(name));
   }
   replay.callback([recording, needed] {
@@ -263,6 +270,7 @@ arguments::Command* AddBench(arguments::Command& app, BenchOptions& options) {
       ->check(arguments::Range(1, 1000))
       ->capture_default_str();
   AddRefine(*bench, options.refinement);
+  AddBall(*bench, options.ball_voxels);
   return bench;
 }
 

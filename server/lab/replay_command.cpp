@@ -2,7 +2,9 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <ostream>
+#include <thread>
 
 #include "common/error/error.h"
 #include "server/lab/led_hips.h"
@@ -11,6 +13,7 @@
 #include "server/lab/trajectory.h"
 #include "server/lab/trajectory_file.h"
 #include "server/lab/triangle_grid.h"
+#include "server/volume/ball_field.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate::lab {
@@ -46,6 +49,19 @@ HapticSurface SurfaceOf(const LoadedSurface& loaded, DecompositionMethod method,
                            static_cast<int>(settings.refinement));
 }
 
+std::shared_ptr<const VolumeSnapshot> FieldOfBall(double voxels, const VolumeSnapshot& volume) {
+  const AffineMap X_WI = volume.metadata().WorldFromIndex();
+  const Ball ball{.radius_mm = voxels * X_WI.linear.colwise().norm().minCoeff(),
+                  .device_from_index = X_WI.linear};
+  if (!CanBe(ball)) {
+    Refuse(fmt::format("a ball of {} voxels: its radius is {} to {}", voxels, kLeastBallVoxels,
+                       kMostBallVoxels));
+  }
+  const BallField field(ball);
+  const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return field.Of(volume, threads, [](double) {});
+}
+
 }  // namespace
 
 LoadedSurface LoadSurface(const SurfaceOptions& options) {
@@ -55,6 +71,7 @@ LoadedSurface LoadSurface(const SurfaceOptions& options) {
   const std::optional<double> isovalue = options.isovalue;
   loaded.isovalue = options.normalized ? ChooseIsovalue(*loaded.volume, std::nullopt, isovalue)
                                        : ChooseIsovalue(*loaded.volume, isovalue, std::nullopt);
+  if (options.ball_voxels != 0.0) loaded.volume = FieldOfBall(options.ball_voxels, *loaded.volume);
   return loaded;
 }
 

@@ -21,6 +21,7 @@ struct SurfaceOptions {
   double isovalue = 0.0;
   bool normalized = false;  // true: isovalue is 0 to 1 over the volume's range; false: data units
   std::vector<double> spacing_mm{};  // one number or three; empty: the volume's own
+  double ball_voxels = 0.0;          // radius, of the shortest edge; 0: a point
   std::filesystem::path import_program = ImportProgramBesideThis();
 };
 
@@ -47,7 +48,8 @@ struct TrajectoryOptions {
   bool overwrite = false;  // of `output`
 };
 
-// A volume and the normalised isovalue of the surface in it.
+// A volume and the normalised isovalue of the surface in it. With a ball, the volume is the field
+// that the ball feels from below.
 struct LoadedSurface {
   std::shared_ptr<const VolumeSnapshot> volume;
   double isovalue = 0.0;
