@@ -14,13 +14,15 @@ const PICTURES = [
   { name: "web-lobster-phone", volume: "paper/lobster_301x324x56_uint8.nhdr", size: [390, 720], isovalue: "60", set: {} },
   { ...HEAD, name: "web-layers", size: [1000, 700], layers: "skin-bone", set: { ...HEAD.set, veil: null } },
   // To be looked at; the guides do not have them.
+  { ...HEAD, name: "ball", size: [1000, 700], ball: "2.5" },
   ...[[800, 600], [1280, 800], [2560, 1440], [390, 844]].map((size) => ({ ...HEAD, name: `tour-${size.join("x")}`, size })),
 ];
 
-for (const { name, volume, isovalue, layers, size, set } of PICTURES.filter(({ name }) => names.length === 0 || names.includes(name))) {
+for (const { name, volume, isovalue, layers, ball, size, set } of PICTURES.filter(({ name }) => names.length === 0 || names.includes(name))) {
   const room = new Room();
   await room.startDaemon(dataFile(volume), "--isovalue", isovalue);
   if (layers) await room.palpate("layers", layers);
+  if (ball) await room.palpate("set", "tool_radius", ball);
   await room.startGateway();
   const tab = await room.openBrowser({ width: size[0], height: size[1] });
   await awaitWhole(tab);
