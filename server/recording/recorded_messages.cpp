@@ -153,7 +153,8 @@ v1::RecordedScene ToProto(const RecordedScene& scene) {
   if (scene.ball) {
     v1::RecordedBall& ball = *out.mutable_ball();
     ball.set_radius_mm(scene.ball->radius_mm);
-    *ball.mutable_device_from_index() = ToProto(AffineMap{scene.ball->device_from_index, {}});
+    *ball.mutable_device_from_index() =
+        ToProto(AffineMap{scene.ball->device_from_index, Vec3::Zero()});
     ball.set_is_least(scene.ball->is_least);
   }
   return out;
