@@ -158,8 +158,10 @@ class EditsWithABall(TimesTest):
             taken = []
             for n in range(60):
                 corner = np.array([20 + n, 50, 100 - n])
-                taken.append(taken_ms(lambda corner=corner: conn.volume.edit.box(
-                    corner, corner + 15, "add", 0.1 + 0.2 * (corner[0] % 2), frame="index")))
+                before = conn.volume.info().volume_revision
+                taken.append(taken_ms(lambda corner=corner: conn.edit.box(
+                    corner, corner + 15, "set", 0.3 + 0.005 * corner[0], frame="index")))
+                self.assertGreater(conn.volume.info().volume_revision, before)
             medians_ms.append(statistics.median(taken))
         print(f"an edit of 16³ is felt in {medians_ms[0]:.1f} ms by a point, in "
               f"{medians_ms[1]:.1f} ms by a ball")
