@@ -62,8 +62,8 @@ const Setting& TakeSetting(SetValues& values) {
   return *setting;
 }
 
-// Returns when the ball of `asked` is felt: its field is made in the background.
-void WaitForBall(client::Calls& palpated, const client::Settings& asked) {
+// Returns when the ball of `asked` is felt, from its side: its field is made in the background.
+void WaitForBall(client::Calls& palpated, const client::Settings& asked, bool asks_for_ball) {
   client::Settings now = asked;
   WithProgress([&](const client::ProgressFunction& progress) {
     while (now.ball.is_awaited && now.tool_radius_mm == asked.tool_radius_mm) {
@@ -79,7 +79,10 @@ void WaitForBall(client::Calls& palpated, const client::Settings& asked) {
     throw Error(ErrorKind::kConflict,
                 fmt::format("somebody else has set tool_radius to {:g} mm", now.tool_radius_mm));
   }
-  if (!now.ball.problem.empty()) throw Error(ErrorKind::kTooLarge, client::BallInWords(now));
+  // A point has the side that was asked for.
+  const bool has_side = !asks_for_ball && now.ball.felt_radius_mm == 0.0;
+  if (now.ball.problem.empty() || has_side) return;
+  throw Error(ErrorKind::kTooLarge, client::BallInWords(now));
 }
 
 void Change(client::Calls& palpated, const Setting& setting, const SetValues& values, bool json) {
@@ -88,7 +91,9 @@ void Change(client::Calls& palpated, const Setting& setting, const SetValues& va
     update.isovalue = SuggestedIsovalueOf(palpated.GetVolume(), values.value);
   }
   const client::SettingsResult result = palpated.Set(update);
-  if (update.tool_radius_mm || update.free_side) WaitForBall(palpated, result.settings);
+  if (update.tool_radius_mm || update.free_side) {
+    WaitForBall(palpated, result.settings, update.tool_radius_mm.has_value());
+  }
   if (!json) return WriteOutput(DescribeChange(setting, result) + "\n");
   Json object = ToJson(result.settings);
   object["applied_tick"] = result.applied_tick;

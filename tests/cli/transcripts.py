@@ -117,6 +117,12 @@ DAEMON = {
     "ball": [
         Step("set tool_radius 5", has=["tool_radius 5 mm applied at tick"]),
         Step("settings --json", json={"tool_radius_mm": 5, "ball.felt_radius_mm": 5}),
+        # Where the ball cannot be, a point is felt, from any side.
+        Step("place --scale-by 0.01"),
+        Step("settings", has=["the ball of the settings is not felt"]),
+        Step("set free_side above", has=["free_side above applied"]),
+        Step("set free_side below"),
+        Step("place --scale-by 100"),
         Step("set tool_radius 0.01", exit=3, error="0.3 to 8 voxels"),
         Step("set tool_radius 21", exit=3, error="0 to 20 mm"),
         Step("set tool_radius 0", has=["applied at tick"]),
