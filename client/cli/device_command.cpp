@@ -130,6 +130,33 @@ void AddForces(arguments::Command& device, Invocation& invocation) {
       [](client::Calls& palpated, bool json) { PrintForces(palpated.StopForces(), json); });
 }
 
+void AddPush(arguments::Command& device, Invocation& invocation) {
+  struct Push {
+    std::vector<double> force_n{};
+    double seconds = 0.5;
+  };
+  const auto push = std::make_shared<Push>();
+  arguments::Command* command =
+      Add(device, invocation, "push",
+          "Puts a small constant force on the hand for a short time, to try the motors. Nothing\n"
+          "else is felt meanwhile. Hold the stylus. Forces must be enabled.",
+          "Example: palpate device push 0 0.3 0", [push](client::Calls& palpated, bool json) {
+            const std::uint64_t tick = palpated.PushHand(
+                Vec3(push->force_n[0], push->force_n[1], push->force_n[2]), push->seconds);
+            WriteOutput(json ? ToText({{"applied_tick", tick}})
+                             : fmt::format("pushes since tick {}\n", tick));
+          });
+  command
+      ->add_option("force", push->force_n,
+                   "Force in the device frame, N: to the right, up, towards the user. At most\n"
+                   "0.5 N long.")
+      ->expected(3)
+      ->required()
+      ->option_text("X Y Z");
+  command->add_option("--seconds", push->seconds, "How long, at most 5 s [default: 0.5]")
+      ->check(arguments::Positive(5.0));
+}
+
 }  // namespace
 
 void AddDevice(arguments::Command& app, Invocation& invocation) {
@@ -141,6 +168,7 @@ void AddDevice(arguments::Command& app, Invocation& invocation) {
   device->require_subcommand(1);
   AddInquiries(*device, invocation);
   AddForces(*device, invocation);
+  AddPush(*device, invocation);
   const auto seconds = std::make_shared<double>(2.0);
   Add(*device, invocation, "test",
       "Reads the device and judges the readings: rate, losses, noise, buttons.\n"

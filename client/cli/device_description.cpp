@@ -87,6 +87,11 @@ std::string Describe(const client::DeviceDescription& device) {
                          "button(s)",
                          device.max_force_n, device.continuous_force_n, stiffness,
                          device.position_resolution_mm, device.button_count));
+  if (device.max_torque_n_mm > 0.0) {
+    AppendLine(text, "",
+               fmt::format("torque at most {:g} N mm, {:g} N mm continuously",
+                           device.max_torque_n_mm, device.continuous_torque_n_mm));
+  }
   return text;
 }
 

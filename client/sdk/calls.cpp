@@ -116,6 +116,13 @@ DeviceHealth Calls::CalibrateDevice() {
       link_->Call<Device>(&Device::Stub::CalibrateDevice, v1::CalibrateDeviceRequest()).health());
 }
 
+std::uint64_t Calls::PushHand(const Vec3& force_n, double seconds) {
+  v1::PushHandRequest request;
+  *request.mutable_force_n() = ToProto(force_n);
+  request.set_seconds(seconds);
+  return link_->Call<Device>(&Device::Stub::PushHand, request).applied_tick();
+}
+
 std::unique_ptr<HandLead> Calls::LeadHand() { return std::make_unique<HandLead>(*link_); }
 
 Activity Calls::GetActivity() {

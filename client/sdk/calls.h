@@ -158,6 +158,9 @@ class Calls {
   // kInvalidArgument (the device has no place of rest), kFailedPrecondition (the stylus is not
   // there).
   DeviceHealth CalibrateDevice();
+  // Puts a force of at most 0.5 N on the hand for at most 5 s, to try the motors. Returns the first
+  // tick with it. Errors: kInvalidArgument, kFailedPrecondition (the forces do not act).
+  std::uint64_t PushHand(const Vec3& force_n, double seconds);
   // Leads the hand of the simulated device. Returns at once, and does not connect: see HandLead.
   std::unique_ptr<HandLead> LeadHand();
 

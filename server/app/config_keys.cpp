@@ -27,6 +27,11 @@ struct Entry {
     if (node.is_number()) return ToDouble(node);
     Refuse("must be a number");
   }
+  double NumberWithin(double low, double high) const {
+    const double value = Number();
+    if (value >= low && value <= high) return value;
+    Refuse(fmt::format("must be a number from {:g} to {:g}", low, high));
+  }
   int Integer(int low, int high) const {
     const auto value = node.value_exact<std::int64_t>();
     if (value && *value >= low && *value <= high) return static_cast<int>(*value);
@@ -201,6 +206,8 @@ Setters DeviceSetters() {
   return {
       {"device.kind", [](E e, C c) { c.device.kind = e.Text(); }},
       {"device.pressed_buttons", [](E e, C c) { c.device.pressed_buttons = e.Integer(0, 3); }},
+      {"device.torque_n_mm", [](E e, C c) { c.device.torque_n_mm = e.NumberWithin(0.0, 500.0); }},
+      {"device.serial", [](E e, C c) { c.device.serial = e.Text(); }},
       {"device.stop_buttons", [](E e, C c) { c.device.stop_buttons = e.Integer(0, 15); }},
       {"device.replay_file", [](E e, C c) { c.device.replay_file = e.Text(); }},
       {"device.usb_port", [](E e, C c) { c.device.usb_port = e.Text(); }},

@@ -30,7 +30,7 @@ bool EndRequested(bool hangup_ends) {
 std::string StatusLine(const Instrument& instrument, const Session& session) {
   const std::optional<ForceTick> newest = instrument.forces.newest();
   return fmt::format("{}, forces {}; {}", instrument.device->spec().kind,
-                     newest ? NameOf(newest->state) : "off",
+                     newest ? NameOf(newest->forces.state) : "off",
                      session.volume().volume->metadata().source);
 }
 

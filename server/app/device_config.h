@@ -12,6 +12,8 @@ namespace palpate {
 struct DeviceConfig {
   std::string kind = "simulated";  // see MakeDevice()
   int pressed_buttons = 0;         // for the simulated device, see PressScript
+  double torque_n_mm = 0.0;        // for the simulated device: its greatest
+  std::string serial;              // "": the only device
   // Buttons that stop the forces while all of them are held. Absent: both buttons of hardware, and
   // no buttons of a simulated device.
   std::optional<std::uint32_t> stop_buttons;

@@ -14,7 +14,7 @@
 #include "server/device/press_script.h"
 #include "server/device/replay_device.h"
 #include "server/device/simulated_device.h"
-#include "server/device/usb/usb_device.h"
+#include "server/device/usb/usb_bus.h"
 #include "server/recording/recorded_path.h"
 
 namespace palpate {
@@ -24,14 +24,16 @@ constexpr std::string_view kKinds = "simulated, replay, omni-usb, falcon or open
 
 std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config, HandInboxes& inboxes) {
   constexpr std::uint64_t kSeed = 1;
-  const DeviceDescription spec = SimulatedDeviceSpec();
+  const DeviceDescription spec = SimulatedDeviceSpec(config.torque_n_mm);
   std::unique_ptr<StylusScript> hand =
       std::make_unique<ExploreScript>(spec.workspace_min_mm, spec.workspace_max_mm, kSeed);
   hand = std::make_unique<GuidedScript>(std::move(hand), inboxes.plans);
   hand = std::make_unique<PressScript>(std::move(hand),
                                        static_cast<std::uint32_t>(config.pressed_buttons));
-  return std::make_unique<SimulatedDevice>(std::make_unique<LedScript>(
-      std::move(hand), inboxes.led, spec.workspace_min_mm, spec.workspace_max_mm));
+  return std::make_unique<SimulatedDevice>(
+      std::make_unique<LedScript>(std::move(hand), inboxes.led, spec.workspace_min_mm,
+                                  spec.workspace_max_mm),
+      spec);
 }
 
 std::unique_ptr<HapticDevice> MakeReplay(const DeviceConfig& config) {
@@ -49,6 +51,11 @@ std::unique_ptr<UsbProtocol> MakeOmniUsb(const DeviceConfig& config) {
 std::unique_ptr<UsbProtocol> MakeFalcon(const DeviceConfig& config) {
   return std::make_unique<FalconProtocol>(
       FalconOptions{.port = config.usb_port, .firmware_file = config.falcon_firmware});
+}
+
+std::unique_ptr<HapticDevice> OnUsb(std::unique_ptr<UsbProtocol> protocol, int priority) {
+  return std::make_unique<StreamedDevice>(std::make_unique<UsbBus>(std::move(protocol)),
+                                          "palpate-usb", priority);
 }
 
 OpenHapticsOptions OpenHapticsOptionsOf(const DeviceConfig& config) {
@@ -95,7 +102,7 @@ void AppendUsb(const DeviceDescription& spec, const std::vector<UsbMatch::Ids>& 
   std::string none = "not found: plug it in and switch it on";
   try {
     found = FindUsbDevices(ids);
-  } catch (const UsbError& error) {
+  } catch (const BusError& error) {
     none = error.what();
   }
   ListedDevice listed = Listed(spec);
@@ -120,10 +127,10 @@ std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtim
   if (config.kind == "simulated") return MakeSimulated(config, hand);
   if (config.kind == "replay") return MakeReplay(config);
   if (config.kind == "omni-usb") {
-    return std::make_unique<UsbDevice>(MakeOmniUsb(config), realtime_priority);
+    return OnUsb(MakeOmniUsb(config), realtime_priority);
   }
   if (config.kind == "falcon") {
-    return std::make_unique<UsbDevice>(MakeFalcon(config), realtime_priority);
+    return OnUsb(MakeFalcon(config), realtime_priority);
   }
   if (config.kind == "openhaptics") {
     return std::make_unique<OpenHapticsDevice>(OpenHapticsOptionsOf(config));

@@ -80,28 +80,29 @@ ExploreScript::ExploreScript(const Vec3& workspace_min_mm, const Vec3& workspace
   BeginNextSeek(Centre() + outwards * distance_mm);
 }
 
-StylusScript::Target ExploreScript::Next(const HandState& hand, const Vec3& felt_force_D_n,
+StylusScript::Target ExploreScript::Next(const HandState& hand, const Wrench& felt_M,
                                          double dt_s) noexcept {
-  felt_n_ += (felt_force_D_n - felt_n_) * (dt_s / (kForceFilterS + dt_s));
+  const Vec3& felt_force_M_n = felt_M.force_n;
+  felt_n_ += (felt_force_M_n - felt_n_) * (dt_s / (kForceFilterS + dt_s));
   switch (phase_) {
     case Phase::kSeek:
-      Seek(hand, felt_force_D_n, dt_s);
+      Seek(hand, felt_force_M_n, dt_s);
       break;
     case Phase::kSlide:
-      Slide(hand, felt_force_D_n, dt_s);
+      Slide(hand, felt_force_M_n, dt_s);
       break;
     case Phase::kRetreat:
       Retreat(hand, dt_s);
       break;
   }
-  return {.p_DTarget_mm = target_mm_, .buttons = 0};
+  return {.p_MTarget_mm = target_mm_, .buttons = 0};
 }
 
 void ExploreScript::ResumeAt(const HandState& hand) noexcept {
   felt_n_ = Vec3::Zero();
-  contact_mm_ = hand.p_DHip_mm;
+  contact_mm_ = hand.p_MHip_mm;
   misses_ = 0;
-  BeginNextSeek(hand.p_DHip_mm);
+  BeginNextSeek(hand.p_MHip_mm);
 }
 
 void ExploreScript::BeginSeek(const Vec3& from_mm, const Vec3& aim_mm) {
@@ -121,17 +122,17 @@ void ExploreScript::BeginNextSeek(const Vec3& from_mm) {
   ++seeks_;
 }
 
-void ExploreScript::BeginSlide(const HandState& hand, const Vec3& felt_force_D_n) {
+void ExploreScript::BeginSlide(const HandState& hand, const Vec3& felt_force_M_n) {
   phase_ = Phase::kSlide;
-  felt_n_ = felt_force_D_n;
-  normal_ = felt_force_D_n.normalized();
-  contact_mm_ = hand.p_DHip_mm;
+  felt_n_ = felt_force_M_n;
+  normal_ = felt_force_M_n.normalized();
+  contact_mm_ = hand.p_MHip_mm;
   left_s_ = Random(kShortestSlideS, kLongestSlideS);
   without_contact_s_ = 0.0;
   turn_rate_rad_s_ = 0.0;
-  way_mark_mm_ = hand.p_DHip_mm;
+  way_mark_mm_ = hand.p_MHip_mm;
   at_way_mark_s_ = 0.0;
-  direction_ = SidewaysFrom(hand.p_DHip_mm);
+  direction_ = SidewaysFrom(hand.p_MHip_mm);
 }
 
 void ExploreScript::BeginRetreat() {
@@ -139,10 +140,10 @@ void ExploreScript::BeginRetreat() {
   left_s_ = kRetreatS;
 }
 
-void ExploreScript::Seek(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) {
-  if (felt_force_D_n.norm() > kContactN) {
-    BeginSlide(hand, felt_force_D_n);
-    Slide(hand, felt_force_D_n, dt_s);
+void ExploreScript::Seek(const HandState& hand, const Vec3& felt_force_M_n, double dt_s) {
+  if (felt_force_M_n.norm() > kContactN) {
+    BeginSlide(hand, felt_force_M_n);
+    Slide(hand, felt_force_M_n, dt_s);
     return;
   }
   const double step_mm =
@@ -152,8 +153,8 @@ void ExploreScript::Seek(const HandState& hand, const Vec3& felt_force_D_n, doub
   if (left_mm_ <= 0.0) BeginNextSeek(target_mm_);
 }
 
-void ExploreScript::Slide(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) {
-  const double felt_n = felt_force_D_n.norm();
+void ExploreScript::Slide(const HandState& hand, const Vec3& felt_force_M_n, double dt_s) {
+  const double felt_n = felt_force_M_n.norm();
   if (felt_n > 0.0) {
     FollowNormal(dt_s);
     without_contact_s_ = 0.0;
@@ -162,27 +163,27 @@ void ExploreScript::Slide(const HandState& hand, const Vec3& felt_force_D_n, dou
   }
   // A light touch may be a graze: the hand returns to this place, but the search continues.
   if (felt_n > kFirmN) {
-    contact_mm_ = hand.p_DHip_mm;
+    contact_mm_ = hand.p_MHip_mm;
     misses_ = 0;
   }
   TurnHeading(dt_s);
   left_s_ -= dt_s;
   if (without_contact_s_ > kContactLostS) {
-    BeginNextSeek(hand.p_DHip_mm);
-  } else if (left_s_ <= 0.0 || IsStuck(hand.p_DHip_mm, dt_s) || RunsIntoBorder(hand.p_DHip_mm)) {
+    BeginNextSeek(hand.p_MHip_mm);
+  } else if (left_s_ <= 0.0 || IsStuck(hand.p_MHip_mm, dt_s) || RunsIntoBorder(hand.p_MHip_mm)) {
     BeginRetreat();
   } else {
     // The target is relative to the hand, so the spring's force is constant. The hand presses with
     // this force at any depth, and the contact cannot build up a swing.
-    target_mm_ = hand.p_DHip_mm - normal_ * (kPressN / kHandSpringNPerMm) + direction_ * LeadMm();
+    target_mm_ = hand.p_MHip_mm - normal_ * (kPressN / kHandSpringNPerMm) + direction_ * LeadMm();
   }
 }
 
 void ExploreScript::Retreat(const HandState& hand, double dt_s) {
-  target_mm_ = hand.p_DHip_mm + normal_ * kFullLeadMm;
+  target_mm_ = hand.p_MHip_mm + normal_ * kFullLeadMm;
   left_s_ -= dt_s;
   if (left_s_ > 0.0) return;
-  const Vec3& from_mm = hand.p_DHip_mm;
+  const Vec3& from_mm = hand.p_MHip_mm;
   BeginSeek(from_mm, from_mm + kHopMm * (SidewaysFrom(from_mm) - normal_));
 }
 

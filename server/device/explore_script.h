@@ -10,7 +10,7 @@
 //   retreat  From time to time, and where it is stuck, the hand leaves the surface and seeks it
 //            again a hop farther on.
 //
-// Frame D, mm, N, s. Threads and real-time: as StylusScript. The same seed and the
+// Frame M, mm, N, s. Threads and real-time: as StylusScript. The same seed and the
 // same inputs give the same bits.
 #pragma once
 
@@ -26,7 +26,7 @@ class ExploreScript final : public StylusScript {
  public:
   ExploreScript(const Vec3& workspace_min_mm, const Vec3& workspace_max_mm, std::uint64_t seed);
 
-  Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  Target Next(const HandState& hand, const Wrench& felt_M, double dt_s) noexcept override;
   // Seeks the surface from there.
   void ResumeAt(const HandState& hand) noexcept override;
 
@@ -35,10 +35,10 @@ class ExploreScript final : public StylusScript {
 
   void BeginSeek(const Vec3& from_mm, const Vec3& aim_mm);
   void BeginNextSeek(const Vec3& from_mm);
-  void BeginSlide(const HandState& hand, const Vec3& felt_force_D_n);
+  void BeginSlide(const HandState& hand, const Vec3& felt_force_M_n);
   void BeginRetreat();
-  void Seek(const HandState& hand, const Vec3& felt_force_D_n, double dt_s);
-  void Slide(const HandState& hand, const Vec3& felt_force_D_n, double dt_s);
+  void Seek(const HandState& hand, const Vec3& felt_force_M_n, double dt_s);
+  void Slide(const HandState& hand, const Vec3& felt_force_M_n, double dt_s);
   void Retreat(const HandState& hand, double dt_s);
 
   void FollowNormal(double dt_s);

@@ -87,24 +87,24 @@ GuidedScript::GuidedScript(std::unique_ptr<StylusScript> unguided, TouchPlanInbo
   }
 }
 
-StylusScript::Target GuidedScript::Next(const HandState& hand, const Vec3& felt_force_D_n,
+StylusScript::Target GuidedScript::Next(const HandState& hand, const Wrench& felt_M,
                                         double dt_s) noexcept {
   // Without time, the hand is asked where it begins: it is nowhere yet.
   if (dt_s > 0.0) TakePlan(plans_.Acquire(), hand, dt_s);
   if (phase_ == Phase::kUnguided) {
     unguided_left_s_ -= dt_s;
-    return unguided_->Next(hand, felt_force_D_n, dt_s);
+    return unguided_->Next(hand, felt_M, dt_s);
   }
-  if (IsLost(felt_force_D_n, dt_s)) GoOut(hand);
-  if (phase_ != Phase::kOut && IsCaught(felt_force_D_n, dt_s)) GoBack(hand);
-  if (phase_ == Phase::kUnguided) return unguided_->Next(hand, felt_force_D_n, dt_s);
+  if (IsLost(felt_M.force_n, dt_s)) GoOut(hand);
+  if (phase_ != Phase::kOut && IsCaught(felt_M.force_n, dt_s)) GoBack(hand);
+  if (phase_ == Phase::kUnguided) return unguided_->Next(hand, felt_M, dt_s);
   const double pace =
       goes_back_ || phase_ == Phase::kOut
           ? 1.0
-          : std::clamp((kHeldForceN - felt_force_D_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
+          : std::clamp((kHeldForceN - felt_M.force_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
   hand_.Follow(Goal(pace * dt_s), kFollowS, dt_s);
-  const Vec3 held_n = Limited(felt_force_D_n, phase_ == Phase::kOut ? kOutForceN : kHeldForceN);
-  return {.p_DTarget_mm = hand_.SpringEnd(held_n), .buttons = 0};
+  const Vec3 held_n = Limited(felt_M.force_n, phase_ == Phase::kOut ? kOutForceN : kHeldForceN);
+  return {.p_MTarget_mm = hand_.SpringEnd(held_n), .buttons = 0};
 }
 
 // Acquires, so that the plans of this time are freed. The newest one counts as new afterwards.
@@ -138,7 +138,7 @@ void GuidedScript::TakePlan(const TouchPlan* plan, const HandState& hand, double
 }
 
 void GuidedScript::GoOut(const HandState& hand) {
-  if (phase_ == Phase::kUnguided) hand_ = {.p_mm = hand.p_DHip_mm, .v_mm_s = hand.v_DHip_mm_s};
+  if (phase_ == Phase::kUnguided) hand_ = {.p_mm = hand.p_MHip_mm, .v_mm_s = hand.v_MHip_mm_s};
   const auto nearer = [&](const Vec3& a, const Vec3& b) {
     return (a - hand_.p_mm).squaredNorm() < (b - hand_.p_mm).squaredNorm();
   };
@@ -154,14 +154,14 @@ void GuidedScript::GoOut(const HandState& hand) {
 // Whether the hand is out, and has another plan or has waited long enough for one.
 bool GuidedScript::IsOut(const HandState& hand, double dt_s) {
   out_s_ += dt_s;
-  const bool has_reached = (hand.p_DHip_mm - arc_.p_DTo_mm).norm() < kReachedMm;
+  const bool has_reached = (hand.p_MHip_mm - arc_.p_DTo_mm).norm() < kReachedMm;
   const bool makes_room = plan_ != nullptr && plan_->makes_room;
   if (has_reached && makes_room) plans_.is_out.store(true, std::memory_order_relaxed);
   return out_s_ > kMostOutS || (has_reached && !makes_room);
 }
 
 void GuidedScript::BeginPlan(const HandState& hand) {
-  if (phase_ == Phase::kUnguided) hand_ = {.p_mm = hand.p_DHip_mm, .v_mm_s = hand.v_DHip_mm_s};
+  if (phase_ == Phase::kUnguided) hand_ = {.p_mm = hand.p_MHip_mm, .v_mm_s = hand.v_MHip_mm_s};
   constexpr std::size_t kLookStep = 4;
   if (phase_ == Phase::kStroke) {
     const Nearest point = NearestPoint(*plan_, hand_.p_mm, kLookStep, kNone);
@@ -248,7 +248,7 @@ void GuidedScript::GiveUp(const HandState& hand) {
   unguided_->ResumeAt(hand);
 }
 
-bool GuidedScript::IsUnexplained(const Vec3& felt_force_D_n) const {
+bool GuidedScript::IsUnexplained(const Vec3& felt_force_M_n) const {
   double expected_n = kHeldForceN - kUnexplainedN - kSpareN;
   if (phase_ == Phase::kStroke) {
     const auto here = static_cast<std::size_t>(place_);
@@ -256,11 +256,11 @@ bool GuidedScript::IsUnexplained(const Vec3& felt_force_D_n) const {
     const double depth_mm = (point.p_DHand_mm - point.p_D_mm).norm();
     expected_n = std::min(expected_n, kMostFriction * plan_->stiffness_n_per_mm * depth_mm);
   }
-  return felt_force_D_n.norm() > expected_n + kUnexplainedN;
+  return felt_force_M_n.norm() > expected_n + kUnexplainedN;
 }
 
-bool GuidedScript::IsCaught(const Vec3& felt_force_D_n, double dt_s) {
-  if (IsUnexplained(felt_force_D_n)) {
+bool GuidedScript::IsCaught(const Vec3& felt_force_M_n, double dt_s) {
+  if (IsUnexplained(felt_force_M_n)) {
     caught_s_ += dt_s;
   } else {
     caught_s_ = 0.0;
@@ -271,8 +271,8 @@ bool GuidedScript::IsCaught(const Vec3& felt_force_D_n, double dt_s) {
 
 // On a stroke the hand is below the surface. Without a force it may be far below another one; or
 // forces are off, and then the hand leaves in vain.
-bool GuidedScript::IsLost(const Vec3& felt_force_D_n, double dt_s) {
-  const bool feels_nothing = phase_ == Phase::kStroke && felt_force_D_n.isZero(0.0);
+bool GuidedScript::IsLost(const Vec3& felt_force_M_n, double dt_s) {
+  const bool feels_nothing = phase_ == Phase::kStroke && felt_force_M_n.isZero(0.0);
   nothing_s_ = feels_nothing ? nothing_s_ + dt_s : 0.0;
   return nothing_s_ > kNothingS && !plan_->p_DFree_mm.empty();
 }

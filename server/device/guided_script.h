@@ -14,9 +14,9 @@
 // The hand goes where the plan has it: it knows its own mass, spring and damper, and
 // holds against the force it feels, up to kHeldForceN.
 //
-// Frame D, mm, N, s. Threads and real-time: as StylusScript; plans come by a
-// wait-free handoff. A new plan costs a tick one look at each stroke's points.
-// The same inputs and plans at the same ticks give the same bits.
+// Frame M, mm, N, s; plans are in D, which is M. Threads and real-time: as StylusScript; plans come
+// by a wait-free handoff. A new plan costs a tick one look at each stroke's points. The same inputs
+// and plans at the same ticks give the same bits.
 #pragma once
 
 #include <cstddef>
@@ -34,7 +34,7 @@ class GuidedScript final : public StylusScript {
   // Borrows the inbox, of which it is the reader. Throws Error without a script.
   GuidedScript(std::unique_ptr<StylusScript> unguided, TouchPlanInbox& plans);
 
-  Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  Target Next(const HandState& hand, const Wrench& felt_M, double dt_s) noexcept override;
   // Whoever leads the hand also makes room for another volume: nobody waits for the hand.
   void ResumeAt(const HandState& hand) noexcept override;
 
@@ -53,9 +53,9 @@ class GuidedScript final : public StylusScript {
   void GoBack(const HandState& hand);
   void BeginArcToStroke(double lift_mm);
   void GiveUp(const HandState& hand);
-  bool IsUnexplained(const Vec3& felt_force_D_n) const;
-  bool IsLost(const Vec3& felt_force_D_n, double dt_s);
-  bool IsCaught(const Vec3& felt_force_D_n, double dt_s);
+  bool IsUnexplained(const Vec3& felt_force_M_n) const;
+  bool IsLost(const Vec3& felt_force_M_n, double dt_s);
+  bool IsCaught(const Vec3& felt_force_M_n, double dt_s);
   static Nearest NearestPoint(const TouchPlan& plan, const Vec3& p_mm, std::size_t step,
                               std::size_t other_than);
   Vec3 Goal(double dt_s);

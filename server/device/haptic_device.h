@@ -3,7 +3,8 @@
 // A simulated device computes in Read and Write. A real device has its own I/O thread: Read and
 // Write exchange the newest values with that thread and do not touch a bus.
 //
-// Frame D: mm, x right, y up, z towards the user; forces in N.
+// Frame M, the device's own: mm, x right, y up, z towards the user; forces in N, torques in N mm.
+// The servo computes in D. M is D until a device can be mounted otherwise.
 // Threads: Start and Stop on the main thread. Read and Write on the servo thread only, once a tick,
 // in this order. health and Calibrate on any ordinary thread. NextEvent on one ordinary thread.
 // Read and Write never lock, allocate, log, throw or wait.
@@ -18,7 +19,7 @@
 
 #include "common/contract/device.h"
 #include "common/contract/enumerations.h"
-#include "common/geometry/geometry.h"
+#include "common/geometry/wrench.h"
 
 namespace palpate {
 
@@ -33,12 +34,18 @@ inline const Vec3 kNowhere = Vec3::Constant(std::numeric_limits<double>::quiet_N
 
 // One reading.
 struct DeviceState {
-  Vec3 p_DHip_mm = Vec3::Zero();                             // stylus tip
-  Eigen::Quaterniond R_DS = Eigen::Quaterniond::Identity();  // stylus axes to D
+  Vec3 p_MHip_mm = Vec3::Zero();                             // stylus tip
+  Eigen::Quaterniond R_MS = Eigen::Quaterniond::Identity();  // stylus axes to M
   std::uint32_t buttons = 0;                                 // bit n: button n pressed
   bool docked = false;                                       // the stylus rests in its holder
   bool calibrated = true;                                    // the position has a meaning
-  Vec3 p_DLed_mm = kNowhere;  // where somebody leads the simulated hand
+  Vec3 p_MLed_mm = kNowhere;  // where somebody leads the simulated hand
+};
+
+// What the motors are to do.
+struct DeviceCommand {
+  Wrench wrench_M{};       // on the hand, about the point that Read reports
+  bool motors_on = false;  // whether the motors may have current
 };
 
 // One line for the log.
@@ -62,12 +69,9 @@ class HapticDevice {
 
   // Gets the newest state of the stylus.
   virtual DeviceStatus Read(DeviceState& state) noexcept = 0;
-  // Writes the force on the hand, which is already limited. dt_s: time since the last Write; a
-  // simulated device moves on by it.
-  virtual void Write(const Vec3& force_D_n, double dt_s) noexcept = 0;
-  // Says whether the motors may have current. Call it before Write if it changes. Until the first
-  // call, the motors may have none.
-  virtual void SetMotors(bool /*on*/) noexcept {}
+  // Writes the force and torque on the hand, which are already limited. The motors have no current
+  // before the first Write. dt_s: time since the last Write; a simulated device moves on by it.
+  virtual void Write(const DeviceCommand& command, double dt_s) noexcept = 0;
 
   virtual DeviceHealth health() const {
     return {.connection = DeviceConnection::kStreaming, .calibrated = true};

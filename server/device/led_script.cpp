@@ -36,31 +36,31 @@ LedScript::LedScript(std::unique_ptr<StylusScript> unled, LedHand& led,
   }
 }
 
-StylusScript::Target LedScript::Next(const HandState& hand, const Vec3& felt_force_D_n,
+StylusScript::Target LedScript::Next(const HandState& hand, const Wrench& felt_M,
                                      double dt_s) noexcept {
   const LedTarget& newest = led_.Newest();
   // Without time, the hand is asked where it begins: it is nowhere yet.
   if (!newest.is_led || !(dt_s > 0.0)) {
     is_led_ = false;
-    return unled_->Next(hand, felt_force_D_n, dt_s);
+    return unled_->Next(hand, felt_M, dt_s);
   }
-  if (!is_led_) Begin(hand, felt_force_D_n);
+  if (!is_led_) Begin(hand, felt_M.force_n);
   is_led_ = true;
   unled_->ResumeAt(hand);
-  p_DTarget_mm_ = Vec3(newest.x_mm, newest.y_mm, newest.z_mm)
+  p_MTarget_mm_ = Vec3(newest.x_mm, newest.y_mm, newest.z_mm)
                       .cwiseMax(workspace_min_mm_)
                       .cwiseMin(workspace_max_mm_);
   Follow(dt_s);
-  return {.p_DTarget_mm = hand_.SpringEnd(Vec3::Zero()),
+  return {.p_MTarget_mm = hand_.SpringEnd(Vec3::Zero()),
           .buttons = newest.buttons,
-          .p_DLed_mm = p_DTarget_mm_};
+          .p_MLed_mm = p_MTarget_mm_};
 }
 
 // Where the spring and the force that the hand feels are in balance, so that the hand stays.
-void LedScript::Begin(const HandState& hand, const Vec3& felt_force_D_n) {
-  p_DWay_mm_ = hand.p_DHip_mm - felt_force_D_n / kHandSpringNPerMm;
-  hand_ = {.p_mm = p_DWay_mm_, .v_mm_s = hand.v_DHip_mm_s};
-  mean_.Begin(p_DWay_mm_);
+void LedScript::Begin(const HandState& hand, const Vec3& felt_force_M_n) {
+  p_MWay_mm_ = hand.p_MHip_mm - felt_force_M_n / kHandSpringNPerMm;
+  hand_ = {.p_mm = p_MWay_mm_, .v_mm_s = hand.v_MHip_mm_s};
+  mean_.Begin(p_MWay_mm_);
 }
 
 // Late ticks are made up for in steps: the same lag, however slow the machine is.
@@ -68,11 +68,11 @@ void LedScript::Follow(double dt_s) {
   const int steps = std::max(1, static_cast<int>(std::lround(dt_s / kLedStepS)));
   const double step_s = dt_s / steps;
   for (int n = 0; n < steps; ++n) {
-    const Vec3 ahead_mm = mean_.Add(p_DTarget_mm_) - p_DWay_mm_;
+    const Vec3 ahead_mm = mean_.Add(p_MTarget_mm_) - p_MWay_mm_;
     const double most_mm = kLedMmPerS * step_s;
     const double distance_mm = ahead_mm.norm();
-    p_DWay_mm_ += distance_mm > most_mm ? Vec3(ahead_mm * (most_mm / distance_mm)) : ahead_mm;
-    hand_.Follow(p_DWay_mm_, kLedFollowS, step_s);
+    p_MWay_mm_ += distance_mm > most_mm ? Vec3(ahead_mm * (most_mm / distance_mm)) : ahead_mm;
+    hand_.Follow(p_MWay_mm_, kLedFollowS, step_s);
   }
 }
 

@@ -6,7 +6,7 @@
 // the workspace count as the nearest place of it. The force that the hand feels deflects it: in
 // contact it is at target + force / kHandSpringNPerMm.
 //
-// Frame D, mm, N, s. Threads and real-time: as StylusScript; targets come by a wait-free exchange.
+// Frame M, mm, N, s. Threads and real-time: as StylusScript; targets come by a wait-free exchange.
 // The same inputs and targets at the same ticks give the same bits.
 #pragma once
 
@@ -28,7 +28,7 @@ class LedScript final : public StylusScript {
   LedScript(std::unique_ptr<StylusScript> unled, LedHand& led, const Vec3& workspace_min_mm,
             const Vec3& workspace_max_mm);
 
-  Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  Target Next(const HandState& hand, const Wrench& felt_M, double dt_s) noexcept override;
 
  private:
   // The mean of the last targets, one for each millisecond.
@@ -44,7 +44,7 @@ class LedScript final : public StylusScript {
     std::size_t oldest_ = 0;
   };
 
-  void Begin(const HandState& hand, const Vec3& felt_force_D_n);
+  void Begin(const HandState& hand, const Vec3& felt_force_M_n);
   void Follow(double dt_s);
 
   std::unique_ptr<StylusScript> unled_;
@@ -53,9 +53,9 @@ class LedScript final : public StylusScript {
   Vec3 workspace_max_mm_;
 
   bool is_led_ = false;
-  Vec3 p_DTarget_mm_ = Vec3::Zero();  // within the workspace
+  Vec3 p_MTarget_mm_ = Vec3::Zero();  // within the workspace
   Mean mean_;
-  Vec3 p_DWay_mm_ = Vec3::Zero();  // on the way to the mean, no faster than the hand may be
+  Vec3 p_MWay_mm_ = Vec3::Zero();  // on the way to the mean, no faster than the hand may be
   HandFollower hand_;
 };
 

@@ -7,8 +7,8 @@
 
 namespace palpate {
 
-PathScript::PathScript(std::vector<Vec3> p_DWaypoints_mm, double speed_mm_s)
-    : waypoints_mm_(std::move(p_DWaypoints_mm)), speed_mm_s_(speed_mm_s) {
+PathScript::PathScript(std::vector<Vec3> p_MWaypoints_mm, double speed_mm_s)
+    : waypoints_mm_(std::move(p_MWaypoints_mm)), speed_mm_s_(speed_mm_s) {
   bool valid = !waypoints_mm_.empty() && std::isfinite(speed_mm_s) && speed_mm_s > 0.0;
   for (const Vec3& waypoint : waypoints_mm_) valid = valid && waypoint.allFinite();
   if (!valid) {
@@ -18,7 +18,7 @@ PathScript::PathScript(std::vector<Vec3> p_DWaypoints_mm, double speed_mm_s)
   target_mm_ = waypoints_mm_.front();
 }
 
-StylusScript::Target PathScript::Next(const HandState& /*hand*/, const Vec3& /*felt_force_D_n*/,
+StylusScript::Target PathScript::Next(const HandState& /*hand*/, const Wrench& /*felt_M*/,
                                       double dt_s) noexcept {
   double left_mm = speed_mm_s_ * dt_s;
   // At most one round per call: otherwise a path of length zero would never end.
@@ -33,7 +33,7 @@ StylusScript::Target PathScript::Next(const HandState& /*hand*/, const Vec3& /*f
     left_mm -= distance_mm;
     next_ = (next_ + 1) % waypoints_mm_.size();
   }
-  return {.p_DTarget_mm = target_mm_, .buttons = 0};
+  return {.p_MTarget_mm = target_mm_, .buttons = 0};
 }
 
 }  // namespace palpate

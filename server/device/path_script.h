@@ -1,7 +1,7 @@
 // A script that follows a closed path of straight lines and ignores the force. For tests and
 // demonstrations.
 //
-// Frame D, mm. Threads and real-time: as StylusScript; the constructor is not
+// Frame M, mm. Threads and real-time: as StylusScript; the constructor is not
 // real-time.
 #pragma once
 
@@ -16,11 +16,11 @@ class PathScript final : public StylusScript {
  public:
   // Starts at the first way point; from the last way point, returns to the first. Throws Error if
   // there is no way point, a number is not finite, or the speed is not above 0.
-  PathScript(std::vector<Vec3> p_DWaypoints_mm, double speed_mm_s);
+  PathScript(std::vector<Vec3> p_MWaypoints_mm, double speed_mm_s);
 
-  Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  Target Next(const HandState& hand, const Wrench& felt_M, double dt_s) noexcept override;
   // Goes on to the next way point, from there.
-  void ResumeAt(const HandState& hand) noexcept override { target_mm_ = hand.p_DHip_mm; }
+  void ResumeAt(const HandState& hand) noexcept override { target_mm_ = hand.p_MHip_mm; }
 
  private:
   std::vector<Vec3> waypoints_mm_;

@@ -15,9 +15,9 @@ PressScript::PressScript(std::unique_ptr<StylusScript> script, std::uint32_t but
   }
 }
 
-StylusScript::Target PressScript::Next(const HandState& hand, const Vec3& felt_force_D_n,
+StylusScript::Target PressScript::Next(const HandState& hand, const Wrench& felt_M,
                                        double dt_s) noexcept {
-  Target target = script_->Next(hand, felt_force_D_n, dt_s);
+  Target target = script_->Next(hand, felt_M, dt_s);
   time_s_ = std::fmod(time_s_ + dt_s, kPressPeriodS);
   if (time_s_ >= kPressPeriodS - kPressedS) target.buttons |= buttons_;
   return target;

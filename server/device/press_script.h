@@ -19,7 +19,7 @@ class PressScript final : public StylusScript {
   // Bit n of `buttons`: button n. Throws Error without a script.
   PressScript(std::unique_ptr<StylusScript> script, std::uint32_t buttons);
 
-  Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept override;
+  Target Next(const HandState& hand, const Wrench& felt_M, double dt_s) noexcept override;
   void ResumeAt(const HandState& hand) noexcept override { script_->ResumeAt(hand); }
 
  private:

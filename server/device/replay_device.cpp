@@ -16,8 +16,8 @@ constexpr std::int64_t kNsPerState = 1'000'000;
 constexpr double kUnitTolerance = 1e-3;
 
 bool IsPose(const DeviceState& state) {
-  const Eigen::Vector4d& xyzw = state.R_DS.coeffs();
-  return state.p_DHip_mm.allFinite() && std::abs(xyzw.norm() - 1.0) < kUnitTolerance;
+  const Eigen::Vector4d& xyzw = state.R_MS.coeffs();
+  return state.p_MHip_mm.allFinite() && std::abs(xyzw.norm() - 1.0) < kUnitTolerance;
 }
 
 void Check(const std::vector<DeviceState>& path) {
@@ -53,7 +53,7 @@ ReplayDevice::ReplayDevice(std::vector<DeviceState> path)
 void ReplayDevice::Start() {
   started_ = true;
   time_ns_ = 0;
-  last_force_D_n_.setZero();
+  last_ = {};
 }
 
 DeviceStatus ReplayDevice::Read(DeviceState& state) noexcept {
@@ -65,9 +65,9 @@ DeviceStatus ReplayDevice::Read(DeviceState& state) noexcept {
 }
 
 // Counts whole nanoseconds: sums of doubles would miss a state from time to time.
-void ReplayDevice::Write(const Vec3& force_D_n, double dt_s) noexcept {
+void ReplayDevice::Write(const DeviceCommand& command, double dt_s) noexcept {
   if (!started_ || !(dt_s > 0.0)) return;
-  last_force_D_n_ = force_D_n;
+  last_ = command;
   time_ns_ += std::llround(std::min(dt_s, kLongestMoveS) * kNsPerS);
   time_ns_ %= round_ns_;
 }

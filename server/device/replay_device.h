@@ -5,7 +5,7 @@
 // It plays to the end, then backwards to the beginning, and so on, so that the stylus never jumps
 // if the path is smooth.
 //
-// Frame: D, as the path. Threads, real-time and ownership: as HapticDevice. Call Start and Stop
+// Frame: M, as the path. Threads, real-time and ownership: as HapticDevice. Call Start and Stop
 // only while the servo does not run. The same path and times give the same bits.
 #pragma once
 
@@ -35,10 +35,10 @@ class ReplayDevice final : public HapticDevice {
   DeviceStatus Read(DeviceState& state) noexcept override;
   // Moves on by dt_s, whatever the force. Above 20 ms, moves on by 20 ms, as the simulated device
   // does.
-  void Write(const Vec3& force_D_n, double dt_s) noexcept override;
+  void Write(const DeviceCommand& command, double dt_s) noexcept override;
 
-  // The force of the last Write. Call it on the servo thread, or while the servo does not run.
-  const Vec3& last_force_D_n() const { return last_force_D_n_; }
+  // The last Write. Call it on the servo thread, or while the servo does not run.
+  const DeviceCommand& last() const { return last_; }
 
  private:
   DeviceDescription spec_;
@@ -46,7 +46,7 @@ class ReplayDevice final : public HapticDevice {
   std::int64_t round_ns_ = 0;  // duration of the path, there and back
   std::int64_t time_ns_ = 0;   // within the round
   bool started_ = false;
-  Vec3 last_force_D_n_ = Vec3::Zero();
+  DeviceCommand last_;
 };
 
 }  // namespace palpate

@@ -19,16 +19,17 @@ constexpr double kTiltFilterS = 0.2;
 constexpr double kSwayRad = 0.08;
 constexpr double kSwayHz = 0.15;
 
-// Limits the force to the peak, as motors do. Computes a norm that does not overflow for any force.
-Vec3 Saturated(const Vec3& force_n, double max_force_n) {
-  if (!force_n.allFinite()) return Vec3::Zero();
-  const double size_n = force_n.stableNorm();
-  return size_n > max_force_n ? Vec3(force_n * (max_force_n / size_n)) : force_n;
+// Limits a force or a torque to its peak, as motors do. Computes a norm that does not
+// overflow.
+Vec3 Saturated(const Vec3& v, double peak) {
+  if (!v.allFinite()) return Vec3::Zero();
+  const double size = v.stableNorm();
+  return size > peak ? Vec3(v * (peak / size)) : v;
 }
 
 }  // namespace
 
-DeviceDescription SimulatedDeviceSpec() {
+DeviceDescription SimulatedDeviceSpec(double max_torque_n_mm) {
   DeviceDescription spec;
   spec.kind = "simulated";
   spec.model = "Simulated Phantom Omni";
@@ -36,6 +37,8 @@ DeviceDescription SimulatedDeviceSpec() {
   spec.workspace_max_mm = Vec3(80.0, 60.0, 35.0);
   spec.max_force_n = 3.3;
   spec.continuous_force_n = 0.88;
+  spec.max_torque_n_mm = max_torque_n_mm;
+  spec.senses_orientation = true;
   spec.position_resolution_mm = 0.055;
   spec.button_count = 2;
   spec.verification_level = VerificationLevel::kSimulated;
@@ -48,7 +51,7 @@ SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script,
   if (script_ == nullptr) {
     throw Error(ErrorKind::kInvalidArgument, "a simulated device needs a script for its hand");
   }
-  hand_.p_DHip_mm = script_->Next(hand_, Vec3::Zero(), 0.0).p_DTarget_mm;
+  hand_.p_MHip_mm = script_->Next(hand_, Wrench(), 0.0).p_MTarget_mm;
   StopAtWorkspace();
   TiltStylus(0.0);
 }
@@ -56,35 +59,36 @@ SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script,
 DeviceStatus SimulatedDevice::Read(DeviceState& state) noexcept {
   if (!started_) return DeviceStatus::kFault;
   // Counts from the lower stops, as an encoder does, so that no reading lies beyond a stop.
-  const Vec3 counts = (hand_.p_DHip_mm - spec_.workspace_min_mm) / spec_.position_resolution_mm;
-  state.p_DHip_mm =
+  const Vec3 counts = (hand_.p_MHip_mm - spec_.workspace_min_mm) / spec_.position_resolution_mm;
+  state.p_MHip_mm =
       spec_.workspace_min_mm + Vec3(counts.array().floor()) * spec_.position_resolution_mm;
-  state.R_DS = R_DS_;
+  state.R_MS = R_MS_;
   state.buttons = buttons_;
-  state.p_DLed_mm = p_DLed_mm_;
+  state.p_MLed_mm = p_MLed_mm_;
   return DeviceStatus::kOk;
 }
 
-void SimulatedDevice::Write(const Vec3& force_D_n, double dt_s) noexcept {
+void SimulatedDevice::Write(const DeviceCommand& command, double dt_s) noexcept {
   if (!started_ || !(dt_s > 0.0)) return;
   const double move_s = std::min(dt_s, kLongestMoveS);
-  const Vec3 felt_D_n = Saturated(force_D_n, spec_.max_force_n);
-  const StylusScript::Target target = script_->Next(hand_, felt_D_n, move_s);
+  const Wrench felt_M = {Saturated(command.wrench_M.force_n, spec_.max_force_n),
+                         Saturated(command.wrench_M.torque_n_mm, spec_.max_torque_n_mm)};
+  const StylusScript::Target target = script_->Next(hand_, felt_M, move_s);
   buttons_ = target.buttons;
-  p_DLed_mm_ = target.p_DLed_mm;
-  MoveHand(target.p_DTarget_mm, felt_D_n, move_s);
+  p_MLed_mm_ = target.p_MLed_mm;
+  MoveHand(target.p_MTarget_mm, felt_M.force_n, move_s);
   TiltStylus(move_s);
 }
 
 // Semi-implicit Euler, so that a stiff spring gains no energy.
-void SimulatedDevice::MoveHand(const Vec3& p_DTarget_mm, const Vec3& force_D_n, double dt_s) {
+void SimulatedDevice::MoveHand(const Vec3& p_MTarget_mm, const Vec3& force_M_n, double dt_s) {
   const int substeps = static_cast<int>(std::ceil(dt_s / kSubstepS));
   const double substep_s = dt_s / substeps;
   for (int i = 0; i < substeps; ++i) {
-    const Vec3 total_n = force_D_n + kHandSpringNPerMm * (p_DTarget_mm - hand_.p_DHip_mm) -
-                         kHandDamperNsPerMm * hand_.v_DHip_mm_s;
-    hand_.v_DHip_mm_s += total_n * (kMmPerM / kHandMassKg * substep_s);
-    hand_.p_DHip_mm += hand_.v_DHip_mm_s * substep_s;
+    const Vec3 total_n = force_M_n + kHandSpringNPerMm * (p_MTarget_mm - hand_.p_MHip_mm) -
+                         kHandDamperNsPerMm * hand_.v_MHip_mm_s;
+    hand_.v_MHip_mm_s += total_n * (kMmPerM / kHandMassKg * substep_s);
+    hand_.p_MHip_mm += hand_.v_MHip_mm_s * substep_s;
     StopAtWorkspace();
   }
 }
@@ -92,8 +96,8 @@ void SimulatedDevice::MoveHand(const Vec3& p_DTarget_mm, const Vec3& force_D_n, 
 // The device's mechanical stops. They take away all speed towards them.
 void SimulatedDevice::StopAtWorkspace() {
   for (int i = 0; i < 3; ++i) {
-    double& p_mm = hand_.p_DHip_mm[i];
-    double& v_mm_s = hand_.v_DHip_mm_s[i];
+    double& p_mm = hand_.p_MHip_mm[i];
+    double& v_mm_s = hand_.v_MHip_mm_s[i];
     if (p_mm < spec_.workspace_min_mm[i]) {
       p_mm = spec_.workspace_min_mm[i];
       v_mm_s = std::max(v_mm_s, 0.0);
@@ -107,7 +111,7 @@ void SimulatedDevice::StopAtWorkspace() {
 // The barrel points up and to the user, trails the tip's motion and sways a little.
 void SimulatedDevice::TiltStylus(double dt_s) {
   smooth_velocity_mm_s_ +=
-      (hand_.v_DHip_mm_s - smooth_velocity_mm_s_) * (dt_s / (kTiltFilterS + dt_s));
+      (hand_.v_MHip_mm_s - smooth_velocity_mm_s_) * (dt_s / (kTiltFilterS + dt_s));
   sway_phase_rad_ =
       std::fmod(sway_phase_rad_ + 2.0 * std::numbers::pi * kSwayHz * dt_s, 2.0 * std::numbers::pi);
   const Eigen::Quaterniond rest(Eigen::AngleAxisd(-kRestTiltRad, Vec3::UnitX()));
@@ -116,12 +120,12 @@ void SimulatedDevice::TiltStylus(double dt_s) {
   Vec3 tilt_rad = smooth_velocity_mm_s_.cross(barrel) * kTiltRadPerMmS;
   tilt_rad += Vec3::UnitZ() * (kSwayRad * std::sin(sway_phase_rad_));
   const double angle_rad = tilt_rad.norm();
-  R_DS_ = rest;
+  R_MS_ = rest;
   if (angle_rad > 0.0) {
     const double limited_rad = std::min(angle_rad, kLargestTiltRad);
-    R_DS_ = Eigen::Quaterniond(Eigen::AngleAxisd(limited_rad, tilt_rad / angle_rad)) * rest;
+    R_MS_ = Eigen::Quaterniond(Eigen::AngleAxisd(limited_rad, tilt_rad / angle_rad)) * rest;
   }
-  R_DS_.normalize();
+  R_MS_.normalize();
 }
 
 }  // namespace palpate

@@ -1,7 +1,7 @@
 // A Phantom Omni without hardware, with its workspace, forces and resolution. A virtual hand holds
 // the stylus. A script leads the hand, and the device's force moves the hand.
 //
-// Frame D: mm, origin in the middle of the workspace; forces in N. The stylus's z axis runs from
+// Frame M: mm, origin in the middle of the workspace; forces in N. The stylus's z axis runs from
 // the tip along the barrel.
 // Threads, real-time and ownership: as HapticDevice. Call Start and Stop only while the servo does
 // not run. The same script, forces and times give the same bits.
@@ -16,7 +16,8 @@
 namespace palpate {
 
 // The spec of the simulated device, for code that needs its workspace before the device exists.
-DeviceDescription SimulatedDeviceSpec();
+// max_torque_n_mm: 0: it has no motors for torque.
+DeviceDescription SimulatedDeviceSpec(double max_torque_n_mm = 0.0);
 
 // A longer tick moves a hand without hardware only so far, also a recorded one.
 inline constexpr double kLongestMoveS = 0.02;
@@ -36,13 +37,13 @@ class SimulatedDevice final : public HapticDevice {
   // and after Stop.
   DeviceStatus Read(DeviceState& state) noexcept override;
 
-  // Moves the hand on. A force above the peak saturates. A force that is not finite counts as zero.
-  // A time above 20 ms moves the hand by 20 ms, so that a stall does not cost the servo further
-  // time.
-  void Write(const Vec3& force_D_n, double dt_s) noexcept override;
+  // Moves the hand on. A force or torque above its peak saturates, and one that is not finite
+  // counts as zero. The hand does not turn: the torque is only handed to the script. A time above
+  // 20 ms moves the hand by 20 ms, so that a stall does not cost the servo further time.
+  void Write(const DeviceCommand& command, double dt_s) noexcept override;
 
  private:
-  void MoveHand(const Vec3& p_DTarget_mm, const Vec3& force_D_n, double dt_s);
+  void MoveHand(const Vec3& p_MTarget_mm, const Vec3& force_M_n, double dt_s);
   void StopAtWorkspace();
   void TiltStylus(double dt_s);
 
@@ -52,9 +53,9 @@ class SimulatedDevice final : public HapticDevice {
   HandState hand_;
   Vec3 smooth_velocity_mm_s_ = Vec3::Zero();
   double sway_phase_rad_ = 0.0;
-  Eigen::Quaterniond R_DS_;
+  Eigen::Quaterniond R_MS_;
   std::uint32_t buttons_ = 0;
-  Vec3 p_DLed_mm_ = kNowhere;
+  Vec3 p_MLed_mm_ = kNowhere;
 };
 
 }  // namespace palpate

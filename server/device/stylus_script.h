@@ -1,11 +1,11 @@
 // The interface between the simulated device's hand and the scripts that lead the hand.
 //
-// Frame D, mm, N, s. Same inputs, same bits out.
+// Frame M, mm, N, s. Same inputs, same bits out.
 #pragma once
 
 #include <cstdint>
 
-#include "common/geometry/geometry.h"
+#include "common/geometry/wrench.h"
 #include "server/device/haptic_device.h"
 
 namespace palpate {
@@ -19,24 +19,25 @@ inline constexpr double kHandDamperNsPerMm = 0.012;
 inline constexpr double kMmPerM = 1000.0;
 
 struct HandState {
-  Vec3 p_DHip_mm = Vec3::Zero();
-  Vec3 v_DHip_mm_s = Vec3::Zero();
+  Vec3 p_MHip_mm = Vec3::Zero();
+  Vec3 v_MHip_mm_s = Vec3::Zero();
 };
 
 class StylusScript {
  public:
   struct Target {
-    Vec3 p_DTarget_mm = Vec3::Zero();  // where the spring pulls the hand
+    Vec3 p_MTarget_mm = Vec3::Zero();  // where the spring pulls the hand
     std::uint32_t buttons = 0;         // bit n: button n pressed
-    Vec3 p_DLed_mm = kNowhere;         // where somebody leads the hand
+    Vec3 p_MLed_mm = kNowhere;         // where somebody leads the hand
   };
 
   virtual ~StylusScript() = default;
 
-  // Returns the target after `dt_s` (0 or more) more seconds. A script knows the hand and the force
-  // that the hand feels. Of the volume it knows at most a plan that was made elsewhere. Called on
-  // the servo thread, once a tick; must not lock, allocate, log, throw or wait.
-  virtual Target Next(const HandState& hand, const Vec3& felt_force_D_n, double dt_s) noexcept = 0;
+  // Returns the target after `dt_s` (0 or more) more seconds. A script knows the hand and what
+  // the hand feels: a force, and a torque about the tip. Of the volume it knows at most a plan that
+  // was made elsewhere. Called on the servo thread, once a tick; must not lock, allocate, log,
+  // throw or wait.
+  virtual Target Next(const HandState& hand, const Wrench& felt_M, double dt_s) noexcept = 0;
 
   // Something else has led the hand in this tick; the next target is to be near it. As Next.
   virtual void ResumeAt(const HandState& /*hand*/) noexcept {}

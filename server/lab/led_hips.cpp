@@ -49,10 +49,10 @@ std::vector<Vec3> HipsOfLedHand(const HapticSurface& surface, const HapticSettin
     led.MoveTo(lead, target_mm, 0);
     DeviceState now;
     device.Read(now);
-    hips_mm.push_back(now.p_DHip_mm);
+    hips_mm.push_back(now.p_MHip_mm);
     const HapticOutput felt =
-        StepRenderer(surface, settings, now.p_DHip_mm, kReplayPeriodS, *state);
-    device.Write(felt.force_D_n, kReplayPeriodS);
+        StepRenderer(surface, settings, now.p_MHip_mm, kReplayPeriodS, *state);
+    device.Write({{felt.force_D_n}}, kReplayPeriodS);
   }
   return hips_mm;
 }

@@ -3,6 +3,7 @@
 #include <xxhash.h>
 #include <zstd.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstring>
@@ -37,8 +38,10 @@ std::uint64_t Checksum(std::string_view bytes) { return XXH3_64bits(bytes.data()
 template <class Visit>
 void VisitOldFields(TickSample& sample, Visit&& visit) {
   VisitFields(sample, [&](std::string_view name, auto& field) {
-    if (!name.starts_with("led_") && !name.starts_with("series_") && name != "refinement" &&
-        name != "layers_passed" && name != "contact_layer" && name != "tool_radius_mm") {
+    constexpr std::array kLater = {"led_",          "series_",     "push_",
+                                   "torque_",       "refinement",  "layers_passed",
+                                   "contact_layer", "tool_radius", "hand"};
+    if (std::ranges::none_of(kLater, [&](auto later) { return name.starts_with(later); })) {
       visit(field);
     }
   });

@@ -83,7 +83,7 @@ void AddForces(Families& families, const ForceWatch& watch) {
   for (const std::string_view state : kWords<ForceState>) {
     ClientMetric metric;
     metric.label.push_back({"state", std::string(state)});
-    metric.gauge.value = newest && NameOf(newest->state) == state;
+    metric.gauge.value = newest && NameOf(newest->forces.state) == state;
     family.metric.push_back(std::move(metric));
   }
   families.push_back(std::move(family));

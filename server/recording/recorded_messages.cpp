@@ -70,10 +70,14 @@ void TakeSettings(const v1::RenderSettings& message, RecordedScene& scene) {
 SafetyLimits SafetyOf(const v1::RecordedSafety& message) {
   return {.max_force_n = message.max_force_n(),
           .max_slew_n_per_s = message.max_slew_n_per_s(),
+          .max_torque_n_mm = message.max_torque_n_mm(),
+          .max_torque_slew_n_mm_per_s = message.max_torque_slew_n_mm_per_s(),
           .ramp_in_s = message.ramp_in_s(),
           .continuous_force_n = message.continuous_force_n(),
+          .continuous_torque_n_mm = message.continuous_torque_n_mm(),
           .thermal_time_s = message.thermal_time_s(),
           .max_speed_mm_per_s = message.max_speed_mm_per_s(),
+          .max_turn_rad_per_s = message.max_turn_rad_per_s(),
           .max_missed_ticks = message.max_missed_ticks(),
           .faults_stay = message.faults_stay(),
           .starts_on = message.starts_on(),
@@ -82,7 +86,8 @@ SafetyLimits SafetyOf(const v1::RecordedSafety& message) {
 
 // With structured bindings, the code does not compile until a new limit is stored, too.
 void Put(const SafetyLimits& limits, v1::RecordedSafety& message) {
-  const auto& [max_force_n, max_slew, ramp_in_s, continuous_force_n, thermal_time_s, max_speed,
+  const auto& [max_force_n, max_slew, max_torque_n_mm, max_torque_slew, ramp_in_s,
+               continuous_force_n, continuous_torque_n_mm, thermal_time_s, max_speed, max_turn,
                max_missed_ticks, faults_stay, starts_on, stop_buttons] = limits;
   message.set_max_force_n(max_force_n);
   message.set_max_slew_n_per_s(max_slew);
@@ -94,6 +99,10 @@ void Put(const SafetyLimits& limits, v1::RecordedSafety& message) {
   message.set_faults_stay(faults_stay);
   message.set_starts_on(starts_on);
   message.set_stop_buttons(stop_buttons);
+  message.set_max_torque_n_mm(max_torque_n_mm);
+  message.set_max_torque_slew_n_mm_per_s(max_torque_slew);
+  message.set_continuous_torque_n_mm(continuous_torque_n_mm);
+  message.set_max_turn_rad_per_s(max_turn);
 }
 
 }  // namespace

@@ -18,13 +18,13 @@ constexpr double kUnitTolerance = 1e-3;
 // Returns none if the tick had no good position.
 std::optional<DeviceState> StateOf(const TickSample& sample) {
   const auto& [w, x, y, z] = sample.stylus_orientation;
-  const Eigen::Quaterniond R_DS(w, x, y, z);
+  const Eigen::Quaterniond R_MS(w, x, y, z);
   DeviceState state;
-  state.p_DHip_mm = Vec3(sample.hip_mm.data());
+  state.p_MHip_mm = Vec3(sample.hip_mm.data());
   const bool is_pose =
-      state.p_DHip_mm.allFinite() && std::abs(R_DS.coeffs().norm() - 1.0) < kUnitTolerance;
+      state.p_MHip_mm.allFinite() && std::abs(R_MS.coeffs().norm() - 1.0) < kUnitTolerance;
   if (sample.input_rejected || !is_pose) return std::nullopt;
-  state.R_DS = R_DS;
+  state.R_MS = R_MS;
   state.buttons = sample.buttons;
   state.docked = sample.docked;
   state.calibrated = sample.calibrated;

@@ -23,6 +23,7 @@ RecordedTick RecordedTickOf(const TickSample& sample) {
                     .scene_revision = sample.scene_revision,
                     .faulty_ticks = sample.faulty_ticks};
   if (sample.is_led()) tick.led_target_mm = Vec3(sample.led_target_mm.data());
+  if (sample.is_pushed()) tick.push_n = Vec3(sample.push_n.data());
   if (sample.shows_series()) tick.series_position_frames = sample.series_position_frames;
   return tick;
 }
@@ -30,6 +31,7 @@ RecordedTick RecordedTickOf(const TickSample& sample) {
 TickSample SampleOf(const RecordedTick& tick) {
   const PoseSample& pose = tick.pose;
   const auto& q = pose.stylus_orientation;
+  const Vec3 kNone = Vec3::Constant(TickSample::kNone);
   const TickSample sample{
       .tick = pose.tick,
       .time_ns = pose.time_ns,
@@ -40,10 +42,13 @@ TickSample SampleOf(const RecordedTick& tick) {
       .scp_v_normal = ArrayOf(pose.scp_v_normal.value_or(Vec3::Zero())),
       .stylus_orientation = {q.w(), q.x(), q.y(), q.z()},
       .force_n = ArrayOf(pose.force_n),
-      .led_target_mm = ArrayOf(tick.led_target_mm.value_or(Vec3::Constant(TickSample::kNone))),
+      .torque_n_mm = ArrayOf(pose.torque_n_mm),
+      .led_target_mm = ArrayOf(tick.led_target_mm.value_or(kNone)),
+      .push_n = ArrayOf(tick.push_n.value_or(kNone)),
       .density = pose.density,
       .isovalue = pose.isovalue,
       .force_limit_n = pose.forces.limit_n,
+      .torque_limit_n_mm = pose.forces.torque_limit_n_mm,
       .series_position_frames = tick.series_position_frames.value_or(TickSample::kNone),
       .tool_radius_mm = pose.tool_radius_mm,
       .scene_revision = tick.scene_revision,
@@ -70,6 +75,9 @@ TickSample SampleOf(const RecordedTick& tick) {
       .docked = tick.docked,
       .calibrated = tick.calibrated,
   };
+  if (pose.hand != 0) {
+    throw DamagedBytes("of several hands, which this program cannot replay: a newer one wrote it");
+  }
   if (sample.mode == ProxyMode::kUnknown || sample.free_side == FreeSide::kUnknown ||
       sample.force_state == ForceState::kUnknown || sample.force_reason == ForceReason::kUnknown ||
       sample.force_command == ForceCommand::kUnknown ||

@@ -57,6 +57,10 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("calibrated", sample.calibrated);
   vector(sample.led_target_mm, "led_target_x_mm", "led_target_y_mm", "led_target_z_mm");
   visit("series_position_frames", sample.series_position_frames);
+  vector(sample.push_n, "push_x_n", "push_y_n", "push_z_n");
+  visit("hand", sample.hand);
+  vector(sample.torque_n_mm, "torque_x_n_mm", "torque_y_n_mm", "torque_z_n_mm");
+  visit("torque_limit_n_mm", sample.torque_limit_n_mm);
 }
 
 // The list covers the whole sample except for `surface_place`, `replayed` and the padding at its

@@ -29,6 +29,7 @@ TickSample ShownSamples::Shown(const TickSample& live) {
   shown.force_state = live.force_state;
   shown.force_reason = live.force_reason;
   shown.force_limit_n = live.force_limit_n;
+  shown.torque_limit_n_mm = live.torque_limit_n_mm;
   shown.replayed = true;
   return shown;
 }

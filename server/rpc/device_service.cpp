@@ -9,6 +9,7 @@
 
 #include "common/contract/enumerations.h"
 #include "common/error/error.h"
+#include "common/wire/convert.h"
 #include "common/wire/status.h"
 #include "common/wire/values.h"
 #include "server/log/log.h"
@@ -19,8 +20,16 @@ namespace {
 
 constexpr std::chrono::seconds kTickPatience{1};
 
-ForceStatus ForcesNow(const ForceTick& forces, bool replay) {
-  return ForcesOf(forces.state, forces.reason, forces.limit_n, replay);
+constexpr double kMostPushN = 0.5;
+constexpr double kLongestPushS = 5.0;
+
+void CheckHand(std::uint32_t hand) {
+  if (hand == 0) return;
+  throw Error(ErrorKind::kInvalidArgument, "the daemon has one hand, 0");
+}
+
+bool Act(const ForceStatus& forces) {
+  return forces.state == ForceState::kRampIn || forces.state == ForceState::kOn;
 }
 
 bool ForcesAreKnown(const DeviceDescription& spec) {
@@ -50,7 +59,7 @@ Error NoTick(ForceCommand command, bool holds) {
 
 template <typename Response>
 void Answer(const ForceTick& forces, Response& response, bool replay = false) {
-  *response.mutable_forces() = ToProto(ForcesNow(forces, replay));
+  *response.mutable_forces() = ToProto(ForcesOf(forces.forces, replay));
   response.set_applied_tick(forces.since_tick);
 }
 
@@ -103,6 +112,7 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
                                 v1::GetDeviceResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/GetDevice", *request, *response,
                        [=, this](const Admission& admission) {
+                         CheckHand(request->hand());
                          const HandsState now = Hands();
                          const Hand& hand = now.hands.front();
                          *response = ToProto(GetDeviceResponse{
@@ -122,7 +132,7 @@ HandsState DeviceService::Hands() const {
   Hand hand = {.device = device_.spec(), .health = device_.health()};
   // None before the first tick.
   if (const auto forces = forces_.newest()) {
-    hand.forces = ForcesNow(*forces, session_.forces_off());
+    hand.forces = ForcesOf(forces->forces, session_.forces_off());
     hand.forces_set_by = SetBy(*forces);
   }
   if (hand_) hand.led_by = hand_->led_by();
@@ -146,9 +156,10 @@ Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesR
                                    v1::EnableForcesResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/EnableForces", *request, *response,
                        [=, this](const Admission& by) {
+                         CheckHand(request->hand());
                          CheckName(request->device());
                          const ForceTick forces = Command(ForceCommand::kEnable);
-                         CheckEnabled(forces);
+                         CheckEnabled(forces.forces);
                          Note(ForceCommand::kEnable, by);
                          Answer(forces, *response, session_.forces_off());
                        });
@@ -158,6 +169,7 @@ Reply* DeviceService::DisableForces(CallContext* context, const v1::DisableForce
                                     v1::DisableForcesResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/DisableForces", *request, *response,
                        [=, this](const Admission& by) {
+                         if (request->has_hand()) CheckHand(request->hand());
                          const ForceTick forces = Command(ForceCommand::kDisable);
                          Note(ForceCommand::kDisable, by);
                          Answer(forces, *response);
@@ -181,11 +193,42 @@ Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesReque
   return new StopAnswer(std::move(admission), forces_, FirstTickThatKnows(servo_), *response);
 }
 
+Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* request,
+                               v1::PushHandResponse* response) {
+  return calls_.Answer(
+      context, "/palpate.v1.DeviceService/PushHand", *request, *response,
+      [=, this](const Admission& by) {
+        CheckHand(request->hand());
+        const Vec3 force_D_n = FromProto(request->force_n());
+        if (!force_D_n.allFinite() || !(force_D_n.stableNorm() <= kMostPushN)) {
+          throw Error(ErrorKind::kInvalidArgument, "force_n must be at most 0.5 N long");
+        }
+        const double seconds = request->seconds();
+        if (!(seconds > 0.0) || !(seconds <= kLongestPushS)) {
+          throw Error(ErrorKind::kInvalidArgument, "seconds must be above 0 and at most 5");
+        }
+        LogOfClient(LogLevel::kInfo, "forces, " + by.caller().name,
+                    "forces: a push of ({:.2f}, {:.2f}, {:.2f}) N for {:g} s, by {}", force_D_n.x(),
+                    force_D_n.y(), force_D_n.z(), seconds, by.Who());
+        servo_.pushes().Push(force_D_n,
+                             std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz)));
+        const std::uint64_t tick = FirstTickThatKnows(servo_);
+        const auto forces = forces_.WaitForTick(tick, kTickPatience);
+        if (!forces || !Act(forces->forces)) {
+          throw Error(ErrorKind::kFailedPrecondition,
+                      "the forces do not act: " + (forces ? InWords(forces->forces.reason)
+                                                          : "the haptic loop does not tick"));
+        }
+        response->set_applied_tick(tick);
+      });
+}
+
 Reply* DeviceService::CalibrateDevice(CallContext* context,
                                       const v1::CalibrateDeviceRequest* request,
                                       v1::CalibrateDeviceResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/CalibrateDevice", *request, *response,
                        [=, this](const Admission&) {
+                         CheckHand(request->hand());
                          const DeviceHealth health = device_.health();
                          if (health.connection != DeviceConnection::kStreaming) {
                            throw Error(ErrorKind::kFailedPrecondition,
@@ -275,15 +318,15 @@ void DeviceService::Note(ForceCommand command, const Admission& by) {
 
 std::string DeviceService::SetBy(const ForceTick& forces) const {
   const std::lock_guard lock(mutex_);
-  switch (forces.state) {
+  switch (forces.forces.state) {
     case ForceState::kOn:
     case ForceState::kRampIn:
     case ForceState::kHeld:
       return enabled_by_;
     case ForceState::kOff:
-      return forces.reason == ForceReason::kOperator ? disabled_by_ : "";
+      return forces.forces.reason == ForceReason::kOperator ? disabled_by_ : "";
     case ForceState::kStopped:
-      return forces.reason == ForceReason::kStopCall ? stopped_by_ : "";
+      return forces.forces.reason == ForceReason::kStopCall ? stopped_by_ : "";
     case ForceState::kUnknown:
     case ForceState::kFault:
       break;
@@ -295,16 +338,13 @@ std::string DeviceService::SetBy(const ForceTick& forces) const {
 void DeviceService::CheckForcesAreOff() const {
   const std::optional<ForceTick> forces = forces_.newest();
   if (!forces || !IsHardware(device_.spec())) return;
-  if (forces->state != ForceState::kRampIn && forces->state != ForceState::kOn) return;
+  if (!Act(forces->forces)) return;
   throw Error(ErrorKind::kFailedPrecondition,
               "forces are on: disable them first, with 'palpate device disable'");
 }
 
-void DeviceService::CheckEnabled(const ForceTick& forces) const {
-  if (forces.state == ForceState::kRampIn || forces.state == ForceState::kOn ||
-      forces.state == ForceState::kHeld) {
-    return;
-  }
+void DeviceService::CheckEnabled(const ForceStatus& forces) const {
+  if (Act(forces) || forces.state == ForceState::kHeld) return;
   const std::string problem =
       forces.reason == ForceReason::kDevice ? device_.health().problem : std::string();
   const std::string state = forces.state == ForceState::kFault ? "a fault"

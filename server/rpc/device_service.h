@@ -50,6 +50,8 @@ class DeviceService final : public v1::DeviceService::CallbackService {
                        v1::DisableForcesResponse* response) override;
   Reply* StopForces(CallContext* context, const v1::StopForcesRequest* request,
                     v1::StopForcesResponse* response) override;
+  Reply* PushHand(CallContext* context, const v1::PushHandRequest* request,
+                  v1::PushHandResponse* response) override;
   Reply* CalibrateDevice(CallContext* context, const v1::CalibrateDeviceRequest* request,
                          v1::CalibrateDeviceResponse* response) override;
   LeadHandReactor* LeadHand(CallContext* context) override;
@@ -66,7 +68,7 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   std::string SetBy(const ForceTick& forces) const;
   ServoDescription Servo() const;
   void CheckForcesAreOff() const;
-  void CheckEnabled(const ForceTick& forces) const;
+  void CheckEnabled(const ForceStatus& forces) const;
 
   Calls& calls_;
   HapticDevice& device_;

@@ -66,6 +66,7 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
   // Takes the target of the request. Returns true if the hand was taken with it.
   bool Move() {
     const v1::Vector3& target = request_.target_mm();
+    if (request_.hand() != 0) Refuse("the daemon has one hand, 0");
     if (!request_.has_target_mm()) Refuse("a request that leads the hand needs target_mm");
     const Vec3 p_DTarget_mm(target.x(), target.y(), target.z());
     if (!p_DTarget_mm.allFinite()) Refuse("target_mm needs three finite numbers");

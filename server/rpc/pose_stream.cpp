@@ -29,6 +29,9 @@ PoseStreamOptions ParsePoseStreamOptions(const v1::StreamPosesStart& start) {
   if (start.batch() > kMaxBatch) {
     throw Error(ErrorKind::kInvalidArgument, "batch must be at most 256");
   }
+  if (std::ranges::any_of(start.hands(), [](std::uint32_t hand) { return hand != 0; })) {
+    throw Error(ErrorKind::kInvalidArgument, "the daemon has one hand, 0");
+  }
   PoseStreamOptions options;
   options.ticks_per_sample =
       static_cast<std::uint64_t>(std::max(1.0, std::round(std::min(kTickRateHz / rate_hz, 1e9))));

@@ -13,6 +13,11 @@ constexpr double kThermalTimeS = 10.0;
 // Twice the speed of a hand within a desk's workspace.
 constexpr double kMaxSpeedMmPerS = 2000.0;
 constexpr double kSpeedTimeS = 4e-3;
+// Six turns a second: no hand turns a stylus so fast. Reasoned, not measured.
+constexpr double kMaxTurnRadPerS = 40.0;
+// The first limit of any device's torque: higher ones follow once its torque was seen on hardware.
+constexpr double kMostTorqueNMm = 50.0;
+constexpr double kUnitTolerance = 1e-3;
 // One tick of twenty may be missed. Forces ramp out at 20 more missed ticks, in a row or nearly so.
 // They return when the count of these falls below kFewMissedTicks.
 constexpr double kMaxMissedTicks = 20.0;
@@ -29,15 +34,27 @@ Vec3 Clamp(const Vec3& v, double length) {
   return norm * scale > length ? Vec3(unit * (length / norm)) : v;
 }
 
+// At the heat of the continuous value, the limit is the continuous value, so the heat cannot rise
+// above it. Half of that heat is free, so that short strokes get all of the force.
+double WarmLimit(double full, double continuous, double heat) {
+  if (!(continuous > 0.0) || continuous >= full) return full;
+  return full -
+         (full - continuous) * std::clamp(2.0 * heat / (continuous * continuous) - 1.0, 0.0, 1.0);
+}
+
 }  // namespace
 
 SafetyLimits LimitsFor(const DeviceDescription& spec, std::uint32_t stop_buttons) {
-  SafetyLimits limits{.max_force_n = spec.max_force_n, .stop_buttons = stop_buttons};
+  SafetyLimits limits{.max_force_n = spec.max_force_n,
+                      .max_torque_n_mm = std::min(spec.max_torque_n_mm, kMostTorqueNMm),
+                      .stop_buttons = stop_buttons};
   if (!IsHardware(spec)) return limits;
   limits.ramp_in_s = kRampInS;
   limits.continuous_force_n = spec.continuous_force_n;
+  limits.continuous_torque_n_mm = spec.continuous_torque_n_mm;
   limits.thermal_time_s = kThermalTimeS;
   limits.max_speed_mm_per_s = kMaxSpeedMmPerS;
+  limits.max_turn_rad_per_s = kMaxTurnRadPerS;
   limits.max_missed_ticks = kMaxMissedTicks;
   limits.faults_stay = true;
   limits.starts_on = false;
@@ -46,45 +63,45 @@ SafetyLimits LimitsFor(const DeviceDescription& spec, std::uint32_t stop_buttons
 
 int RampOutTicks(const SafetyLimits& limits, double dt_s) {
   // 1e-6 more, so that a whole ratio rounds up: rounding errors may leave a tiny last step.
-  return static_cast<int>(std::ceil(limits.max_force_n / (limits.max_slew_n_per_s * dt_s) + 1e-6));
+  const double ramp_s = std::max(limits.max_force_n / limits.max_slew_n_per_s,
+                                 limits.max_torque_n_mm / limits.max_torque_slew_n_mm_per_s);
+  return static_cast<int>(std::ceil(ramp_s / dt_s + 1e-6));
 }
 
 Safety::Safety(const SafetyLimits& limits) : limits_(limits) {
   if (limits.starts_on) Enter(ForceState::kRampIn, ForceReason::kNone);
 }
 
-Vec3 Safety::Step(const SafetyInput& input, double dt_s) noexcept {
+Wrench Safety::Step(const SafetyInput& input, double dt_s) noexcept {
   const double elapsed_s = dt_s * (1.0 + static_cast<double>(input.missed_ticks));
   Follow(input, elapsed_s);
   const ForceReason fault = FaultOf(input);
   Obey(input);
   Change(fault, HoldOf(input));
-  FollowSuspension(input.suspended);
+  FollowSuspension(input.suspended || input.pushed);
   faulty_ = fault != ForceReason::kNone || memory_.state == ForceState::kFault;
 
   const bool cut = faulty_ || memory_.state == ForceState::kStopped || input.suspended ||
                    input.docked || !input.calibrated;
   if (cut) {
-    memory_.last_D_n.setZero();
+    memory_.last_D = {};
   } else {
-    memory_.last_D_n +=
-        Clamp(Wanted(input, dt_s) - memory_.last_D_n, limits_.max_slew_n_per_s * dt_s);
+    StepTo(input.wrench_D, dt_s);
   }
   if (limits_.thermal_time_s > 0.0) {
-    memory_.heat_n2 += (memory_.last_D_n.squaredNorm() - memory_.heat_n2) *
-                       (1.0 - std::exp(-elapsed_s / limits_.thermal_time_s));
+    const double share = 1.0 - std::exp(-elapsed_s / limits_.thermal_time_s);
+    memory_.heat_n2 += (memory_.last_D.force_n.squaredNorm() - memory_.heat_n2) * share;
+    memory_.heat_n_mm2 += (memory_.last_D.torque_n_mm.squaredNorm() - memory_.heat_n_mm2) * share;
   }
-  return memory_.last_D_n;
+  return memory_.last_D;
 }
 
 double Safety::limit_n() const noexcept {
-  const double full_n = limits_.max_force_n;
-  const double continuous_n = limits_.continuous_force_n;
-  if (!(continuous_n > 0.0) || continuous_n >= full_n) return full_n;
-  // At the heat of the continuous force, the limit is the continuous force, so the heat cannot rise
-  // above it. Half of that heat is free, so that short strokes get all of the force.
-  const double heat = memory_.heat_n2 / (continuous_n * continuous_n);
-  return full_n - (full_n - continuous_n) * std::clamp(2.0 * heat - 1.0, 0.0, 1.0);
+  return WarmLimit(limits_.max_force_n, limits_.continuous_force_n, memory_.heat_n2);
+}
+
+double Safety::torque_limit_n_mm() const noexcept {
+  return WarmLimit(limits_.max_torque_n_mm, limits_.continuous_torque_n_mm, memory_.heat_n_mm2);
 }
 
 // Updates the speed and the count of missed ticks.
@@ -104,6 +121,12 @@ void Safety::Follow(const SafetyInput& input, double elapsed_s) noexcept {
   const double share = memory_.hip_age_s / (memory_.hip_age_s + kSpeedTimeS);
   memory_.velocity_mm_per_s += share * (velocity_mm_per_s - memory_.velocity_mm_per_s);
   if (!known) memory_.velocity_mm_per_s.setZero();
+  if (turns()) {
+    const double turn_rad = known ? input.R_DS.angularDistance(memory_.R_DS) : 0.0;
+    memory_.turn_rad_per_s += share * (turn_rad / memory_.hip_age_s - memory_.turn_rad_per_s);
+    if (!known || !std::isfinite(memory_.turn_rad_per_s)) memory_.turn_rad_per_s = 0.0;
+    memory_.R_DS = input.R_DS;
+  }
   memory_.p_DHip_mm = input.p_DHip_mm;
   memory_.has_hip = input.calibrated;
   memory_.hip_age_s = 0.0;
@@ -112,13 +135,22 @@ void Safety::Follow(const SafetyInput& input, double elapsed_s) noexcept {
 ForceReason Safety::FaultOf(const SafetyInput& input) const noexcept {
   if (input.device == DeviceStatus::kFault) return ForceReason::kDevice;
   if (input.position_rejected) return ForceReason::kPosition;
-  if (!input.force_D_n.allFinite()) return ForceReason::kForce;
+  const bool turned = turns();
+  if (turned && !(std::abs(input.R_DS.coeffs().norm() - 1.0) <= kUnitTolerance)) {
+    return ForceReason::kPosition;
+  }
+  if (!input.wrench_D.force_n.allFinite() || (turned && !input.wrench_D.torque_n_mm.allFinite())) {
+    return ForceReason::kForce;
+  }
   // The comparison is negated so that NaN counts as too fast. A fast hand is no fault while there
   // are no forces.
   const double limit = limits_.max_speed_mm_per_s;
   const bool has_forces =
       memory_.state != ForceState::kOff && memory_.state != ForceState::kStopped;
   if (has_forces && limit > 0.0 && !(memory_.velocity_mm_per_s.norm() <= limit))
+    return ForceReason::kSpeed;
+  const double turn_limit = limits_.max_turn_rad_per_s;
+  if (has_forces && turned && turn_limit > 0.0 && !(memory_.turn_rad_per_s <= turn_limit))
     return ForceReason::kSpeed;
   return ForceReason::kNone;
 }
@@ -183,13 +215,24 @@ void Safety::FollowSuspension(bool suspended) noexcept {
   memory_.was_suspended = suspended;
 }
 
-// The force that the slew limit leads to.
-Vec3 Safety::Wanted(const SafetyInput& input, double dt_s) noexcept {
-  if (memory_.state == ForceState::kOn) return Clamp(input.force_D_n, limit_n());
-  if (memory_.state != ForceState::kRampIn) return Vec3::Zero();
+// Moves the force and the torque towards what is wanted, within all limits.
+void Safety::StepTo(const Wrench& wanted_D, double dt_s) noexcept {
+  const double share = Share(dt_s);
+  Wrench& last_D = memory_.last_D;
+  const Vec3 force_n = Clamp(wanted_D.force_n, share * limit_n());
+  last_D.force_n += Clamp(force_n - last_D.force_n, limits_.max_slew_n_per_s * dt_s);
+  if (!turns()) return;
+  const Vec3 torque_n_mm = Clamp(wanted_D.torque_n_mm, share * torque_limit_n_mm());
+  last_D.torque_n_mm +=
+      Clamp(torque_n_mm - last_D.torque_n_mm, limits_.max_torque_slew_n_mm_per_s * dt_s);
+}
+
+// The share of the limits that may act in this tick.
+double Safety::Share(double dt_s) noexcept {
+  if (memory_.state == ForceState::kOn) return 1.0;
+  if (memory_.state != ForceState::kRampIn) return 0.0;
   memory_.ramp_s += dt_s;
-  const double share = std::min(memory_.ramp_s / memory_.ramp_in_s, 1.0);
-  return Clamp(input.force_D_n, share * limit_n());
+  return std::min(memory_.ramp_s / memory_.ramp_in_s, 1.0);
 }
 
 }  // namespace palpate

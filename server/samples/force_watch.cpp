@@ -7,8 +7,7 @@ namespace palpate {
 std::optional<ForceTick> ForceWatch::newest() const {
   const std::optional<LastTick> last = board_.newest();
   if (!last) return std::nullopt;
-  return ForceTick{last->tick, last->force_state, last->force_reason, last->force_limit_n,
-                   last->forces_since_tick};
+  return ForceTick{last->tick, last->forces, last->forces_since_tick};
 }
 
 std::optional<ForceTick> ForceWatch::WaitForTick(std::uint64_t tick,

@@ -16,9 +16,7 @@ namespace palpate {
 
 struct ForceTick {
   std::uint64_t tick = 0;
-  ForceState state = ForceState::kOff;
-  ForceReason reason = ForceReason::kOperator;
-  double limit_n = 0.0;
+  ForceStatus forces{};
   // The first tick with this state and reason.
   std::uint64_t since_tick = 0;
 };

@@ -3,16 +3,15 @@
 namespace palpate {
 
 void LastTickBoard::Tell(const TickSample& sample) noexcept {
-  const bool same_forces = last_ && last_->force_state == sample.force_state &&
-                           last_->force_reason == sample.force_reason;
+  const bool same_forces = last_ && last_->forces.state == sample.force_state &&
+                           last_->forces.reason == sample.force_reason;
   if (!last_ || last_->scene_revision != sample.scene_revision) {
     scene_uses.TryPush({sample.scene_revision, sample.tick, sample.time_ns});
   }
   last_ = {.tick = sample.tick,
            .time_ns = sample.time_ns,
-           .force_state = sample.force_state,
-           .force_reason = sample.force_reason,
-           .force_limit_n = sample.force_limit_n,
+           .forces = {sample.force_state, sample.force_reason, sample.force_limit_n,
+                      sample.torque_limit_n_mm},
            .forces_since_tick = same_forces ? last_->forces_since_tick : sample.tick,
            .scene_revision = sample.scene_revision};
   told_.Write(last_);

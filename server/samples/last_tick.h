@@ -19,9 +19,7 @@ namespace palpate {
 struct LastTick {
   std::uint64_t tick = 0;
   std::int64_t time_ns = 0;  // its start, on CLOCK_MONOTONIC
-  ForceState force_state = ForceState::kOff;
-  ForceReason force_reason = ForceReason::kOperator;
-  double force_limit_n = 0.0;
+  ForceStatus forces{ForceState::kOff, ForceReason::kOperator};
   std::uint64_t forces_since_tick = 0;  // the first tick with this state and reason
   std::uint64_t scene_revision = 0;
 };

@@ -33,22 +33,26 @@ PoseSample PoseOf(const TickSample& sample) {
   pose.iterations = sample.iterations;
   pose.capped_ticks = sample.capped_ticks;
   pose.free_side = sample.free_side;
-  pose.forces =
-      ForcesOf(sample.force_state, sample.force_reason, sample.force_limit_n, sample.replayed);
+  pose.forces = ForcesOf(
+      {sample.force_state, sample.force_reason, sample.force_limit_n, sample.torque_limit_n_mm},
+      sample.replayed);
   pose.replayed = sample.replayed;
   pose.refinement = sample.refinement;
   pose.layers_passed = sample.layers_passed;
   pose.contact_layer = sample.contact_layer;
   pose.tool_radius_mm = sample.tool_radius_mm;
+  pose.hand = sample.hand;
+  pose.torque_n_mm = VectorOf(sample.torque_n_mm);
   return pose;
 }
 
-ForceStatus ForcesOf(ForceState state, ForceReason reason, double limit_n, bool replay) {
+ForceStatus ForcesOf(ForceStatus forces, bool replay) {
   // For the safety stage, a replay is no state: it gets zero forces to write.
-  if (replay && (state == ForceState::kOn || state == ForceState::kRampIn)) {
-    return {ForceState::kHeld, ForceReason::kReplay, limit_n};
+  if (replay && (forces.state == ForceState::kOn || forces.state == ForceState::kRampIn)) {
+    forces.state = ForceState::kHeld;
+    forces.reason = ForceReason::kReplay;
   }
-  return {state, reason, limit_n};
+  return forces;
 }
 
 }  // namespace palpate

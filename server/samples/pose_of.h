@@ -13,7 +13,8 @@ namespace palpate {
 
 PoseSample PoseOf(const TickSample& sample);
 
-// `replay`: a recording is replayed to viewers, so nothing acts.
-ForceStatus ForcesOf(ForceState state, ForceReason reason, double limit_n, bool replay);
+// `forces`: as the safety stage has them. `replay`: a recording is replayed to viewers, so nothing
+// acts.
+ForceStatus ForcesOf(ForceStatus forces, bool replay);
 
 }  // namespace palpate

@@ -1,7 +1,7 @@
 // The result of one tick of the servo thread. Trivially copyable: it goes through the ring to the
 // pump thread.
 //
-// Frame: D (mm, N). Times: ns of CLOCK_MONOTONIC. Densities and isovalues: data units.
+// Frame: D (mm, N, N mm). Times: ns of CLOCK_MONOTONIC. Densities and isovalues: data units.
 // palpate.v1.PoseSample has the same fields and explains them.
 #pragma once
 
@@ -38,10 +38,13 @@ struct TickSample {
   std::array<double, 3> scp_v_normal{};
   std::array<double, 4> stylus_orientation{1.0, 0.0, 0.0, 0.0};  // w, x, y, z
   std::array<double, 3> force_n{};
+  std::array<double, 3> torque_n_mm{};
   std::array<double, 3> led_target_mm{kNone, kNone, kNone};  // kNone: nobody leads the hand
+  std::array<double, 3> push_n{kNone, kNone, kNone};         // kNone: nobody tries the motors
   double density = 0.0;
   double isovalue = 0.0;
   double force_limit_n = 0.0;             // the greatest force that the motors' warmth allows
+  double torque_limit_n_mm = 0.0;         // as force_limit_n
   double series_position_frames = kNone;  // kNone: the volume is no series
   double tool_radius_mm = 0.0;            // of the ball that is felt; 0: a point
   std::uint64_t scene_revision = 0;       // rises with everything that is published to the servo
@@ -72,11 +75,13 @@ struct TickSample {
   DeviceStatus device_status = DeviceStatus::kOk;
   bool docked = false;
   bool calibrated = true;
+  std::uint8_t hand = 0;
   // Shown to viewers in place of a live tick (SampleReplacement). The servo and recordings never
   // have such a sample, so recordings do not store this field.
   bool replayed = false;
 
   bool is_led() const { return !std::isnan(led_target_mm[0]); }
+  bool is_pushed() const { return !std::isnan(push_n[0]); }
   bool shows_series() const { return !std::isnan(series_position_frames); }
 };
 static_assert(std::is_trivially_copyable_v<TickSample>);

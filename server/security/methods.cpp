@@ -46,6 +46,7 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.DeviceService/EnableForces", kOperator, kCall, kAnytime},
     {"/palpate.v1.DeviceService/DisableForces", kOperator, kCall, kAnytime},
     {"/palpate.v1.DeviceService/CalibrateDevice", kOperator, kCall, kAnytime},
+    {"/palpate.v1.DeviceService/PushHand", kOperator, kCall, kAnytime},
     {"/palpate.v1.DeviceService/LeadHand", kOperator, kHand, kAnytime},
 
     // These read and write files of the workstation, fill its memory and disk, or permanently put

@@ -30,7 +30,7 @@ void ServoLoop::Stop() noexcept {
 
 void ServoLoop::Run() noexcept {
   SetupRealtimeThread(options_, grant_);
-  const auto tick = std::make_unique<ServoTick>(device_, limits_, &forces_);
+  const auto tick = std::make_unique<ServoTick>(device_, limits_, &forces_, &pushes_);
   TickTimer timer(std::chrono::milliseconds(1));
   constexpr std::uint64_t kTicksPerSecond = 1000;
   const std::int64_t faults_at_start = ThreadPageFaults();
@@ -49,8 +49,7 @@ void ServoLoop::Run() noexcept {
       page_faults_.store(ThreadPageFaults() - faults_at_start, std::memory_order_relaxed);
     }
   }
-  device_.SetMotors(false);
-  device_.Write(Vec3::Zero(), kTickPeriodS);
+  device_.Write({}, kTickPeriodS);
 }
 
 }  // namespace palpate

@@ -16,6 +16,7 @@
 #include "server/samples/tick_outbox.h"
 #include "server/scene/scene.h"
 #include "server/servo/force_switch.h"
+#include "server/servo/hand_push.h"
 
 namespace palpate {
 
@@ -35,6 +36,8 @@ class ServoLoop {
 
   // Takes the operator's commands. Any thread.
   ForceSwitch& forces() { return forces_; }
+  // Takes tries of the motors. Any thread.
+  HandPush& pushes() { return pushes_; }
 
   const RealtimeGrant& grant() const { return grant_; }
   std::uint64_t ticks() const { return ticks_.load(); }
@@ -55,6 +58,7 @@ class ServoLoop {
   RealtimeOptions options_;
   SafetyLimits limits_;
   ForceSwitch forces_;
+  HandPush pushes_;
   RealtimeGrant grant_;
   std::atomic<bool> running_{false};  // the thread knows what the kernel granted
   std::atomic<bool> stop_{false};

@@ -12,7 +12,7 @@ namespace palpate {
 namespace {
 
 // Version of the byte layout. Raise it whenever the meaning of the bytes changes.
-constexpr std::uint8_t kLayout = 6;
+constexpr std::uint8_t kLayout = 7;  // 6 knew no torque
 // It knew no layers: after a pop, densities changed their sign. A refinement other than 1 follows
 // the rest.
 constexpr std::uint8_t kLayoutWithoutLayers = 5;
@@ -22,7 +22,7 @@ constexpr int kMaxCell = 1 << 30;
 // Visits every number. The structured bindings name all members: a new member does not compile
 // until it is visited.
 template <class Vector, class Visit>
-void VisitVector(Vector& vector, Visit& visit) {
+void VisitVector(Vector&& vector, Visit& visit) {
   for (auto& number : vector.reshaped()) visit(number);
 }
 
@@ -46,7 +46,7 @@ void VisitPlace(PlaceT& place, Visit& visit) {
 }
 
 template <class ProxyT, class Visit>
-void VisitProxy(ProxyT& proxy, bool has_layers, Visit& visit) {
+void VisitProxy(ProxyT& proxy, int layout, Visit& visit) {
   auto& [placed, contact, buried, place, p_DH_mm, geometry_revision, refinement, volume_revision,
          loaded_revision, free_side, isovalue, lower] = proxy;
   visit(placed);
@@ -59,7 +59,7 @@ void VisitProxy(ProxyT& proxy, bool has_layers, Visit& visit) {
   visit(loaded_revision);
   visit(free_side);
   visit(isovalue);
-  if (!has_layers) return;
+  if (layout == kLayoutWithoutLayers) return;
   visit(lower);
   visit(refinement);
 }
@@ -80,11 +80,11 @@ void VisitPassivity(Passivity& passivity, Visit& visit) {
 }
 
 template <class Renderer, class Visit>
-void VisitRenderer(Renderer& renderer, bool has_layers, Visit& visit) {
+void VisitRenderer(Renderer& renderer, int layout, Visit& visit) {
   auto& [proxy, has_hip, p_DHip_mm, p_DLastHip_mm, velocity_mm_per_s, friction, passed, rejected_s,
          spring_mj, felt_D_n, pop_force_D_n, pop_fade, passivity, limited_D_n, by_design_D_n,
          touched, slack_mm, layered] = renderer;
-  VisitProxy(proxy, has_layers, visit);
+  VisitProxy(proxy, layout, visit);
   visit(has_hip);
   for (auto* v : {&p_DHip_mm, &p_DLastHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
   auto& [sticking, normal_D, slid_mm] = friction;
@@ -94,7 +94,7 @@ void VisitRenderer(Renderer& renderer, bool has_layers, Visit& visit) {
   for (auto* number : {&rejected_s, &spring_mj, &pop_fade}) visit(*number);
   VisitPassivity(passivity, visit);
   for (auto* v : {&felt_D_n, &pop_force_D_n, &limited_D_n, &by_design_D_n}) VisitVector(*v, visit);
-  if (!has_layers) return;
+  if (layout == kLayoutWithoutLayers) return;
   visit(touched);
   visit(slack_mm);
   visit(slid_mm);
@@ -102,21 +102,27 @@ void VisitRenderer(Renderer& renderer, bool has_layers, Visit& visit) {
 }
 
 template <class SafetyT, class Visit>
-void VisitSafety(SafetyT& safety, Visit& visit) {
-  auto& [state, reason, last_D_n, ramp_s, ramp_in_s, was_suspended, resumes, heat_n2, has_hip,
-         p_DHip_mm, hip_age_s, velocity_mm_per_s, missed_ticks] = safety;
+void VisitSafety(SafetyT& safety, int layout, Visit& visit) {
+  auto& [state, reason, last_D, ramp_s, ramp_in_s, was_suspended, resumes, heat_n2, heat_n_mm2,
+         has_hip, p_DHip_mm, hip_age_s, velocity_mm_per_s, R_DS, turn_rad_per_s, missed_ticks] =
+      safety;
+  auto& [force_n, torque_n_mm] = last_D;
   visit(state);
   visit(reason);
   for (auto* flag : {&was_suspended, &resumes, &has_hip}) visit(*flag);
-  for (auto* v : {&last_D_n, &p_DHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
+  for (auto* v : {&force_n, &p_DHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
   for (auto* number : {&ramp_s, &ramp_in_s, &heat_n2, &hip_age_s, &missed_ticks}) visit(*number);
+  if (layout < kLayout) return;
+  VisitVector(torque_n_mm, visit);
+  VisitVector(R_DS.coeffs(), visit);
+  for (auto* number : {&heat_n_mm2, &turn_rad_per_s}) visit(*number);
 }
 
 template <class Memory, class Visit>
-void VisitMemory(Memory& memory, bool has_layers, Visit visit) {
+void VisitMemory(Memory& memory, int layout, Visit visit) {
   auto& [renderer, safety, tick, missed_ticks, capped_ticks, faulty_ticks] = memory;
-  VisitRenderer(renderer, has_layers, visit);
-  VisitSafety(safety, visit);
+  VisitRenderer(renderer, layout, visit);
+  VisitSafety(safety, layout, visit);
   for (auto* count : {&tick, &missed_ticks, &capped_ticks, &faulty_ticks}) visit(*count);
 }
 
@@ -212,10 +218,11 @@ bool IsInRange(const ServoMemory& memory) {
   return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) && IsBound(proxy.isovalue, kUnbounded) &&
          IsBound(proxy.lower, -kUnbounded) && proxy.refinement >= 1 &&
          proxy.refinement <= kMaxRefinement && (renderer.has_hip || !proxy.placed) &&
-         (on_simplex || !proxy.on_surface()) && renderer.touched >= -kMaxLayers && renderer.touched <= kMaxLayers &&
-         renderer.slack_mm >= 0.0 && renderer.slack_mm <= kFarthestMm &&
-         renderer.friction.slid_mm >= 0.0 && renderer.friction.slid_mm <= kFarthestMm &&
-         IsPosition(renderer.p_DHip_mm) && IsPosition(renderer.p_DLastHip_mm) &&
+         (on_simplex || !proxy.on_surface()) && renderer.touched >= -kMaxLayers &&
+         renderer.touched <= kMaxLayers && renderer.slack_mm >= 0.0 &&
+         renderer.slack_mm <= kFarthestMm && renderer.friction.slid_mm >= 0.0 &&
+         renderer.friction.slid_mm <= kFarthestMm && IsPosition(renderer.p_DHip_mm) &&
+         IsPosition(renderer.p_DLastHip_mm) &&
          renderer.friction.normal_D.norm() < 1.0 + kUnitTolerance && passivity.positions >= 0 &&
          passivity.positions <= PassivityState::kPositionsKept && passivity.newest >= 0 &&
          passivity.newest < PassivityState::kPositionsKept;
@@ -251,18 +258,18 @@ ServoKeyframe Save(const ServoMemory& memory) noexcept {
     at += sizeof number;
   };
   put(kLayout);
-  VisitMemory(memory, true, put);
+  VisitMemory(memory, kLayout, put);
   keyframe.size = at;
   return keyframe;
 }
 
 bool Load(std::string_view bytes, ServoMemory& memory) noexcept {
   const int layout = bytes.empty() ? 0 : static_cast<unsigned char>(bytes.front());
-  if (layout != kLayout && layout != kLayoutWithoutLayers) return false;
+  if (layout < kLayoutWithoutLayers || layout > kLayout) return false;
   memory = {};
   std::size_t at = 1;
   bool good = true;
-  VisitMemory(memory, layout == kLayout, [&](auto& number) {
+  VisitMemory(memory, layout, [&](auto& number) {
     good = good && at + sizeof number <= bytes.size() && FromBytes(&bytes[at], number);
     at += sizeof number;
   });

@@ -1,21 +1,33 @@
 #include "server/servo/servo_tick.h"
 
 namespace palpate {
+namespace {
+
+// M is D.
+HandInput InD(const DeviceState& stylus) {
+  return {.p_DHip_mm = stylus.p_MHip_mm,
+          .R_DS = stylus.R_MS,
+          .buttons = stylus.buttons,
+          .docked = stylus.docked,
+          .calibrated = stylus.calibrated,
+          .p_DLed_mm = stylus.p_MLed_mm};
+}
+
+}  // namespace
 
 TickSample ServoTick::Run(const Scene& scene, const TickTime& time) noexcept {
-  TickInput input{.stylus = stylus_, .missed_ticks = time.missed};
-  input.device = device_.Read(input.stylus);
+  TickInput input{.missed_ticks = time.missed};
+  input.device = device_.Read(stylus_);
+  input.stylus = InD(stylus_);
   if (forces_ != nullptr) input.command = forces_->Take();
-  stylus_ = input.stylus;
+  if (pushes_ != nullptr) input.push_D_n = pushes_->Next(forces_act_);
   const std::int64_t before_ns = MonotonicNowNs();
   TickSample sample = computation_.Run(scene, input);
   sample.update_ns = MonotonicNowNs() - before_ns;
   sample.time_ns = time.started_ns;
-  const bool enabled = sample.force_state == ForceState::kRampIn ||
-                       sample.force_state == ForceState::kOn;
-  const Vec3 force_D_n(sample.force_n.data());
-  device_.SetMotors(enabled || !force_D_n.isZero());
-  device_.Write(force_D_n, kTickPeriodS);
+  forces_act_ = sample.force_state == ForceState::kRampIn || sample.force_state == ForceState::kOn;
+  const Wrench wrench{Vec3(sample.force_n.data()), Vec3(sample.torque_n_mm.data())};
+  device_.Write({.wrench_M = wrench, .motors_on = forces_act_ || !wrench.is_zero()}, kTickPeriodS);
   return sample;
 }
 

@@ -8,15 +8,21 @@
 #include "server/realtime/tick_timer.h"
 #include "server/scene/scene.h"
 #include "server/servo/force_switch.h"
+#include "server/servo/hand_push.h"
 #include "server/servo/tick_computation.h"
 
 namespace palpate {
 
 class ServoTick {
  public:
-  // Borrows both. `forces`: the operator's commands, or null.
-  ServoTick(HapticDevice& device, const SafetyLimits& limits, ForceSwitch* forces = nullptr)
-      : device_(device), forces_(forces), computation_(limits, PassivityDeviceOf(device.spec())) {}
+  // Borrows all. `forces`: the operator's commands, or null. `pushes`: the tries of the motors, or
+  // null.
+  ServoTick(HapticDevice& device, const SafetyLimits& limits, ForceSwitch* forces = nullptr,
+            HandPush* pushes = nullptr)
+      : device_(device),
+        forces_(forces),
+        pushes_(pushes),
+        computation_(limits, PassivityDeviceOf(device.spec())) {}
   explicit ServoTick(HapticDevice& device) : ServoTick(device, LimitsFor(device.spec(), 0)) {}
 
   // `scene` must stay valid until Run returns.
@@ -29,8 +35,10 @@ class ServoTick {
  private:
   HapticDevice& device_;
   ForceSwitch* forces_;
+  HandPush* pushes_;
   TickComputation computation_;
   DeviceState stylus_;
+  bool forces_act_ = false;  // in the last tick
 };
 
 }  // namespace palpate

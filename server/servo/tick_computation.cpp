@@ -1,5 +1,6 @@
 #include "server/servo/tick_computation.h"
 
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -80,12 +81,14 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
     surface = scene.surface;
   }
 
-  const DeviceState& stylus = input.stylus;
+  const HandInput& stylus = input.stylus;
   const bool suspended = scene.forces_off || stylus.docked || !stylus.calibrated ||
                          (scene.settings.clutch_tool && (stylus.buttons & kClutchButton) != 0);
+  const bool pushed = !std::isnan(input.push_D_n.x());
   HapticOutput output;
-  if (suspended) {
+  if (suspended || pushed) {
     output = SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_);
+    if (pushed) output.force_D_n = input.push_D_n;
   } else {
     output = StepRenderer(surface, scene.settings, stylus.p_DHip_mm, elapsed_s, renderer_);
     if (renderer_.has_hip) sample.isovalue = IsovalueOf(scene, output.isovalue);
@@ -93,31 +96,37 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   Describe(scene, output, sample);
   sample.surface_place = PlaceOf(renderer_.proxy);
   sample.refinement = static_cast<std::uint32_t>(surface.lattice.refinement());
-  if (suspended) {
+  if (suspended || pushed) {
     sample.mode = ProxyMode::kSuspended;
     sample.free_side = surface.free_side;
   }
-  const Vec3 force_D_n = safety_.Step({.force_D_n = output.force_D_n,
-                                       .p_DHip_mm = output.p_DHip_mm,
-                                       .device = input.device,
-                                       .docked = stylus.docked,
-                                       .calibrated = stylus.calibrated,
-                                       .position_rejected = output.input_rejected,
-                                       .suspended = suspended,
-                                       .buttons = stylus.buttons,
-                                       .command = input.command,
-                                       .missed_ticks = missed},
-                                      kTickPeriodS);
+  // A point has no torque.
+  const Wrench wrench_D = safety_.Step({.wrench_D = {.force_n = output.force_D_n},
+                                        .p_DHip_mm = output.p_DHip_mm,
+                                        .R_DS = stylus.R_DS,
+                                        .device = input.device,
+                                        .docked = stylus.docked,
+                                        .calibrated = stylus.calibrated,
+                                        .position_rejected = output.input_rejected,
+                                        .suspended = suspended,
+                                        .pushed = pushed,
+                                        .buttons = stylus.buttons,
+                                        .command = input.command,
+                                        .missed_ticks = missed},
+                                       kTickPeriodS);
   if (safety_.faulty()) {
     sample.mode = ProxyMode::kFault;
     ++faulty_ticks_;
   }
-  TellWrittenForce(force_D_n, renderer_);
+  TellWrittenForce(wrench_D.force_n, renderer_);
   capped_ticks_ += output.proxy.capped;
   sample.faulty_ticks = faulty_ticks_;
   sample.capped_ticks = capped_ticks_;
-  sample.force_n = ToArray(force_D_n);
+  sample.force_n = ToArray(wrench_D.force_n);
+  sample.torque_n_mm = ToArray(wrench_D.torque_n_mm);
+  sample.push_n = ToArray(input.push_D_n);
   sample.force_limit_n = safety_.limit_n();
+  sample.torque_limit_n_mm = safety_.torque_limit_n_mm();
   sample.force_state = safety_.state();
   sample.force_reason = safety_.reason();
   sample.force_command = input.command;
@@ -146,6 +155,7 @@ TickInput TickComputation::InputOf(const TickSample& sample) const noexcept {
   input.stylus.p_DLed_mm = Vec3(sample.led_target_mm.data());
   input.device = sample.device_status;
   input.command = sample.force_command;
+  input.push_D_n = Vec3(sample.push_n.data());
   input.missed_ticks = sample.missed_ticks;
   return input;
 }

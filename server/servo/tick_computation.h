@@ -1,7 +1,7 @@
 // Computes one tick, without the device and the clock. The servo thread uses it, and so does code
 // that computes recorded ticks again.
 //
-// Frame: D (mm, N). Threads: one. Real-time: no lock, no allocation, no system call.
+// Frame: D (mm, N, N mm). Threads: one. Real-time: no lock, no allocation, no system call.
 #pragma once
 
 #include <cstdint>
@@ -18,10 +18,21 @@ namespace palpate {
 
 inline constexpr double kTickPeriodS = 1e-3;
 
+// What a device read, in D. Members as in DeviceState.
+struct HandInput {
+  Vec3 p_DHip_mm = Vec3::Zero();
+  Eigen::Quaterniond R_DS = Eigen::Quaterniond::Identity();
+  std::uint32_t buttons = 0;
+  bool docked = false;
+  bool calibrated = true;
+  Vec3 p_DLed_mm = kNowhere;
+};
+
 struct TickInput {
-  DeviceState stylus{};
+  HandInput stylus{};
   DeviceStatus device = DeviceStatus::kOk;
   ForceCommand command = ForceCommand::kNone;
+  Vec3 push_D_n = kNowhere;        // the force of a try of the motors; kNowhere: none
   std::uint64_t missed_ticks = 0;  // in total
 };
 

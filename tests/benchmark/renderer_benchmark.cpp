@@ -121,7 +121,8 @@ void FourKilohertz(benchmark::State& state, const char* name, double spacing_mm)
     const HapticOutput output =
         StepRenderer(scene.surface, {}, hips[times_s.size() % hips.size()], kPeriodS, *renderer);
     const Vec3 force_D_n =
-        safety.Step({.force_D_n = output.force_D_n, .p_DHip_mm = output.p_DHip_mm}, kPeriodS);
+        safety.Step({.wrench_D = {output.force_D_n}, .p_DHip_mm = output.p_DHip_mm}, kPeriodS)
+            .force_n;
     benchmark::DoNotOptimize(force_D_n.data());
     times_s.push_back(
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());

@@ -57,7 +57,7 @@ void ReadPath(const std::string& file) {
   RecordingReader reader(std::make_unique<std::istringstream>(file), "file");
   const auto path = ReadStylusPath(reader, "file", kLongestPath);
   FUZZ_CHECK(!path.empty() && path.size() <= kLongestPath);
-  for (const DeviceState& state : path) FUZZ_CHECK(state.p_DHip_mm.allFinite());
+  for (const DeviceState& state : path) FUZZ_CHECK(state.p_MHip_mm.allFinite());
 }
 
 }  // namespace

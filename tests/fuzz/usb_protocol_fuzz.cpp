@@ -17,14 +17,14 @@ namespace palpate::fuzz {
 namespace {
 
 void CheckReading(const DeviceState& state, const DeviceDescription& spec) {
-  FUZZ_CHECK(state.p_DHip_mm.allFinite());
-  FUZZ_CHECK(state.p_DHip_mm.norm() < 1000.0);
-  FUZZ_CHECK(std::abs(state.R_DS.norm() - 1.0) < 1e-6);
+  FUZZ_CHECK(state.p_MHip_mm.allFinite());
+  FUZZ_CHECK(state.p_MHip_mm.norm() < 1000.0);
+  FUZZ_CHECK(std::abs(state.R_MS.norm() - 1.0) < 1e-6);
   FUZZ_CHECK((state.buttons >> spec.button_count) == 0);
 }
 
 bool IsSame(const DeviceState& a, const DeviceState& b) {
-  return a.p_DHip_mm == b.p_DHip_mm && a.R_DS.coeffs() == b.R_DS.coeffs() &&
+  return a.p_MHip_mm == b.p_MHip_mm && a.R_MS.coeffs() == b.R_MS.coeffs() &&
          a.buttons == b.buttons && a.docked == b.docked && a.calibrated == b.calibrated;
 }
 
@@ -38,7 +38,7 @@ void PlayScript(UsbProtocol& protocol, Input input, CheckFrame check_frame) {
     if (step % 2 == 0) {
       const auto transfer = input.TakeBytes(2u * step);
       const DeviceState before = state;
-      const UsbReceived received = protocol.Receive(transfer, state);
+      const StreamReceived received = protocol.Receive(transfer, state);
       FUZZ_CHECK(received.has_reading == (received.readings > 0));
       FUZZ_CHECK(received.readings <= transfer.size());
       FUZZ_CHECK(received.corrupt_frames <= transfer.size() + 1);
@@ -51,7 +51,7 @@ void PlayScript(UsbProtocol& protocol, Input input, CheckFrame check_frame) {
       const Vec3 force_D_n = input.TakeVec3();
       const bool forces_on = (step & 2) != 0;
       std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> out{};
-      const std::size_t size = protocol.Encode(force_D_n, forces_on, out);
+      const std::size_t size = protocol.Encode({{force_D_n}, forces_on}, out);
       FUZZ_CHECK(size <= out.size());
       check_frame(std::span<const std::uint8_t>(out).first(size), force_D_n,
                   forces_on && state.calibrated);

@@ -1,9 +1,9 @@
-// UsbDevice against an emulated device in this process: readings, forces, zero force when the servo
-// is silent, the end, and what the device may do wrong.
+// StreamedDevice on USB against an emulated device in this process: readings, forces, zero force
+// when the servo is silent, the end, and what the device may do wrong.
 //
 // The emulation proves behaviour, not timing: where the machine is busy, the emulated bus may stand
 // still, and the device looks silent and is connected again. UsbTimes judges times.
-#include "server/device/usb/usb_device.h"
+#include "server/device/usb/usb_bus.h"
 
 #include <gtest/gtest.h>
 
@@ -19,6 +19,8 @@
 #include <utility>
 #include <vector>
 
+#include "server/device/stream/device_link.h"
+#include "server/device/stream/device_seat.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/patience.h"
 #include "tests/support/plain_stylus.h"
@@ -36,7 +38,8 @@ bool IsOn(const PlainForce& force) { return force.motors_on; }
 class UsbDeviceTest : public ::testing::Test {
  protected:
   explicit UsbDeviceTest(bool answers = false) : stylus_(answers) {
-    device_ = std::make_unique<UsbDevice>(std::make_unique<PlainProtocol>(answers), 0);
+    device_ = std::make_unique<StreamedDevice>(
+        std::make_unique<UsbBus>(std::make_unique<PlainProtocol>(answers)), "palpate-usb", 0);
   }
 
   void StartStreaming() {
@@ -52,9 +55,9 @@ class UsbDeviceTest : public ::testing::Test {
 
   void Tick(double force_x_n) {
     status_ = device_->Read(state_);
-    device_->SetMotors(true);
     // The safety stage does the same after a halt of this machine.
-    device_->Write({status_ == DeviceStatus::kStale ? 0.0 : force_x_n, 0.0, 0.0}, 0.001);
+    const double x_n = status_ == DeviceStatus::kStale ? 0.0 : force_x_n;
+    device_->Write({.wrench_M = {Vec3(x_n, 0.0, 0.0)}, .motors_on = true}, 0.001);
   }
   // Reads and writes, as the servo does, until it is so.
   bool Serve(double force_x_n, const std::function<bool()>& is_so) {
@@ -94,7 +97,7 @@ class UsbDeviceTest : public ::testing::Test {
 
   PlainStylus stylus_;
   UsbTestbed bus_;
-  std::unique_ptr<UsbDevice> device_;
+  std::unique_ptr<StreamedDevice> device_;
   DeviceState state_;
   DeviceStatus status_ = DeviceStatus::kOk;
 
@@ -110,7 +113,7 @@ class AnsweringUsbDeviceTest : public UsbDeviceTest {
 TEST_F(UsbDeviceTest, MotorsHaveNoCurrentUntilTheyMay) {
   StartStreaming();
   EXPECT_TRUE(Eventually([&] {
-    device_->Write({1.0, 0.0, 0.0}, 0.001);
+    device_->Write({{Vec3(1.0, 0.0, 0.0)}}, 0.001);
     return stylus_.Forces().size() > 50;
   }));
   device_->Stop();
@@ -122,7 +125,7 @@ TEST_F(UsbDeviceTest, ExchangesReadingsAndForces) {
   EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
   StartStreaming();
   EXPECT_TRUE(ServeUntilOn(1.5));
-  EXPECT_TRUE(Serve(1.5, [&] { return status_ == DeviceStatus::kOk && state_.p_DHip_mm.x() > 0; }));
+  EXPECT_TRUE(Serve(1.5, [&] { return status_ == DeviceStatus::kOk && state_.p_MHip_mm.x() > 0; }));
   EXPECT_TRUE(Serve(1.5, [&] { return device_->health().readings > 500; }));
   EXPECT_TRUE(Eventually([&] { return StreamsWell(); }));
   const DeviceHealth health = device_->health();
@@ -167,7 +170,7 @@ TEST_F(UsbDeviceTest, WritesZeroWhenTheServoDoesNotAndUntilItWroteZero) {
     EXPECT_EQ(stylus_.Forces().back().x_n, 0.0);
     const auto before = static_cast<std::ptrdiff_t>(stylus_.Forces().size());
     EXPECT_TRUE(Eventually([&] {
-      device_->Write({2.0, 0.0, 0.0}, 0.001);
+      device_->Write({{Vec3(2.0, 0.0, 0.0)}, true}, 0.001);
       EXPECT_NE(device_->Read(state_), DeviceStatus::kOk);
       return std::ssize(stylus_.Forces()) > before + 20;
     }));
@@ -249,7 +252,7 @@ TEST_F(UsbDeviceTest, IsLookedForUntilItIsPluggedInAndAgainWhenItWasPulledOut) {
   device_->Start();
   ASSERT_TRUE(Eventually([&] { return HasProblem("not found"); }));
   // Time for further tries, which are no news.
-  std::this_thread::sleep_for(milliseconds(2 * UsbDevice::kRetryMs));
+  std::this_thread::sleep_for(2 * DeviceLink::kRetry);
   EXPECT_EQ(TakeLines("not found"), 1u);
   for (const char* port : {"1-1", "1-1", "1-4"}) {
     bus_.Plug(port, stylus_);
@@ -261,7 +264,7 @@ TEST_F(UsbDeviceTest, IsLookedForUntilItIsPluggedInAndAgainWhenItWasPulledOut) {
     ASSERT_TRUE(Eventually([&] { return HasProblem("unplugged") || HasProblem("not found"); }));
     EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
   }
-  std::this_thread::sleep_for(milliseconds(2 * UsbDevice::kRetryMs));
+  std::this_thread::sleep_for(2 * DeviceLink::kRetry);
   const std::size_t unplugged = TakeLines("unplugged");
   EXPECT_GE(unplugged, 1u);
   EXPECT_EQ(unplugged + TakeLines("not found"), 3u);
@@ -413,7 +416,7 @@ TEST_F(UsbTimes, TheForceEndsSoonAfterTheServo) {
     });
     if (off == forces.end()) continue;
     const double after_ms = static_cast<double>(off->time_ns - stopped_ns) * 1e-6;
-    in_time += after_ms >= UsbDevice::kServoSilentMs - 1 && after_ms < 20.0 &&
+    in_time += after_ms >= DeviceSeat::kServoSilentMs - 1 && after_ms < 20.0 &&
                std::none_of(off, forces.end(), IsOn) && std::any_of(forces.begin(), off, IsOn);
   }
   EXPECT_GE(in_time, 5);

@@ -14,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/device/usb/device_log.h"
+#include "server/device/stream/device_log.h"
 #include "tests/support/patience.h"
 #include "tests/support/plain_stylus.h"
 #include "tests/support/usb_error.h"
@@ -29,8 +29,8 @@ using Kind = UsbEvent::Kind;
 const UsbMatch kMatch = PlainProtocol().match();
 constexpr milliseconds kPatience{60'000};
 
-UsbError RefusalOf(const UsbMatch& match) {
-  return UsbErrorOf([&] { const UsbLink link(match); });
+BusError RefusalOf(const UsbMatch& match) {
+  return BusErrorOf([&] { const UsbLink link(match); });
 }
 
 // File modes hold for root too, on this thread from here on.
@@ -52,7 +52,7 @@ class UsbLinkTest : public ::testing::Test {
 
 TEST_F(UsbLinkTest, FindsWhatIsPluggedIn) {
   EXPECT_TRUE(FindUsbDevices(kMatch.ids).empty());
-  EXPECT_EQ(RefusalOf(kMatch).fault(), UsbFault::kAbsent);
+  EXPECT_EQ(RefusalOf(kMatch).fault(), BusFault::kAbsent);
   bus_.Plug("1-2", other_);
   bus_.Plug("1-1", stylus_);
   const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
@@ -68,8 +68,8 @@ TEST_F(UsbLinkTest, FindsWhatIsPluggedIn) {
 TEST_F(UsbLinkTest, TakesTheOneThatIsMeant) {
   bus_.Plug("1-1", stylus_);
   bus_.Plug("1-2", other_);
-  const UsbError several = RefusalOf(kMatch);
-  EXPECT_EQ(several.fault(), UsbFault::kAmbiguous);
+  const BusError several = RefusalOf(kMatch);
+  EXPECT_EQ(several.fault(), BusFault::kAmbiguous);
   EXPECT_TRUE(Says(several, "1-1") && Says(several, "1-2")) << several.what();
 
   UsbMatch named = kMatch;
@@ -78,8 +78,8 @@ TEST_F(UsbLinkTest, TakesTheOneThatIsMeant) {
   EXPECT_EQ(stylus_.CountOf(Kind::kOpen), 0u);
   EXPECT_EQ(other_.CountOf(Kind::kOpen), 1u);
   named.port = "1-3";
-  const UsbError absent = RefusalOf(named);
-  EXPECT_EQ(absent.fault(), UsbFault::kAbsent);
+  const BusError absent = RefusalOf(named);
+  EXPECT_EQ(absent.fault(), BusFault::kAbsent);
   EXPECT_TRUE(Says(absent, "1-3")) << absent.what();
 }
 
@@ -90,8 +90,8 @@ TEST_F(UsbLinkTest, SaysWhatToDoWithoutPermission) {
     const std::vector<UsbFound> found = FindUsbDevices(kMatch.ids);
     ASSERT_EQ(found.size(), 1u);
     EXPECT_FALSE(found[0].may_open);
-    const UsbError refusal = RefusalOf(kMatch);
-    EXPECT_EQ(refusal.fault(), UsbFault::kPermission);
+    const BusError refusal = RefusalOf(kMatch);
+    EXPECT_EQ(refusal.fault(), BusFault::kPermission);
     EXPECT_TRUE(Says(refusal, "1-1") && Says(refusal, "deploy/udev/70-palpate.rules"))
         << refusal.what();
   }).join();
@@ -108,7 +108,7 @@ TEST_F(UsbLinkTest, TakesTheKernelsDriverOffAndGivesItBack) {
   EXPECT_EQ(stylus_.CountOf(Kind::kAttachDriver), 1u);
 
   stylus_.SetFaults({.busy = true});
-  EXPECT_EQ(RefusalOf(kMatch).fault(), UsbFault::kBusy);
+  EXPECT_EQ(RefusalOf(kMatch).fault(), BusFault::kBusy);
   EXPECT_EQ(stylus_.CountOf(Kind::kDetachDriver), stylus_.CountOf(Kind::kAttachDriver));
 }
 
@@ -117,7 +117,7 @@ TEST_F(UsbLinkTest, WantsDataEndpointsOfTheClass) {
   for (const std::uint8_t data_class : {std::uint8_t{2}, std::uint8_t{3}}) {
     UsbMatch match = kMatch;
     match.data_class = data_class;  // one endpoint only, or no such interface
-    EXPECT_EQ(RefusalOf(match).fault(), UsbFault::kUnsuitable);
+    EXPECT_EQ(RefusalOf(match).fault(), BusFault::kUnsuitable);
   }
 }
 
@@ -125,8 +125,8 @@ TEST_F(UsbLinkTest, WhatIsKnownToBeNoneIsNotOpened) {
   bus_.Plug("1-1", stylus_);
   UsbMatch match = kMatch;
   match.problem_of = [](const UsbMatch::Ids&) { return std::string("it speaks in tongues"); };
-  const UsbError refusal = RefusalOf(match);
-  EXPECT_EQ(refusal.fault(), UsbFault::kUnsuitable);
+  const BusError refusal = RefusalOf(match);
+  EXPECT_EQ(refusal.fault(), BusFault::kUnsuitable);
   EXPECT_TRUE(Says(refusal, "1-1") && Says(refusal, "it speaks in tongues")) << refusal.what();
   EXPECT_EQ(stylus_.CountOf(Kind::kClaim), 0u);
 }
@@ -137,7 +137,7 @@ TEST_F(UsbLinkTest, SendsAndReceives) {
   std::array<std::uint8_t, 64> bytes{};
   milliseconds timeout{50};
   const auto receive = [&] { return link.Receive(bytes, timeout); };
-  EXPECT_EQ(UsbErrorOf(receive).fault(), UsbFault::kTimeout);
+  EXPECT_EQ(BusErrorOf(receive).fault(), BusFault::kTimeout);
   timeout = kPatience;
   EXPECT_EQ(link.Control(kPlainRequest, kPlainStart, 0, 0, {}, kPatience), 0u);
   EXPECT_EQ(receive(), 4u);
@@ -147,12 +147,12 @@ TEST_F(UsbLinkTest, SendsAndReceives) {
   EXPECT_EQ(stylus_.Forces()[0].x_n, 1.0);
 
   const auto refused = [&] { link.Control(kPlainRequest, 77, 0, 0, {}, kPatience); };
-  EXPECT_EQ(UsbErrorOf(refused).fault(), UsbFault::kStall);
+  EXPECT_EQ(BusErrorOf(refused).fault(), BusFault::kStall);
   stylus_.Stall(kPlainIn, false);
-  EXPECT_EQ(UsbErrorOf(receive).fault(), UsbFault::kStall);
+  EXPECT_EQ(BusErrorOf(receive).fault(), BusFault::kStall);
   EXPECT_EQ(receive(), 4u);  // it was cleared
   bus_.Unplug("1-1");
-  EXPECT_EQ(UsbErrorOf(receive).fault(), UsbFault::kAbsent);
+  EXPECT_EQ(BusErrorOf(receive).fault(), BusFault::kAbsent);
 }
 
 TEST_F(UsbLinkTest, SendsAndReceivesAgainAfterAStream) {
@@ -193,9 +193,9 @@ TEST(DeviceLog, HasOneLinePerChange) {
   for (int i = 0; i < 3; ++i) log.SetProblem("not found: plug it in");
   EXPECT_EQ(ProblemOf(log), "not found: plug it in");
   log.SetProblem("in use");
-  log.SetConnected("1-2.3", "");
+  log.SetConnected("USB port 1-2.3", "");
   EXPECT_EQ(ProblemOf(log), "");
-  log.SetConnected("1-2", "serial 7");
+  log.SetConnected("USB port 1-2", "serial 7");
   log.SetProblem("in use");
   EXPECT_EQ(LinesOf(log), (std::vector<std::string>{
                               "falcon: not found: plug it in", "falcon: in use",

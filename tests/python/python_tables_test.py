@@ -62,13 +62,13 @@ class Ticks(RecordingTest):
         for name in ("tick", "time_ns", "buttons", "scene_revision", "settings_revision",
                      "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
                      "faulty_ticks", "refinement", "layers_passed", "contact_layer",
-                     "tool_radius_mm"):
+                     "tool_radius_mm", "hand"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
         np.testing.assert_array_equal(self.recording.to_unix_ns(ticks.time_ns),
                                       column("unix_ns", int))
         self.assertEqual([int(row["tick"]) for row in rows if row["markers"]],
                          [marker.tick for marker in self.recording.markers])
-        for name in ("density", "isovalue", "force_limit_n", "series_position_frames"):
+        for name in ("density", "isovalue", "force_limit_n", "torque_limit_n_mm", "series_position_frames"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name), name)
         for name in ("contact", "input_rejected", "docked", "calibrated"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name, int) == 1, name)
@@ -83,6 +83,7 @@ class Ticks(RecordingTest):
         for name, stem, unit in (("hip_mm", "hip", "_mm"), ("scp_h_mm", "scp_h", "_mm"),
                                  ("force_n", "force", "_n"), ("scp_v_mm", "scp_v", "_mm"),
                                  ("led_target_mm", "led_target", "_mm"),
+                                 ("torque_n_mm", "torque", "_n_mm"), ("push_n", "push", "_n"),
                                  ("scp_h_normal", "scp_h_normal", ""),
                                  ("scp_v_normal", "scp_v_normal", "")):
             expected = np.stack([column(f"{stem}_{axis}{unit}")

@@ -43,7 +43,7 @@ std::size_t UsbLink::Control(std::uint8_t request_type, std::uint8_t request, st
                              std::chrono::milliseconds) {
   const auto length = static_cast<std::uint16_t>(data.size());
   const auto answered = impl_->device.Control({request_type, request, value, index, length}, data);
-  if (!answered) throw UsbError(UsbFault::kStall, "stalled");
+  if (!answered) throw BusError(BusFault::kStall, "stalled");
   return std::min(*answered, data.size());
 }
 
@@ -53,9 +53,9 @@ void UsbLink::Send(std::span<const std::uint8_t> bytes, std::chrono::millisecond
   std::optional<int>& left = device.faults_.outs_until_gone;
   if (left && (*left)-- <= 0) {
     device.Log(test::UsbEvent::Kind::kLateOut, endpoint, bytes);
-    throw UsbError(UsbFault::kAbsent, "gone");
+    throw BusError(BusFault::kAbsent, "gone");
   }
-  if (!device.Out(endpoint, bytes)) throw UsbError(UsbFault::kTimeout, "not taken");
+  if (!device.Out(endpoint, bytes)) throw BusError(BusFault::kTimeout, "not taken");
 }
 
 std::size_t UsbLink::Receive(std::span<std::uint8_t> bytes, std::chrono::milliseconds timeout) {
@@ -68,7 +68,7 @@ std::size_t UsbLink::Receive(std::span<std::uint8_t> bytes, std::chrono::millise
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  throw UsbError(UsbFault::kTimeout, "no answer");
+  throw BusError(BusFault::kTimeout, "no answer");
 }
 
 void UsbLink::StartStream(std::size_t, Receiver, std::span<const std::uint8_t>) {}

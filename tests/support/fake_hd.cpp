@@ -8,6 +8,7 @@
 #include <thread>
 
 using palpate::FakeHd;
+using palpate::FakeHdDevice;
 
 namespace {
 
@@ -19,7 +20,8 @@ struct ErrorInfo {
 using Callback = unsigned int (*)(void*);
 
 FakeHd fake;
-unsigned int handle = 0;  // of the device that is set up; 0: none
+std::map<unsigned int, std::string> set_up;  // names by handle
+unsigned int handle = 0;                     // of the current device; 0: none
 bool in_frame = false;
 std::array<double, 3> next_force{};
 
@@ -36,6 +38,8 @@ void Note(const char* call) {
 void NeedFrame(const char* call) {
   if (!in_frame) fake.breaches.push_back(std::string(call) + " outside of a frame");
 }
+
+FakeHdDevice& Current() { return fake.devices[set_up[handle]]; }
 
 void RunScheduler() {
   auto next = std::chrono::steady_clock::now();
@@ -62,24 +66,36 @@ unsigned int hdInitDevice(const char* name) {
   fake.calls.emplace_back("hdInitDevice");
   ++fake.inits;
   fake.device_name = name != nullptr ? name : "";
-  if (handle != 0) fake.breaches.emplace_back("hdInitDevice of a device that is set up");
+  if (runs) fake.breaches.emplace_back("hdInitDevice while the scheduler runs");
+  for (const auto& [other, its_name] : set_up) {
+    if (its_name == fake.device_name) {
+      fake.breaches.emplace_back("hdInitDevice of a device that is set up");
+    }
+  }
   if (fake.init_error != 0) {
-    fake.error_stack.push_back(fake.init_error);
+    fake.error_stack.emplace_back(fake.init_error, 0);
     if (!fake.init_gives_handle) return 0xffffffff;
   }
   if (fake.init_handle != 0) return fake.init_handle;
   static unsigned int next_handle = 0;
   handle = ++next_handle;
+  set_up[handle] = fake.device_name;
   return handle;
+}
+
+void hdMakeCurrentDevice(unsigned int which) {
+  const std::lock_guard lock(fake.mutex);
+  if (!set_up.contains(which)) fake.breaches.emplace_back("hdMakeCurrentDevice of no device");
+  handle = which;
 }
 
 void hdDisableDevice(unsigned int which) {
   const std::lock_guard lock(fake.mutex);
   Note("hdDisableDevice");
-  if (which != handle) fake.breaches.emplace_back("hdDisableDevice of another");
+  if (set_up.erase(which) == 0) fake.breaches.emplace_back("hdDisableDevice of no device");
   if (runs) fake.breaches.emplace_back("hdDisableDevice while the scheduler runs");
   if (callback != nullptr) fake.breaches.emplace_back("hdDisableDevice with a callback");
-  handle = 0;
+  handle = set_up.empty() ? 0 : set_up.begin()->first;
 }
 
 void hdBeginFrame(unsigned int which) {
@@ -97,10 +113,14 @@ void hdEndFrame(unsigned int which) {
   if (which != handle) fake.breaches.emplace_back("hdEndFrame of another");
   in_frame = false;
   fake.force = next_force;
+  FakeHdDevice& device = Current();
+  device.force = next_force;
+  ++device.frames;
   const bool is_zero = next_force == std::array<double, 3>{};
   fake.zero_frames_at_end = is_zero ? fake.zero_frames_at_end + 1 : 0;
-  if (fake.unplugged_error != 0) fake.error_stack.push_back(fake.unplugged_error);
-  fake.error_stack.insert(fake.error_stack.end(), fake.errors.begin(), fake.errors.end());
+  if (device.error != 0) fake.error_stack.emplace_back(device.error, which);
+  if (fake.unplugged_error != 0) fake.error_stack.emplace_back(fake.unplugged_error, which);
+  for (const unsigned int error : fake.errors) fake.error_stack.emplace_back(error, which);
   fake.errors.clear();
 }
 
@@ -108,12 +128,14 @@ void hdEnable(unsigned int what) {
   const std::lock_guard lock(fake.mutex);
   Note("hdEnable");
   if (what != 0x4000) fake.breaches.emplace_back("hdEnable of another capability");
+  Current().motors_on = true;
 }
 
 void hdDisable(unsigned int what) {
   const std::lock_guard lock(fake.mutex);
   Note("hdDisable");
   if (what != 0x4000) fake.breaches.emplace_back("hdDisable of another capability");
+  Current().motors_on = false;
 }
 
 void hdGetBooleanv(unsigned int name, unsigned char* value) {
@@ -122,7 +144,7 @@ void hdGetBooleanv(unsigned int name, unsigned char* value) {
   if (name == 0x2002)
     *value = fake.inkwell_switch;
   else
-    fake.error_stack.push_back(0x0103);
+    fake.error_stack.emplace_back(0x0103, handle);
 }
 
 void hdGetIntegerv(unsigned int name, int* value) {
@@ -133,7 +155,7 @@ void hdGetIntegerv(unsigned int name, int* value) {
   } else if (name == 0x2555) {
     *value = fake.calibration_style;
   } else {
-    fake.error_stack.push_back(0x0103);
+    fake.error_stack.emplace_back(0x0103, handle);
   }
 }
 
@@ -152,7 +174,7 @@ void hdGetDoublev(unsigned int name, double* value) {
   } else if (name == 0x2505) {
     *value = 1.25;
   } else {
-    fake.error_stack.push_back(0x0100);
+    fake.error_stack.emplace_back(0x0100, handle);
   }
 }
 
@@ -162,23 +184,23 @@ void hdSetDoublev(unsigned int name, const double* value) {
   if (name == 0x2700)
     next_force = {value[0], value[1], value[2]};
   else
-    fake.error_stack.push_back(0x0100);
+    fake.error_stack.emplace_back(0x0100, handle);
 }
 
 const char* hdGetString(unsigned int name) {
   const std::lock_guard lock(fake.mutex);
   if (name == 0x2501) return "Fake Touch";
   if (name == 0x2504) return "12345";
-  fake.error_stack.push_back(0x0100);
+  fake.error_stack.emplace_back(0x0100, handle);
   return nullptr;
 }
 
 ErrorInfo hdGetError() {
   const std::lock_guard lock(fake.mutex);
   if (fake.error_stack.empty()) return {0, 0, 0};
-  const unsigned int code = fake.error_stack.back();
+  const auto [code, which] = fake.error_stack.back();
   fake.error_stack.pop_back();
-  return {code, 7, handle};
+  return {code, 7, which};
 }
 
 unsigned int hdCheckCalibration() {
@@ -200,7 +222,7 @@ void hdSetSchedulerRate(unsigned long hz) {  // NOLINT(google-runtime-int)
   const std::lock_guard lock(fake.mutex);
   Note("hdSetSchedulerRate");
   if (hz != 1000) fake.breaches.emplace_back("another rate");
-  if (fake.rate_error != 0) fake.error_stack.push_back(fake.rate_error);
+  if (fake.rate_error != 0) fake.error_stack.emplace_back(fake.rate_error, handle);
 }
 
 #ifndef PALPATE_FAKE_HD_MISSING
@@ -225,7 +247,7 @@ void hdStartScheduler() {
   const std::lock_guard lock(fake.mutex);
   Note("hdStartScheduler");
   if (fake.start_error != 0) {
-    fake.error_stack.push_back(fake.start_error);
+    fake.error_stack.emplace_back(fake.start_error, handle);
     return;
   }
   runs = true;

@@ -7,11 +7,21 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace palpate {
+
+// One of several devices, by its name.
+struct FakeHdDevice {
+  unsigned int error = 0;  // returned for each of its frames, with its handle
+  bool motors_on = false;
+  std::array<double, 3> force{};  // of its newest finished frame
+  std::uint64_t frames = 0;
+};
 
 struct FakeHdRecord {
   // Its behaviour, set by the test.
@@ -31,8 +41,10 @@ struct FakeHdRecord {
   bool counts_in_position = false;  // all three coordinates are the number of the frame
   std::array<double, 16> transform{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 2, 3, 1};
   int buttons = 0;
-  unsigned char inkwell_switch = 1;         // 1: the stylus is out of the inkwell
-  std::vector<unsigned int> error_stack{};  // not read yet, newest last
+  unsigned char inkwell_switch = 1;  // 1: the stylus is out of the inkwell
+  std::vector<std::pair<unsigned int, unsigned int>>
+      error_stack{};  // not read yet, newest last: code, handle
+  std::map<std::string, FakeHdDevice> devices{};
 
   // What it saw.
   std::vector<std::string> calls{};  // except those within frames

@@ -108,18 +108,20 @@ class PlainProtocol final : public UsbProtocol {
     link.Control(kPlainRequest, kPlainStart, 0, 0, {}, std::chrono::milliseconds(200));
     return "serial 7";
   }
-  UsbReceived Receive(std::span<const std::uint8_t> bytes, DeviceState& state) noexcept override {
+  StreamReceived Receive(std::span<const std::uint8_t> bytes,
+                         DeviceState& state) noexcept override {
     if (bytes.size() != 4 || bytes[0] != 0x5a) return {.corrupt_frames = 1};
-    state.p_DHip_mm.x() = static_cast<std::int16_t>(bytes[2] | bytes[3] << 8) / 100.0;
+    state.p_MHip_mm.x() = static_cast<std::int16_t>(bytes[2] | bytes[3] << 8) / 100.0;
     const auto lost = static_cast<std::uint8_t>(bytes[1] - last_number_ - 1);
     last_number_ = bytes[1];
     return {.has_reading = true, .readings = 1, .lost_readings = lost};
   }
-  std::size_t Encode(const Vec3& force_D_n, bool forces_on,
+  std::size_t Encode(const DeviceCommand& command,
                      std::span<std::uint8_t, kMaxFrameBytes> out) noexcept override {
-    const auto x = static_cast<std::int16_t>(forces_on ? std::lround(force_D_n.x() * 100.0) : 0);
+    const double x_n = command.motors_on ? command.wrench_M.force_n.x() : 0.0;
+    const auto x = static_cast<std::int16_t>(std::lround(x_n * 100.0));
     out[0] = 0xa5;
-    out[1] = forces_on ? 1 : 0;
+    out[1] = command.motors_on ? 1 : 0;
     out[2] = static_cast<std::uint8_t>(x);
     out[3] = static_cast<std::uint8_t>(x >> 8);
     return 4;
@@ -129,7 +131,7 @@ class PlainProtocol final : public UsbProtocol {
   void TearDown(UsbLink& link) noexcept override {
     try {
       link.Control(kPlainRequest, kPlainEnd, 0, 0, {}, std::chrono::milliseconds(50));
-    } catch (const UsbError&) {
+    } catch (const BusError&) {
       // It is gone.
     }
   }

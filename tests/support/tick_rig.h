@@ -46,6 +46,7 @@ class FakeDevice final : public HapticDevice {
     spec_.kind = "fake";
     spec_.max_force_n = 3.3;
     spec_.continuous_force_n = 0.88;
+    spec_.max_torque_n_mm = 50.0;
     spec_.verification_level = level;
   }
   const DeviceDescription& spec() const override { return spec_; }
@@ -55,13 +56,11 @@ class FakeDevice final : public HapticDevice {
     if (status != DeviceStatus::kFault) state = reading;
     return status;
   }
-  void Write(const Vec3& force_D_n, double) noexcept override { written_D_n = force_D_n; }
-  void SetMotors(bool on) noexcept override { motors_on = on; }
+  void Write(const DeviceCommand& command, double) noexcept override { written = command; }
 
   DeviceState reading;
   DeviceStatus status = DeviceStatus::kOk;
-  Vec3 written_D_n = Vec3::Zero();
-  bool motors_on = false;
+  DeviceCommand written;
 
  private:
   DeviceDescription spec_;

@@ -1,4 +1,4 @@
-// The UsbError that a call must end with.
+// The BusError that a call must end with.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,17 +10,17 @@
 namespace palpate::test {
 
 template <typename Call>
-UsbError UsbErrorOf(const Call& call) {
+BusError BusErrorOf(const Call& call) {
   try {
     call();
-  } catch (const UsbError& error) {
+  } catch (const BusError& error) {
     return error;
   }
-  ADD_FAILURE() << "no UsbError";
-  return {UsbFault::kBroken, ""};
+  ADD_FAILURE() << "no BusError";
+  return {BusFault::kBroken, ""};
 }
 
-inline bool Says(const UsbError& error, const std::string& text) {
+inline bool Says(const BusError& error, const std::string& text) {
   return std::string(error.what()).find(text) != std::string::npos;
 }
 

@@ -37,8 +37,8 @@ class FakeDevice : public HapticDevice {
     state.buttons = buttons;
     return status;
   }
-  void Write(const Vec3& force_D_n, double) noexcept override {
-    if (!force_D_n.isZero()) ++pushes;
+  void Write(const DeviceCommand& command, double) noexcept override {
+    if (!command.wrench_M.is_zero()) ++pushes;
   }
   DeviceHealth health() const override {
     const std::lock_guard lock(mutex_);

@@ -119,7 +119,10 @@ TEST(Guests, GetWhatIsDeclaredAndNothingElse) {
                                                            "refinement",
                                                            "layers_passed",
                                                            "contact_layer",
-                                                           "tool_radius_mm"};
+                                                           "tool_radius_mm",
+                                                           "hand",
+                                                           "torque_n_mm.x", "torque_n_mm.y", "torque_n_mm.z",
+                                                           "forces.torque_limit_n_mm"};
   EXPECT_EQ(ShownOfPoses(), pose);
   const std::set<std::string> facts = ShownOfFacts(false);
   EXPECT_EQ(ShownOfFacts(true), facts);

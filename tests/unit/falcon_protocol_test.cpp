@@ -1,4 +1,4 @@
-// The Novint Falcon as UsbDevice sees it, without a device and without USB.
+// The Novint Falcon as StreamedDevice sees it, without a device and without USB.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -48,20 +48,20 @@ class FalconProtocolTest : public ::testing::Test {
  protected:
   FalconProtocolTest() { test::SetDirectUsb(falcon_); }
 
-  UsbReceived Receive(const FalconReport& report) {
+  StreamReceived Receive(const FalconReport& report) {
     return protocol_->Receive(Transfer(report), state_);
   }
   FalconCommand Encoded(const Vec3& force_D_n, bool forces_on = true) {
     std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> out{};
-    const std::size_t size = protocol_->Encode(force_D_n, forces_on, out);
+    const std::size_t size = protocol_->Encode({{force_D_n}, forces_on}, out);
     const auto command = DecodeFalconCommand(std::span(out).first(size));
     EXPECT_TRUE(command);
     return command.value_or(FalconCommand{});
   }
-  UsbError FailureOfSetUp(bool stopped = false) {
+  BusError FailureOfSetUp(bool stopped = false) {
     UsbLink link(protocol_->match());
     const std::atomic<bool> stop(stopped);
-    return test::UsbErrorOf([&] { protocol_->SetUp(link, stop); });
+    return test::BusErrorOf([&] { protocol_->SetUp(link, stop); });
   }
 
   static constexpr std::array<std::int16_t, 3> kMotorsOff{};
@@ -94,8 +94,8 @@ TEST_F(FalconProtocolTest, ARunningDeviceIsAskedToHomeAndForgetsTheConnectionBef
 }
 
 TEST_F(FalconProtocolTest, WithoutFirmwareItSaysWhereThatIs) {
-  const UsbError error = FailureOfSetUp();
-  EXPECT_EQ(error.fault(), UsbFault::kUnsuitable);
+  const BusError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), BusFault::kUnsuitable);
   EXPECT_TRUE(test::Says(error, "falcon_firmware")) << error.what();
   EXPECT_FALSE(test::Says(error, "\n"));
 }
@@ -123,15 +123,15 @@ TEST_F(FalconFirmwareTest, IsUploadedWhole) {
 
 TEST_F(FalconFirmwareTest, ThatComesBackWrongIsRefused) {
   falcon_.spoils_echo = true;
-  const UsbError error = FailureOfSetUp();
-  EXPECT_EQ(error.fault(), UsbFault::kCorrupt);
+  const BusError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), BusFault::kCorrupt);
   EXPECT_TRUE(test::Says(error, "plug them in again")) << error.what();
 }
 
 TEST_F(FalconFirmwareTest, ThatDoesNotRunIsNamed) {
   falcon_.cannot_run = true;
-  const UsbError error = FailureOfSetUp();
-  EXPECT_EQ(error.fault(), UsbFault::kTimeout);
+  const BusError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), BusFault::kTimeout);
   EXPECT_TRUE(test::Says(error, file_)) << error.what();
 }
 
@@ -142,14 +142,14 @@ TEST_F(FalconFirmwareTest, FileIsReadWithinLimits) {
   std::ofstream(huge) << std::string(kMaxFalconFirmwareBytes + 1, 'x');
   for (const std::string& bad :
        {std::string(folder_.path() / "none"), folder_.path().string(), empty, huge}) {
-    EXPECT_THROW(ReadFalconFirmware(bad), UsbError) << bad;
+    EXPECT_THROW(ReadFalconFirmware(bad), BusError) << bad;
   }
 }
 
 TEST_F(FalconFirmwareTest, AStopOrAnUnplugEndsTheSetUp) {
-  EXPECT_EQ(FailureOfSetUp(true).fault(), UsbFault::kTimeout);
+  EXPECT_EQ(FailureOfSetUp(true).fault(), BusFault::kTimeout);
   falcon_.SetFaults({.outs_until_gone = 30});
-  EXPECT_EQ(FailureOfSetUp().fault(), UsbFault::kAbsent);
+  EXPECT_EQ(FailureOfSetUp().fault(), BusFault::kAbsent);
 }
 
 TEST_F(FalconProtocolTest, AHomedReadingIsAPosition) {
@@ -160,13 +160,13 @@ TEST_F(FalconProtocolTest, AHomedReadingIsAPosition) {
     FalconReport report = HomedAt(p);
     report.buttons = static_cast<std::uint8_t>(n % 16);
     state_.docked = true;
-    const UsbReceived received = Receive(report);
+    const StreamReceived received = Receive(report);
     ASSERT_TRUE(received.has_reading);
     ASSERT_TRUE(state_.calibrated);
     ASSERT_FALSE(state_.docked);
     ASSERT_EQ(state_.buttons, report.buttons);
     // Rounded to counts, of which the motions of three arms add up.
-    ASSERT_LT((state_.p_DHip_mm - p).norm(), 0.0635);
+    ASSERT_LT((state_.p_MHip_mm - p).norm(), 0.0635);
   }
 }
 
@@ -177,10 +177,10 @@ TEST_F(FalconProtocolTest, TheNewestOfManyReadingsCounts) {
     transfer.insert(transfer.end(), frame.begin(), frame.end());
   }
   transfer.insert(transfer.end(), {'<', 'A', 'A'});
-  UsbReceived received = protocol_->Receive(transfer, state_);
+  StreamReceived received = protocol_->Receive(transfer, state_);
   EXPECT_EQ(received.readings, 3u);
   EXPECT_EQ(received.corrupt_frames, 0u);
-  EXPECT_NEAR(state_.p_DHip_mm.z(), 20.0, 0.1);
+  EXPECT_NEAR(state_.p_MHip_mm.z(), 20.0, 0.1);
   // The chip's status alone is no reading; what was begun is kept.
   received = protocol_->Receive(Bytes{0x31, 0x60}, state_);
   EXPECT_FALSE(received.has_reading);
@@ -192,12 +192,12 @@ TEST_F(FalconProtocolTest, TheNewestOfManyReadingsCounts) {
 
 TEST_F(FalconProtocolTest, WithoutHomingThereIsNoPositionAndNoForce) {
   Receive(HomedAt(Vec3(1.0, 2.0, 3.0)));
-  const Vec3 last = state_.p_DHip_mm;
+  const Vec3 last = state_.p_MHip_mm;
   FalconReport half_homed = HomedAt(Vec3(30.0, 0.0, 0.0));
   half_homed.homed = 5;
   EXPECT_TRUE(Receive(half_homed).has_reading);
   EXPECT_FALSE(state_.calibrated);
-  EXPECT_EQ(state_.p_DHip_mm, last);
+  EXPECT_EQ(state_.p_MHip_mm, last);
   const FalconCommand command = Encoded(Vec3(3.0, 0.0, 0.0), true);
   EXPECT_EQ(command, (FalconCommand{.lights = kFalconRedLight, .homing = true}));
 }
@@ -205,7 +205,7 @@ TEST_F(FalconProtocolTest, WithoutHomingThereIsNoPositionAndNoForce) {
 TEST_F(FalconProtocolTest, AnglesThatNoPoseHasAreNotCalibrated) {
   EXPECT_TRUE(Receive({.encoders = {32767, -32768, 0}, .homed = 7}).has_reading);
   EXPECT_FALSE(state_.calibrated);
-  EXPECT_TRUE(state_.p_DHip_mm.allFinite());
+  EXPECT_TRUE(state_.p_MHip_mm.allFinite());
   EXPECT_EQ(Encoded(Vec3(3.0, 0.0, 0.0), true).motors, kMotorsOff);
 }
 
@@ -217,7 +217,7 @@ TEST_F(FalconProtocolTest, AForceIsOnTheHandWhereItWasRead) {
     const Vec3 force = Vec3(any(random), any(random), any(random)) / 16.0;
     const FalconCommand command = Encoded(force, true);
     ASSERT_EQ(command.lights, kFalconGreenLight);
-    ASSERT_LT((ForceOf(command, state_.p_DHip_mm) - force).norm(), 0.01);
+    ASSERT_LT((ForceOf(command, state_.p_MHip_mm) - force).norm(), 0.01);
   }
   // Towards the user: all three thighs outwards, which is the negative count.
   Receive(HomedAt(Vec3::Zero()));

@@ -237,7 +237,8 @@ TEST(FeltBall, AnotherRadiusUnderLoadEndsSoonAndWithinTheSlew) {
   const auto tick = [&](const Scene& scene, const Vec3& hip_mm) {
     const HapticOutput output =
         StepRenderer(scene.surface, scene.settings, hip_mm, kBallTickS, *state);
-    last_n = std::exchange(force_n, safety.Step({.force_D_n = output.force_D_n}, kBallTickS));
+    last_n =
+        std::exchange(force_n, safety.Step({.wrench_D = {output.force_D_n}}, kBallTickS).force_n);
     step_n = std::max(step_n, (force_n - last_n).norm());
     return output;
   };

@@ -57,7 +57,7 @@ class GuidedTest : public ::testing::Test {
   Vec3 Read() {
     DeviceState state;
     EXPECT_EQ(device_.Read(state), DeviceStatus::kOk);
-    return state.p_DHip_mm;
+    return state.p_MHip_mm;
   }
 
   // Material below z = 0.
@@ -73,7 +73,7 @@ class GuidedTest : public ::testing::Test {
     for (int n = 0; n < ticks; ++n) {
       const Vec3 p_mm = Read();
       const double depth_mm = std::max(0.0, -p_mm.z());
-      device_.Write(kStiffness * depth_mm * Vec3::UnitZ(), kTickS);
+      device_.Write({{kStiffness * depth_mm * Vec3::UnitZ()}}, kTickS);
       run.deepest_mm = std::max(run.deepest_mm, depth_mm);
       if (depth_mm > 0.0) {
         ++run.contacts;
@@ -101,11 +101,11 @@ TEST_F(GuidedTest, WithoutAPlanIsTheOtherScript) {
     DeviceState state;
     plain.Read(state);
     const Vec3 p_mm = Read();
-    ASSERT_TRUE(SameBits(p_mm, state.p_DHip_mm)) << n;
+    ASSERT_TRUE(SameBits(p_mm, state.p_MHip_mm)) << n;
     const Vec3 force_n = p_mm.norm() < 25.0 ? Vec3(0.5 * (25.0 - p_mm.norm()) * p_mm.normalized())
                                             : Vec3(Vec3::Zero());
-    plain.Write(force_n, kTickS);
-    device_.Write(force_n, kTickS);
+    plain.Write({{force_n}}, kTickS);
+    device_.Write({{force_n}}, kTickS);
   }
 }
 
@@ -155,7 +155,7 @@ TEST_F(GuidedTest, ExploresOnWhenThePlanIsTakenAway) {
   Eigen::AlignedBox3d seen;
   for (int n = 0; n < 10'000; ++n) {
     seen.extend(Read());
-    device_.Write(Vec3::Zero(), kTickS);
+    device_.Write({}, kTickS);
   }
   EXPECT_GT(seen.sizes().minCoeff(), 20.0);
   Publish(Lines());
@@ -202,7 +202,7 @@ TEST_F(GuidedTest, ComesOutWhereItFeelsNothing) {
   double highest_mm = -100.0;
   for (int n = 0; n < 3000; ++n) {
     highest_mm = std::max(highest_mm, Read().z());
-    device_.Write(Vec3::Zero(), kTickS);
+    device_.Write({}, kTickS);
   }
   EXPECT_GT(highest_mm, 17.0);
 }
@@ -217,7 +217,7 @@ TEST_F(GuidedTest, DoesNotPushThroughWhatIsInTheWay) {
     const double depth_mm = std::max(0.0, 15.0 - p_mm.z());
     const Vec3 force_n = kStiffness * depth_mm * Vec3::UnitZ();
     if (n > 1000) most_n = std::max(most_n, force_n.norm());
-    device_.Write(force_n, kTickS);
+    device_.Write({{force_n}}, kTickS);
   }
   EXPECT_LT(most_n, 2.5);
 }
@@ -227,7 +227,7 @@ TEST_F(GuidedTest, StaysFiniteWhateverIsWritten) {
   for (int n = 0; n < 20'000; ++n) {
     const double force_n = n % 7 == 0 ? kInfinity : n % 5 == 0 ? kNan : n % 40 - 20.0;
     const double dt_s = n % 11 == 0 ? 0.0 : n % 13 == 0 ? 10.0 : n % 17 == 0 ? -1.0 : kTickS;
-    device_.Write(Vec3(force_n, -force_n, 0.3 * force_n), dt_s);
+    device_.Write({{Vec3(force_n, -force_n, 0.3 * force_n)}}, dt_s);
     ASSERT_TRUE(Read().allFinite());
   }
 }
@@ -238,7 +238,7 @@ TEST_F(GuidedTest, LongTicksDoNotSwingItUp) {
   double longest_mm = 0.0;
   for (int n = 0; n < 2000; ++n) {
     const Vec3 before_mm = Read();
-    device_.Write(Vec3::Zero(), 0.012);
+    device_.Write({}, 0.012);
     if (n > 100) longest_mm = std::max(longest_mm, (Read() - before_mm).norm());
   }
   EXPECT_LT(longest_mm, 3.0);
@@ -282,9 +282,9 @@ TEST(PathScript, KeepsItsSpeedRoundCornersAndDoesNotAllocate) {
   const HandState hand;
   const std::uint64_t before = test::Allocations();
   // The round is 3 + 4 + 5 mm: one second.
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3(3.0, 3.0, 0.0)).norm(), 1e-9);
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.5).p_DTarget_mm - Vec3::Zero()).norm(), 1e-9);
-  EXPECT_LT((path.Next(hand, Vec3::Zero(), 0.25).p_DTarget_mm - Vec3(3.0, 0.0, 0.0)).norm(), 1e-9);
+  EXPECT_LT((path.Next(hand, {}, 0.5).p_MTarget_mm - Vec3(3.0, 3.0, 0.0)).norm(), 1e-9);
+  EXPECT_LT((path.Next(hand, {}, 0.5).p_MTarget_mm - Vec3::Zero()).norm(), 1e-9);
+  EXPECT_LT((path.Next(hand, {}, 0.25).p_MTarget_mm - Vec3(3.0, 0.0, 0.0)).norm(), 1e-9);
   EXPECT_EQ(test::Allocations(), before);
 }
 
@@ -298,8 +298,8 @@ TEST(PressScript, HoldsTheButtonsForAThirdOfTheTimeAndLeavesTheWay) {
   int pressed = 0, presses = 0;
   std::uint32_t last = 0;
   for (int n = 0; n < 30'000; ++n) {
-    const StylusScript::Target target = script.Next({}, Vec3::Zero(), 1e-3);
-    EXPECT_EQ(target.p_DTarget_mm, plain->Next({}, Vec3::Zero(), 1e-3).p_DTarget_mm);
+    const StylusScript::Target target = script.Next({}, {}, 1e-3);
+    EXPECT_EQ(target.p_MTarget_mm, plain->Next({}, {}, 1e-3).p_MTarget_mm);
     EXPECT_EQ(target.buttons & ~2u, 0u);
     pressed += target.buttons == 2u;
     presses += target.buttons != 0 && last == 0;
@@ -311,7 +311,7 @@ TEST(PressScript, HoldsTheButtonsForAThirdOfTheTimeAndLeavesTheWay) {
 
 TEST(PressScript, HoldsNoneWhereThereAreNone) {
   PressScript script(PressedPath(), 0);
-  for (int n = 0; n < 5000; ++n) EXPECT_EQ(script.Next({}, Vec3::Zero(), 1e-3).buttons, 0u);
+  for (int n = 0; n < 5000; ++n) EXPECT_EQ(script.Next({}, {}, 1e-3).buttons, 0u);
 }
 
 }  // namespace

@@ -57,7 +57,7 @@ DeviceState StateOf(SimulatedDevice& device) {
   return state;
 }
 
-Vec3 PlaceOf(SimulatedDevice& device) { return StateOf(device).p_DHip_mm; }
+Vec3 PlaceOf(SimulatedDevice& device) { return StateOf(device).p_MHip_mm; }
 
 // Material below z = 0.
 Vec3 Wall(const Vec3& p_mm) { return kWallNPerMm * std::max(0.0, -p_mm.z()) * Vec3::UnitZ(); }
@@ -90,7 +90,7 @@ class LedTest : public ::testing::Test {
   // With nothing in the way.
   void Settle(const Vec3& p_mm) {
     MoveTo(p_mm);
-    for (int n = 0; n < 800; ++n) device_.Write(Vec3::Zero(), kTickS);
+    for (int n = 0; n < 800; ++n) device_.Write({}, kTickS);
   }
 
   LedHand led_;
@@ -132,7 +132,7 @@ TEST_F(LedTest, FollowsAPointerSmoothly) {
     Circled circled;
     for (int n = 0; n < kTicks; ++n) {
       if (comes[static_cast<std::size_t>(n)]) MoveTo(OnCircle(n * kTickS));
-      device_.Write(Vec3::Zero(), kTickS);
+      device_.Write({}, kTickS);
       if (n < kSettled) continue;
       const Vec3 p_mm = PlaceOf(device_);
       circled.motion.Add(p_mm);
@@ -161,7 +161,7 @@ TEST_F(LedTest, GoesToAFarTargetAtABoundedSpeed) {
   Motion motion;
   double farthest_mm = 0.0;
   for (int n = 0; n < 400; ++n) {
-    device_.Write(Vec3::Zero(), kTickS);
+    device_.Write({}, kTickS);
     motion.Add(PlaceOf(device_));
     farthest_mm = std::max(farthest_mm, PlaceOf(device_).x());
   }
@@ -178,7 +178,7 @@ TEST_F(LedTest, AForceDeflectsItAsASpringDoes) {
   for (const double depth_mm : {1.0, 4.0, 8.0, 12.0}) {
     const Vec3 target_mm(3.0, 4.0, -depth_mm);
     MoveTo(target_mm);
-    for (int n = 0; n < 1000; ++n) device_.Write(Wall(PlaceOf(device_)), kTickS);
+    for (int n = 0; n < 1000; ++n) device_.Write({{Wall(PlaceOf(device_))}}, kTickS);
     const Vec3 p_mm = PlaceOf(device_);
     EXPECT_LT((p_mm - target_mm - Wall(p_mm) / kHandSpringNPerMm).norm(), 1e-3) << depth_mm;
     EXPECT_LT(p_mm.z(), 0.0);
@@ -199,8 +199,8 @@ TEST_F(LedTest, LateTicksDoNotMakeItLagMore) {
   late.Start();
   for (int n = 0; n < 100; ++n) {
     MoveTo(Vec3(0.1 * n, 0.0, 0.0));
-    for (int tick = 0; tick < 10; ++tick) device_.Write(Vec3::Zero(), kTickS);
-    late.Write(Vec3::Zero(), 10.0 * kTickS);
+    for (int tick = 0; tick < 10; ++tick) device_.Write({}, kTickS);
+    late.Write({}, 10.0 * kTickS);
     if (n > 50) {
       EXPECT_LT((PlaceOf(device_) - PlaceOf(late)).norm(), 0.2) << n;
     }
@@ -232,7 +232,7 @@ TEST_F(LedTest, NothingLeapsWhereItIsTakenAndGivenBack) {
     Motion motion;
     const auto run = [&](int ticks) {
       for (int n = 0; n < ticks; ++n) {
-        device.Write(Wall(PlaceOf(device)), kTickS);
+        device.Write({{Wall(PlaceOf(device))}}, kTickS);
         motion.Add(PlaceOf(device));
       }
     };
@@ -261,18 +261,18 @@ TEST_F(LedTest, ALedHandKeepsNoLoadWaitingAndNoOldPlans) {
   device.Start();
   const LedHand::Lead lead = led.Take("a test");
   led.MoveTo(lead, Vec3(5.0, 0.0, 0.0), 0);
-  for (int n = 0; n < 500; ++n) device.Write(Vec3::Zero(), kTickS);
+  for (int n = 0; n < 500; ++n) device.Write({}, kTickS);
   const Vec3 free_mm(0.0, 0.0, 30.0);
   const std::uint64_t newest = plans.Publish(std::make_unique<TouchPlan>(
       TouchPlan{.strokes = {}, .p_DFree_mm = {free_mm}, .makes_room = true}));
-  device.Write(Vec3::Zero(), kTickS);
+  device.Write({}, kTickS);
   EXPECT_TRUE(plans.is_out);
   EXPECT_EQ(plans.announced(), newest);
-  for (int n = 0; n < 500; ++n) device.Write(Vec3::Zero(), kTickS);
+  for (int n = 0; n < 500; ++n) device.Write({}, kTickS);
   EXPECT_LT((PlaceOf(device) - Vec3(5.0, 0.0, 0.0)).norm(), 0.1);
   // Let go before the other volume comes, the hand goes where that one is not.
   led.GiveBack(lead);
-  for (int n = 0; n < 1000; ++n) device.Write(Vec3::Zero(), kTickS);
+  for (int n = 0; n < 1000; ++n) device.Write({}, kTickS);
   EXPECT_LT((PlaceOf(device) - free_mm).norm(), 2.0);
 }
 
@@ -284,13 +284,13 @@ TEST_F(LedTest, ItsButtonsAreThePersons) {
   for (int n = 0; n < 7000; ++n) {
     const std::uint32_t buttons = n / 1000 % 2 == 0 ? 2 : 0;
     led.MoveTo(lead, Vec3::Zero(), buttons);
-    device.Write(Vec3::Zero(), kTickS);
+    device.Write({}, kTickS);
     ASSERT_EQ(StateOf(device).buttons, buttons);
   }
   led.GiveBack(lead);
   std::uint32_t seen = 0;
   for (int n = 0; n < 4000; ++n) {
-    device.Write(Vec3::Zero(), kTickS);
+    device.Write({}, kTickS);
     seen |= StateOf(device).buttons;
   }
   EXPECT_EQ(seen, 1u);
@@ -321,7 +321,7 @@ TEST_F(LedTest, AttackedItStaysFiniteBoundedAndTheSame) {
                                                : Vec3(5.0 * part(random), 1.0, 5.0 * part(random));
       const double dt_s = choice(random) < 90 ? kTickS : choice(random) * 1e-3;
       const Vec3 before_mm = PlaceOf(device);
-      device.Write(force_n, dt_s);
+      device.Write({{force_n}}, dt_s);
       const Vec3 p_mm = PlaceOf(device);
       EXPECT_TRUE(p_mm.allFinite()) << n;
       EXPECT_TRUE(((p_mm - spec.workspace_min_mm).array() >= -1e-9).all()) << n;
@@ -344,7 +344,7 @@ TEST_F(LedTest, NeverAllocates) {
   for (int n = 0; n < 3000; ++n) {
     if (n % 16 == 0) MoveTo(OnCircle(n * kTickS));
     if (n == 2000) led_.GiveBack(lead_);
-    device_.Write(Vec3(0.1, 0.0, 0.0), kTickS);
+    device_.Write({{Vec3(0.1, 0.0, 0.0)}}, kTickS);
   }
   EXPECT_EQ(test::Allocations(), before);
 }

@@ -50,7 +50,7 @@ struct Stylus {
     const HapticSurface surface =
         MakeHapticSurface(volume, AffineMap{}, isovalue, DecompositionMethod::kTpbcc, revision);
     const HapticOutput output = StepRenderer(surface, settings, hip, kTickS, *state);
-    const Vec3 written_n = safety.Step({.force_D_n = output.force_D_n}, kTickS);
+    const Vec3 written_n = safety.Step({.wrench_D = {output.force_D_n}}, kTickS).force_n;
     greatest_step_n = std::max(greatest_step_n, (written_n - force_n).norm());
     force_n = written_n;
     return output;

@@ -45,7 +45,7 @@ class OmniArmTest : public ::testing::Test {
     const OmniForce force = arm_->ForceOf(force_D_n, forces_on);
     return !force.force_enabled && force.motors == std::array<int, 3>{};
   }
-  bool IsAtRest() const { return (state_.p_DHip_mm - Vec3(0, -110, -35)).norm() < 1e-9; }
+  bool IsAtRest() const { return (state_.p_MHip_mm - Vec3(0, -110, -35)).norm() < 1e-9; }
 
   std::optional<OmniArm> arm_{std::in_place};
   DeviceState state_;
@@ -67,7 +67,7 @@ TEST_F(OmniArmTest, APositionIsThatOfThePublishedFormulas) {
     EXPECT_FALSE(state_.docked);
     const double rad = 2.0 * std::numbers::pi / 15000.0;
     ASSERT_LT(
-        (state_.p_DHip_mm - Published({moved[0] * rad, -moved[1] * rad, moved[2] * rad})).norm(),
+        (state_.p_MHip_mm - Published({moved[0] * rad, -moved[1] * rad, moved[2] * rad})).norm(),
         1e-9);
   }
 }
@@ -90,9 +90,9 @@ TEST_F(OmniArmTest, GapsInTheCounterAreLostReadingsAndTheSameFrameAgainIsNone) {
   EXPECT_EQ(lost(0xffffffffu), 10u);
   EXPECT_EQ(lost(0u), 0u);  // it wraps
   EXPECT_EQ(lost(1000u), 999u);
-  state_.p_DHip_mm = Vec3(1, 2, 3);
+  state_.p_MHip_mm = Vec3(1, 2, 3);
   EXPECT_EQ(lost(1000u), std::nullopt);  // the same once more
-  EXPECT_EQ(state_.p_DHip_mm, Vec3(1, 2, 3));
+  EXPECT_EQ(state_.p_MHip_mm, Vec3(1, 2, 3));
   EXPECT_EQ(lost(990u), 0u);        // back
   EXPECT_EQ(lost(0x1000000u), 0u);  // a damaged number is no gap
   EXPECT_EQ(lost(991u), 0u);
@@ -102,15 +102,15 @@ TEST_F(OmniArmTest, GapsInTheCounterAreLostReadingsAndTheSameFrameAgainIsNone) {
 // omni_test.cpp has the axes for all angles.
 TEST_F(OmniArmTest, TheGimbalTurnsTheStylus) {
   Receive({.docked = true});
-  EXPECT_LT((state_.R_DS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 1e-9);
-  EXPECT_LT((state_.R_DS * Vec3::UnitX() - Vec3::UnitX()).norm(), 1e-9);
+  EXPECT_LT((state_.R_MS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 1e-9);
+  EXPECT_LT((state_.R_MS * Vec3::UnitX() - Vec3::UnitX()).norm(), 1e-9);
   // A roll of the barrel leaves its direction; the other two do not.
   Receive({.gimbal_per_mille = {500, 500, 700}});
-  EXPECT_LT((state_.R_DS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 1e-9);
-  EXPECT_GT((state_.R_DS * Vec3::UnitX() - Vec3::UnitX()).norm(), 0.5);
+  EXPECT_LT((state_.R_MS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 1e-9);
+  EXPECT_GT((state_.R_MS * Vec3::UnitX() - Vec3::UnitX()).norm(), 0.5);
   for (const auto& turned : {std::array{700, 500, 500}, std::array{500, 700, 500}}) {
     Receive({.gimbal_per_mille = turned});
-    EXPECT_GT((state_.R_DS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 0.5);
+    EXPECT_GT((state_.R_MS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 0.5);
   }
 }
 
@@ -121,8 +121,8 @@ TEST_F(OmniArmTest, RandomReadingsDoNoHarm) {
     std::array<std::uint8_t, kOmniStateBytes> bytes{};
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random());
     if (const auto reading = DecodeOmniState(bytes)) arm_->Take(*reading, state_);
-    ASSERT_TRUE(state_.p_DHip_mm.allFinite() && state_.R_DS.coeffs().allFinite());
-    ASSERT_LE(state_.p_DHip_mm.norm(), 600.0);
+    ASSERT_TRUE(state_.p_MHip_mm.allFinite() && state_.R_MS.coeffs().allFinite());
+    ASSERT_LE(state_.p_MHip_mm.norm(), 600.0);
     for (const int motor : arm_->ForceOf(Vec3(3, -3, 3), true).motors) {
       ASSERT_LE(std::abs(motor), kOmniMotorRange);
     }
@@ -169,10 +169,10 @@ TEST_F(OmniArmTest, ADockCountsOnceTheStylusRests) {
 TEST_F(OmniArmTest, TheEncodersMayWrap) {
   Receive({.encoders = {32760, -32760, 32767}, .docked = true});
   Receive({.encoders = {32760 + 100, -32760 - 100, 32767 + 100}});
-  const Vec3 near_wrap_mm = state_.p_DHip_mm;
+  const Vec3 near_wrap_mm = state_.p_MHip_mm;
   Receive({.docked = true});
   Receive({.encoders = {100, -100, 100}});
-  EXPECT_EQ(near_wrap_mm, state_.p_DHip_mm);
+  EXPECT_EQ(near_wrap_mm, state_.p_MHip_mm);
 }
 
 // omni_test.cpp has the torques.

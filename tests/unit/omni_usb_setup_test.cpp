@@ -28,9 +28,9 @@ class OmniUsbSetUpTest : public ::testing::Test {
     link_.emplace(protocol_.match());
   }
 
-  UsbError FailureOfSetUp(bool stopping = false) {
+  BusError FailureOfSetUp(bool stopping = false) {
     const std::atomic<bool> stop = stopping;
-    return test::UsbErrorOf([&] { protocol_.SetUp(*link_, stop); });
+    return test::BusErrorOf([&] { protocol_.SetUp(*link_, stop); });
   }
   // What the host did since the last call.
   struct Actions {
@@ -63,8 +63,8 @@ class OmniUsbSetUpTest : public ::testing::Test {
 };
 
 TEST_F(OmniUsbSetUpTest, ItEndsWithWhoItIsAndWhatToDo) {
-  const UsbError error = FailureOfSetUp();
-  EXPECT_EQ(error.fault(), UsbFault::kUnsuitable);
+  const BusError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), BusFault::kUnsuitable);
   for (const char* part : {"1-2", "serial EMULATED0001, firmware emulated 1.0", "devices.md"}) {
     EXPECT_TRUE(test::Says(error, part)) << error.what();
   }
@@ -82,7 +82,7 @@ TEST_F(OmniUsbSetUpTest, ItEndsWithWhoItIsAndWhatToDo) {
 
 TEST_F(OmniUsbSetUpTest, NeitherReadingNorForce) {
   std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> out{};
-  EXPECT_EQ(protocol_.Encode(Vec3(1, 1, 1), true, out), 0u);
+  EXPECT_EQ(protocol_.Encode({{Vec3(1, 1, 1)}, true}, out), 0u);
   DeviceState state;
   EXPECT_FALSE(protocol_.Receive(Bytes(100, 0xa5), state).has_reading);
   EXPECT_EQ(protocol_.spec().verification_level, VerificationLevel::kNone);
@@ -97,7 +97,7 @@ TEST_F(OmniUsbSetUpTest, AHidTouchIsKnownAndRefused) {
 
 TEST_F(OmniUsbSetUpTest, AQueryIsAskedTwice) {
   touch_.queries_without_answer = 1;
-  EXPECT_EQ(FailureOfSetUp().fault(), UsbFault::kUnsuitable);
+  EXPECT_EQ(FailureOfSetUp().fault(), BusFault::kUnsuitable);
   const Actions actions = TakeActions();
   EXPECT_EQ(actions.commands, (Bytes{0x0f, 0x0f, 0x0c}));
   EXPECT_EQ(actions.breaks, 0);
@@ -106,20 +106,20 @@ TEST_F(OmniUsbSetUpTest, AQueryIsAskedTwice) {
 TEST_F(OmniUsbSetUpTest, ASilentDeviceGetsABreakOnce) {
   touch_.SetFaults({.silent = true});
   touch_.break_mends = true;
-  EXPECT_EQ(FailureOfSetUp().fault(), UsbFault::kUnsuitable);
+  EXPECT_EQ(FailureOfSetUp().fault(), BusFault::kUnsuitable);
   EXPECT_EQ(TakeActions().breaks, 1);
 
   touch_.SetFaults({.silent = true});
   touch_.break_mends = false;
-  const UsbError error = FailureOfSetUp();
-  EXPECT_EQ(error.fault(), UsbFault::kTimeout);
+  const BusError error = FailureOfSetUp();
+  EXPECT_EQ(error.fault(), BusFault::kTimeout);
   EXPECT_TRUE(test::Says(error, "unplug"));
   EXPECT_EQ(TakeActions().breaks, 1);
 }
 
 TEST_F(OmniUsbSetUpTest, StopIsHeeded) {
   touch_.SetFaults({.silent = true});
-  EXPECT_EQ(FailureOfSetUp(true).fault(), UsbFault::kTimeout);
+  EXPECT_EQ(FailureOfSetUp(true).fault(), BusFault::kTimeout);
   const Actions actions = TakeActions();
   EXPECT_TRUE(actions.frames.empty());
   EXPECT_EQ(actions.breaks, 0);
@@ -127,7 +127,7 @@ TEST_F(OmniUsbSetUpTest, StopIsHeeded) {
 
 TEST_F(OmniUsbSetUpTest, ALineThatCannotBeSetIsNoLine) {
   touch_.SetFaults({.refuses_requests = true});
-  EXPECT_EQ(FailureOfSetUp().fault(), UsbFault::kUnsuitable);
+  EXPECT_EQ(FailureOfSetUp().fault(), BusFault::kUnsuitable);
   EXPECT_EQ(TakeActions().requests[1][4], 0);  // the interface: without descriptors the first
 }
 

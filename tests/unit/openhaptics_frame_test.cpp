@@ -36,6 +36,7 @@ hd::Functions FunctionsOfLibrary() {
   hd::Functions functions;
   functions.enable = [](hd::Enum) { frame_library.motors_on = true; };
   functions.disable = [](hd::Enum) { frame_library.motors_on = false; };
+  functions.make_current = [](hd::Handle) {};
   functions.begin_frame = [](hd::Handle) {};
   functions.end_frame = [](hd::Handle) {};
   functions.get_booleanv = [](hd::Enum, hd::Boolean* value) {
@@ -70,10 +71,19 @@ class HdFrameTest : public ::testing::Test {
   }
   void Begin(hd::Enum style) {
     servo_.Begin({.handle = 1, .max_force_n = 2.0, .calibration_style = style});
+    loop_.Set({&servo_});
   }
-  void Frame() { EXPECT_EQ(HdServo::Frame(&servo_), hd::kCallbackContinue); }
+  void Frame() {
+    EXPECT_EQ(HdLoop::Frame(&loop_), hd::kCallbackContinue);
+    // As the control thread does.
+    if (servo_.has_reading() && !servo_.seat.is_streaming()) servo_.seat.BeStreaming("", "");
+  }
+  void Write(const Vec3& force_n, bool motors_on = true) {
+    servo_.seat.Write({.wrench_M = {force_n}, .motors_on = motors_on});
+  }
+  bool IsCalibrated() const { return servo_.seat.health("").calibrated; }
   Vec3 FrameWith(const Vec3& force_n) {
-    servo_.Write(force_n, true);
+    Write(force_n);
     Frame();
     return frame_library.force_n;
   }
@@ -82,23 +92,25 @@ class HdFrameTest : public ::testing::Test {
   Vec3 ForceOf(const Vec3& force_n) {
     for (;;) {
       FrameWith(Vec3::Zero());
-      const std::uint64_t zeros = servo_.counts().watchdog_zeros;
+      const std::uint64_t zeros = servo_.seat.counts.watchdog_zeros;
       const Vec3 written_n = FrameWith(force_n);
-      if (servo_.counts().watchdog_zeros == zeros) return written_n;
+      if (servo_.seat.counts.watchdog_zeros == zeros) return written_n;
     }
   }
 
-  HdServo servo_{FunctionsOfLibrary()};
+  HdServo servo_{FunctionsOfLibrary(), "openhaptics"};
+  HdLoop loop_{FunctionsOfLibrary()};
   DeviceState state_;
 };
 
 TEST_F(HdFrameTest, AllocatesNothingWhateverComes) {
+  Frame();
   const std::uint64_t before = test::Allocations();
   for (int i = 0; i < 2000; ++i) {
     frame_library.error = i < 500 || i > 1500 ? 0 : 0x0100 + static_cast<unsigned int>(i);
     frame_library.x_mm = i == 100 ? kNan : i;
     frame_library.calibration = hd::kCalibrationOk + static_cast<unsigned int>(i % 3);
-    servo_.Write(Vec3(1, 2, 3) * i, true);
+    Write(Vec3(1, 2, 3) * i);
     Frame();
     servo_.Read(state_);
   }
@@ -114,12 +126,12 @@ TEST_F(HdFrameTest, ForcesAreFiniteAndLimitedByTheirNorm) {
 }
 
 TEST_F(HdFrameTest, AnOldForceIsZeroAndANewOneBeginsAtZero) {
-  servo_.Write(Vec3(1, 0, 0), true);
-  std::this_thread::sleep_for(std::chrono::milliseconds(HdServo::kServoSilentMs + 1));
+  Write(Vec3(1, 0, 0));
+  std::this_thread::sleep_for(std::chrono::milliseconds(DeviceSeat::kServoSilentMs + 1));
   Frame();
   EXPECT_EQ(frame_library.force_n, Vec3::Zero());
   EXPECT_FALSE(frame_library.motors_on);
-  EXPECT_EQ(servo_.counts().watchdog_zeros, 1u);
+  EXPECT_EQ(servo_.seat.counts.watchdog_zeros, 1u);
   // The old force does not come back in one step: zero stays until the servo says zero.
   EXPECT_EQ(FrameWith(Vec3(1, 0, 0)), Vec3::Zero());
   EXPECT_EQ(servo_.Read(state_), DeviceStatus::kStale);
@@ -134,8 +146,8 @@ TEST_F(HdFrameTest, AnOldForceIsZeroAndANewOneBeginsAtZero) {
 TEST_F(HdFrameTest, MotorsAreOffUntilTheyMayPushAndWhileItStops) {
   Frame();  // before the servo's first
   EXPECT_EQ(frame_library.force_n, Vec3::Zero());
-  EXPECT_EQ(servo_.counts().watchdog_zeros, 0u);
-  servo_.Write(Vec3(1, 0, 0), false);
+  EXPECT_EQ(servo_.seat.counts.watchdog_zeros, 0u);
+  Write(Vec3(1, 0, 0), false);
   Frame();
   EXPECT_FALSE(frame_library.motors_on);
   EXPECT_EQ(frame_library.force_n, Vec3::Zero());
@@ -153,7 +165,7 @@ TEST_F(HdFrameTest, ReadingsOfTheConnectionBeforeAreAFault) {
   EXPECT_EQ(servo_.Read(state_), DeviceStatus::kFault);
   Frame();
   EXPECT_NE(servo_.Read(state_), DeviceStatus::kFault);
-  servo_.End();
+  servo_.seat.SetConnection(DeviceConnection::kAbsent);
   EXPECT_EQ(servo_.Read(state_), DeviceStatus::kFault);
   Begin(hd::kStyleInkwell);
   EXPECT_EQ(servo_.Read(state_), DeviceStatus::kFault);
@@ -168,21 +180,21 @@ TEST_F(HdFrameTest, TheColumnsOfTheTransformAreTheStylussAxes) {
   frame_library.x_mm = 10.0;
   Frame();
   EXPECT_NE(servo_.Read(state_), DeviceStatus::kFault);
-  EXPECT_TRUE((state_.R_DS * Vec3::UnitX()).isApprox(-Vec3::UnitZ(), 1e-9));
-  EXPECT_TRUE((state_.R_DS * Vec3::UnitZ()).isApprox(Vec3::UnitX(), 1e-9));
-  EXPECT_EQ(state_.p_DHip_mm, Vec3(10, 0, 0));
+  EXPECT_TRUE((state_.R_MS * Vec3::UnitX()).isApprox(-Vec3::UnitZ(), 1e-9));
+  EXPECT_TRUE((state_.R_MS * Vec3::UnitZ()).isApprox(Vec3::UnitX(), 1e-9));
+  EXPECT_EQ(state_.p_MHip_mm, Vec3(10, 0, 0));
 }
 
 TEST_F(HdFrameTest, WhatIsNoPoseOrIsNotWrittenIsNoReading) {
   frame_library.x_mm = 7.0;
   Frame();
   const auto expect_dropped = [&] {
-    const std::uint64_t dropped = servo_.counts().corrupt_frames;
+    const std::uint64_t dropped = servo_.seat.counts.corrupt_frames;
     Frame();
-    EXPECT_EQ(servo_.counts().corrupt_frames, dropped + 1);
-    EXPECT_EQ(servo_.counts().readings, 1u);
+    EXPECT_EQ(servo_.seat.counts.corrupt_frames, dropped + 1);
+    EXPECT_EQ(servo_.seat.counts.readings, 1u);
     servo_.Read(state_);
-    EXPECT_EQ(state_.p_DHip_mm.x(), 7.0);
+    EXPECT_EQ(state_.p_MHip_mm.x(), 7.0);
   };
   frame_library.writes_transform = false;
   expect_dropped();
@@ -203,7 +215,7 @@ TEST_F(HdFrameTest, TheInkwellSwitchReadsZeroInside) {
     Frame();
     servo_.Read(state_);
     EXPECT_EQ(state_.docked, is_in);
-    EXPECT_EQ(servo_.docked(), is_in);
+    EXPECT_EQ(servo_.seat.health("").docked, is_in);
   }
   // A device without an inkwell may return anything.
   Begin(hd::kStyleEncoderReset);
@@ -224,10 +236,10 @@ TEST_F(HdFrameTest, TheInkwellCalibratesByItselfAndAnEncoderResetIsTheOperatorsO
   servo_.RequestCalibration();
   Frame();
   EXPECT_EQ(frame_library.updates, 2);
-  EXPECT_FALSE(servo_.calibrated());
+  EXPECT_FALSE(IsCalibrated());
   frame_library.calibration = hd::kCalibrationOk;
   Frame();
-  EXPECT_TRUE(servo_.calibrated());
+  EXPECT_TRUE(IsCalibrated());
 }
 
 TEST_F(HdFrameTest, TenBadFramesInARowAreTheLossOrOneOfABrokenDevice) {
@@ -239,13 +251,13 @@ TEST_F(HdFrameTest, TenBadFramesInARowAreTheLossOrOneOfABrokenDevice) {
     EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3(1, 0, 0));
   }
   frame_library.error = 0x0302;
-  const std::uint64_t readings = servo_.counts().readings;
+  const std::uint64_t readings = servo_.seat.counts.readings;
   for (int i = 0; i < HdServo::kLostFrames; ++i) Frame();
   EXPECT_TRUE(servo_.lost());
   frame_library.error = 0;
   EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3::Zero());
   EXPECT_EQ(servo_.Read(state_), DeviceStatus::kFault);
-  EXPECT_EQ(servo_.counts().readings, readings);
+  EXPECT_EQ(servo_.seat.counts.readings, readings);
 
   Begin(hd::kStyleInkwell);
   Frame();
@@ -260,11 +272,11 @@ TEST_F(HdFrameTest, AForceErrorIsZeroFromTheNextFrameForAWhile) {
   using Clock = std::chrono::steady_clock;
   const std::chrono::milliseconds a_while(HdServo::kForceErrorMs);
   EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3(1, 0, 0));
-  const std::uint64_t readings = servo_.counts().readings;
+  const std::uint64_t readings = servo_.seat.counts.readings;
   const Clock::time_point began = Clock::now();
   frame_library.one_error = 0x0201;
   Frame();
-  EXPECT_EQ(servo_.counts().readings, readings + 1);
+  EXPECT_EQ(servo_.seat.counts.readings, readings + 1);
   const Vec3 force = ForceOf(Vec3(1, 0, 0));
   const DeviceStatus status = servo_.Read(state_);
   if (Clock::now() - began < a_while) {
@@ -280,7 +292,7 @@ TEST_F(HdFrameTest, ALibraryThatIsNeverWithoutErrorsIsAskedEightTimes) {
   frame_library.error = 0x0100;
   Frame();
   EXPECT_EQ(frame_library.calls_of_get_error, 8);
-  EXPECT_EQ(servo_.counts().readings, 1u);
+  EXPECT_EQ(servo_.seat.counts.readings, 1u);
 }
 
 TEST_F(HdFrameTest, ALibraryThatStaysUncalibratedIsNotAskedEveryFrame) {
@@ -288,7 +300,7 @@ TEST_F(HdFrameTest, ALibraryThatStaysUncalibratedIsNotAskedEveryFrame) {
   for (int i = 0; i < 1000; ++i) Frame();
   EXPECT_GE(frame_library.updates, 5);
   EXPECT_LE(frame_library.updates, 10);
-  EXPECT_FALSE(servo_.calibrated());
+  EXPECT_FALSE(IsCalibrated());
 }
 
 }  // namespace

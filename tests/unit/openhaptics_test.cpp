@@ -87,9 +87,9 @@ class OpenHapticsTest : public ::testing::Test {
   bool Tick(const Vec3& force_n, const std::function<bool()>& is_so) {
     return Eventually([&] {
       status_ = device_->Read(state_);
-      device_->SetMotors(true);
       // The safety stage does the same after a halt of this machine.
-      device_->Write(status_ == DeviceStatus::kStale ? Vec3::Zero() : force_n, 0.001);
+      const Vec3 safe_n = status_ == DeviceStatus::kStale ? Vec3(0, 0, 0) : force_n;
+      device_->Write({.wrench_M = {safe_n}, .motors_on = true}, 0.001);
       return is_so();
     });
   }
@@ -128,7 +128,7 @@ TEST_F(OpenHapticsTest, AMissingLibraryOrFunctionIsNamed) {
 TEST_F(OpenHapticsTest, ADeviceThatWasNeverStartedIsAtFault) {
   OpenHapticsDevice device({.library = test::kFakeHd, .device_name = ""});
   EXPECT_EQ(device.Read(state_), DeviceStatus::kFault);
-  device.Write(Vec3(1, 0, 0), 0.001);
+  device.Write({{Vec3(1, 0, 0)}}, 0.001);
   device.Stop();
   device.Stop();
   EXPECT_FALSE(device.NextEvent().has_value());
@@ -148,10 +148,10 @@ TEST_F(OpenHapticsTest, FramesCarryPosesInAndForcesOut) {
   EXPECT_EQ(Refusal([&] { device_->Start(); }), ErrorKind::kConflict);
   double last_mm = 0.0;
   ASSERT_TRUE(Tick(Vec3(0.5, -0.25, 1.0), [&] {
-    EXPECT_EQ(state_.p_DHip_mm.x(), state_.p_DHip_mm.y());  // none is torn
-    EXPECT_EQ(state_.p_DHip_mm.x(), state_.p_DHip_mm.z());
-    EXPECT_GE(state_.p_DHip_mm.x(), last_mm);
-    last_mm = state_.p_DHip_mm.x();
+    EXPECT_EQ(state_.p_MHip_mm.x(), state_.p_MHip_mm.y());  // none is torn
+    EXPECT_EQ(state_.p_MHip_mm.x(), state_.p_MHip_mm.z());
+    EXPECT_GE(state_.p_MHip_mm.x(), last_mm);
+    last_mm = state_.p_MHip_mm.x();
     return device_->health().readings >= 1000 && HasForce(Vec3(0.5, -0.25, 1.0));
   }));
   EXPECT_EQ(state_.buttons, 2u);
@@ -271,6 +271,53 @@ TEST_F(OpenHapticsTest, CalibrateWaitsForTheInkwell) {
   EXPECT_TRUE(device_->health().docked);
 }
 
+// The library acts on its current device and has one stack of errors.
+TEST_F(OpenHapticsTest, TwoDevicesHaveEachTheirOwnMotorsForcesAndErrors) {
+  const auto link = std::make_shared<HdControl>(test::kFakeHd, Texts{"Left", "Right"}, 3.3);
+  link->Start();
+  HdServo& left = link->device(0);
+  HdServo& right = link->device(1);
+  const auto of = [&](const char* name) { return Get(&FakeHd::devices)[name]; };
+  bool right_pushes = true;
+  DeviceStatus right_status = DeviceStatus::kFault;
+  const auto tick = [&](const std::function<bool()>& is_so) {
+    return Eventually([&] {
+      const bool stale = left.Read(state_) == DeviceStatus::kStale;
+      left.seat.Write({{Vec3(stale ? 0.0 : 1.0, 0, 0)}, true});
+      right_status = right.Read(state_);
+      const double x_n = right_status == DeviceStatus::kStale || !right_pushes ? 0.0 : -2.0;
+      right.seat.Write({{Vec3(x_n, 0, 0)}, right_pushes});
+      return is_so();
+    });
+  };
+  const auto pushes = [&](const char* name, double x_n) {
+    return of(name).motors_on && of(name).force[0] == x_n;
+  };
+  EXPECT_TRUE(tick([&] { return pushes("Left", 1.0) && pushes("Right", -2.0); }));
+  right_pushes = false;
+  EXPECT_TRUE(tick([&] { return pushes("Left", 1.0) && !of("Right").motors_on; }));
+  right_pushes = true;
+  EXPECT_TRUE(tick([&] { return pushes("Right", -2.0); }));
+  Set([](FakeHdRecord& hd) { hd.devices["Left"].error = 0x0300; });
+  EXPECT_TRUE(tick([&] { return left.lost() && of("Left").force[0] == 0.0; }));
+  const std::uint64_t left_frames = of("Left").frames + HdServo::kLostFrames;
+  EXPECT_TRUE(tick([&] { return of("Right").frames > left_frames + 100; }));
+  EXPECT_TRUE(tick([&] { return pushes("Right", -2.0) && right_status == DeviceStatus::kOk; }));
+  EXPECT_LE(of("Left").frames, left_frames);
+  EXPECT_TRUE(Eventually([&] { return HasText(link->health(0).problem, "is lost"); }));
+  EXPECT_EQ(link->health(1).problem, "");
+  // Both are set up again, but not while the right one pushes.
+  Set([](FakeHdRecord& hd) { hd.devices["Left"].error = 0; });
+  const std::uint64_t inits = Get(&FakeHd::inits);
+  const Clock::time_point end = Clock::now() + HdControl::kRetryBeside + milliseconds(200);
+  EXPECT_TRUE(tick([&] { return Clock::now() > end; }));
+  EXPECT_EQ(Get(&FakeHd::inits), inits);
+  right_pushes = false;
+  EXPECT_TRUE(tick([&] { return pushes("Left", 1.0); }));
+  EXPECT_EQ(Get(&FakeHd::inits), inits + 2);
+  EXPECT_TRUE(link->Stop(std::chrono::seconds(60)));
+}
+
 TEST_F(OpenHapticsTest, HowToCalibrateDependsOnTheStyle) {
   const auto start = [&](int style) {
     Set([&](FakeHdRecord& hd) {
@@ -307,7 +354,7 @@ TEST_F(OpenHapticsTest, StopEndsWithZeroForceAndInOrder) {
             (Texts{"hdInitDevice", "hdSetSchedulerRate", "hdScheduleAsynchronous",
                    "hdStartScheduler", "hdStopScheduler", "hdUnschedule", "hdDisableDevice"}));
   const std::uint64_t frames = Get(&FakeHd::frames);
-  device_->Write(Vec3(1, 0, 0), 0.001);
+  device_->Write({{Vec3(1, 0, 0)}}, 0.001);
   EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
   device_->Stop();
   EXPECT_EQ(Get(&FakeHd::frames), frames);
@@ -322,7 +369,7 @@ TEST_F(OpenHapticsTest, ALibraryThatHangsDoesNotHoldStop) {
   device_->Stop();
   EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
   EXPECT_EQ(CountEvents("does not release the device"), 1);
-  device_->Write(Vec3(1, 0, 0), 0.001);
+  device_->Write({{Vec3(1, 0, 0)}}, 0.001);
   EXPECT_TRUE(Eventually([&] { return HasForce(Vec3::Zero()); }));
   device_.reset();
   Set([](FakeHdRecord& hd) { hd.hangs_in_stop = false; });

@@ -31,7 +31,7 @@ struct Chain {
                                     ? SuspendRenderer(p_DHip_mm, dt_s, *state)
                                     : StepRenderer(surface, settings, p_DHip_mm, dt_s, *state);
     const Vec3 written_n =
-        safety.Step({.force_D_n = output.force_D_n, .suspended = suspended}, kLoopTickS);
+        safety.Step({.wrench_D = {output.force_D_n}, .suspended = suspended}, kLoopTickS).force_n;
     TellWrittenForce(written_n, *state);
     return written_n;
   }

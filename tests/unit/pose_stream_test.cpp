@@ -154,6 +154,9 @@ TEST(PoseSample, HasTheFieldsOfTheTick) {
   sample.layers_passed = 27;
   sample.contact_layer = 28;
   sample.tool_radius_mm = 29;
+  sample.hand = 30;
+  sample.torque_n_mm = {31, 32, 33};
+  sample.torque_limit_n_mm = 34;
   EXPECT_EQ(PoseOf(sample), (PoseSample{.tick = 1,
                                         .time_ns = 2,
                                         .hip_mm = Vec3(3, 4, 5),
@@ -171,11 +174,13 @@ TEST(PoseSample, HasTheFieldsOfTheTick) {
                                         .iterations = 23,
                                         .capped_ticks = 24,
                                         .free_side = FreeSide::kAbove,
-                                        .forces = {ForceState::kHeld, ForceReason::kStale, 25},
+                                        .forces = {ForceState::kHeld, ForceReason::kStale, 25, 34},
                                         .refinement = 26,
                                         .layers_passed = 27,
                                         .contact_layer = 28,
-                                        .tool_radius_mm = 29}));
+                                        .tool_radius_mm = 29,
+                                        .hand = 30,
+                                        .torque_n_mm = Vec3(31, 32, 33)}));
 }
 
 TEST(PoseSample, LeavesOutWhatIsAbsent) {

@@ -159,7 +159,7 @@ std::vector<DeviceState> PathOf(const std::string& bytes,
 
 std::vector<double> XOf(const std::vector<DeviceState>& path) {
   std::vector<double> x_mm;
-  for (const DeviceState& state : path) x_mm.push_back(state.p_DHip_mm.x());
+  for (const DeviceState& state : path) x_mm.push_back(state.p_MHip_mm.x());
   return x_mm;
 }
 
@@ -171,9 +171,9 @@ TEST(RecordedPath, GivesWhatTheStylusDid) {
   sample.calibrated = false;
   const std::vector<DeviceState> path = PathOf(Record({sample, Sample(8)}));
   ASSERT_EQ(path.size(), 2u);
-  EXPECT_EQ(path[0].p_DHip_mm, Vec3(7, 2, 3));
-  EXPECT_EQ(path[0].R_DS.w(), 0.5);
-  EXPECT_EQ(path[0].R_DS.x(), -0.5);
+  EXPECT_EQ(path[0].p_MHip_mm, Vec3(7, 2, 3));
+  EXPECT_EQ(path[0].R_MS.w(), 0.5);
+  EXPECT_EQ(path[0].R_MS.x(), -0.5);
   EXPECT_EQ(path[0].buttons, 3u);
   EXPECT_TRUE(path[0].docked);
   EXPECT_FALSE(path[0].calibrated);

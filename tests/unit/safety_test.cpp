@@ -32,14 +32,30 @@ DeviceDescription Hardware() {
   return spec;
 }
 
-// A safety stage and its input. A test changes the input.
+// The torque's limits, as multiples of the force's.
+constexpr double kArmMm = 50.0 / 3.3;
+
+SafetyLimits WithTorque(SafetyLimits limits) {
+  limits.max_torque_n_mm = kArmMm * limits.max_force_n;
+  limits.max_torque_slew_n_mm_per_s = kArmMm * limits.max_slew_n_per_s;
+  limits.continuous_torque_n_mm = kArmMm * limits.continuous_force_n;
+  return limits;
+}
+
+// A safety stage and its input. A test changes the input. The torque is to do all that the force
+// does: it is asked for, and limited, by the same multiple.
 struct Rig {
-  explicit Rig(const SafetyLimits& limits) : safety(limits) {}
+  explicit Rig(const SafetyLimits& limits) : safety(WithTorque(limits)) {}
 
   Vec3 Tick(int count = 1) {
     Vec3 force_n = Vec3::Zero();
     for (int n = 0; n < count; ++n) {
-      force_n = safety.Step(input, kDtS);
+      input.wrench_D.torque_n_mm = kArmMm * input.wrench_D.force_n;
+      const Wrench wrench = safety.Step(input, kDtS);
+      force_n = wrench.force_n;
+      EXPECT_LT((wrench.torque_n_mm / kArmMm - force_n).norm(), 1e-9);
+      EXPECT_EQ(wrench.torque_n_mm.isZero(0.0), force_n.isZero(0.0));
+      EXPECT_NEAR(safety.torque_limit_n_mm() / kArmMm, safety.limit_n(), 1e-9);
       input.command = ForceCommand::kNone;
       input.missed_ticks = 0;
     }
@@ -53,7 +69,7 @@ struct Rig {
   Vec3 Settle() { return Tick(600); }
 
   Safety safety;
-  SafetyInput input{.force_D_n = kPush_n};
+  SafetyInput input{.wrench_D = {kPush_n}};
 };
 
 Rig Simulated() { return Rig(SafetyLimits{}); }
@@ -102,8 +118,8 @@ std::vector<Cause> Causes() {
   return {
       {S::kFault, R::kDevice, 0, [](SafetyInput& in) { in.device = DeviceStatus::kFault; }},
       {S::kFault, R::kPosition, 0, [](SafetyInput& in) { in.position_rejected = true; }},
-      {S::kFault, R::kForce, 0, [](SafetyInput& in) { in.force_D_n.x() = kNan; }},
-      {S::kFault, R::kForce, 0, [](SafetyInput& in) { in.force_D_n.z() = -kInfinity; }},
+      {S::kFault, R::kForce, 0, [](SafetyInput& in) { in.wrench_D.force_n.x() = kNan; }},
+      {S::kFault, R::kForce, 0, [](SafetyInput& in) { in.wrench_D.force_n.z() = -kInfinity; }},
       {S::kFault, R::kSpeed, 0, [](SafetyInput& in) { in.p_DHip_mm.y() += 20.0; }},
       {S::kFault, R::kSpeed, 0, [](SafetyInput& in) { in.p_DHip_mm.y() = 1e308; }},
       {S::kHeld, R::kDocked, 0, [](SafetyInput& in) { in.docked = true; }},
@@ -121,7 +137,7 @@ TEST(Safety, EveryCauseReachesZeroInItsTicks) {
   for (const Cause& cause : Causes()) {
     SCOPED_TRACE(static_cast<int>(cause.reason));
     Rig rig = On();
-    rig.input.force_D_n *= 100.0;
+    rig.input.wrench_D.force_n *= 100.0;
     EXPECT_GT(rig.Tick(20).norm(), 3.0);
     cause.make(rig.input);
     Vec3 force_n = rig.Tick();
@@ -176,7 +192,7 @@ TEST(Safety, FaultsAndStopsStayUntilForcesAreEnabled) {
     rig.input.device = DeviceStatus::kOk;
     rig.input.position_rejected = false;
     rig.input.buttons = 0;
-    rig.input.force_D_n = kPush_n;
+    rig.input.wrench_D.force_n = kPush_n;
     rig.input.p_DHip_mm = Vec3::Zero();
     EXPECT_TRUE(rig.Tick(1000).isZero() || cause.state == ForceState::kOff);
     EXPECT_TRUE(rig.Tick().isZero());
@@ -253,7 +269,7 @@ TEST(Safety, ASimulatedDeviceComesBackFromFaultsByItself) {
     cause.make(rig.input);
     EXPECT_TRUE(rig.Tick().isZero());
     EXPECT_EQ(rig.safety.state(), ForceState::kFault);
-    rig.input = {.force_D_n = kPush_n};
+    rig.input = {.wrench_D = {kPush_n}};
     EXPECT_NEAR(rig.Tick().norm(), 0.2, 1e-12);
     EXPECT_STATE(rig, kOn, kNone);
   }
@@ -268,7 +284,7 @@ TEST(Safety, ASimulatedDeviceComesBackFromFaultsByItself) {
 TEST(Safety, AfterASuspensionTheForceComesBackByTheRampOnEveryDevice) {
   for (const bool docked : {false, true}) {
     for (Rig rig : {Simulated(), On()}) {
-      rig.input.force_D_n = kPush_n / 3.0;  // the motors stay cool
+      rig.input.wrench_D.force_n = kPush_n / 3.0;  // the motors stay cool
       rig.Settle();
       rig.input.suspended = true;
       rig.input.docked = docked;
@@ -336,7 +352,7 @@ TEST(Safety, ReachesAForceWithinTheLimits) {
 
 TEST(Safety, ALongPushGoesDownToTheContinuousForce) {
   Rig rig = On();
-  rig.input.force_D_n = Vec3(0, 0, 10);
+  rig.input.wrench_D.force_n = Vec3(0, 0, 10);
   EXPECT_NEAR(rig.Tick(20).norm(), 3.3, 0.05);
   double heat_n2 = 0.0;
   for (int n = 0; n < 120'000; ++n) {
@@ -347,14 +363,14 @@ TEST(Safety, ALongPushGoesDownToTheContinuousForce) {
   EXPECT_NEAR(rig.safety.limit_n(), 0.88, 0.01);
   EXPECT_STATE(rig, kOn, kNone);
   // At rest the motor cools, and the full force is available again.
-  rig.input.force_D_n.setZero();
+  rig.input.wrench_D.force_n.setZero();
   rig.Tick(20'000);
   EXPECT_EQ(rig.safety.limit_n(), 3.3);
 }
 
 TEST(Safety, TheContinuousForceIsNeverShortened) {
   Rig rig = On();
-  rig.input.force_D_n = Vec3(0.88, 0, 0);
+  rig.input.wrench_D.force_n = Vec3(0.88, 0, 0);
   EXPECT_NEAR(rig.Tick(200'000).norm(), 0.88, 1e-9);
 }
 
@@ -480,15 +496,23 @@ double RandomNumber(std::mt19937_64& random) {
 
 TEST(Safety, AMillionRandomTicksKeepEveryLimit) {
   std::mt19937_64 random(20);
-  for (const SafetyLimits& limits : {LimitsFor(Hardware(), 3), SafetyLimits{}}) {
+  SafetyLimits hardware = LimitsFor(Hardware(), 3);
+  hardware.max_torque_n_mm = 50.0;
+  hardware.max_turn_rad_per_s = 40.0;
+  for (const SafetyLimits& limits : {hardware, SafetyLimits{}}) {
     Safety safety(limits);
+    Vec3 last_n_mm = Vec3::Zero();
     Vec3 last_n = Vec3::Zero(), steady_n = kPush_n, p_mm = Vec3::Zero();
     int felt = 0, faults = 0;
     for (int n = 0; n < 1'000'000; ++n) {
       const auto one_of = [&](unsigned count) { return random() % count == 0; };
-      SafetyInput input{.force_D_n = steady_n, .p_DHip_mm = p_mm};
+      SafetyInput input{.wrench_D = {steady_n, 20.0 * steady_n}, .p_DHip_mm = p_mm};
       if (one_of(5000)) {
-        for (double& f : input.force_D_n) f = RandomNumber(random);
+        for (double& f : input.wrench_D.force_n) f = RandomNumber(random);
+        for (double& t : input.wrench_D.torque_n_mm) t = RandomNumber(random);
+      }
+      if (one_of(9000)) {
+        for (double& c : input.R_DS.coeffs()) c = RandomNumber(random);
       }
       if (one_of(50)) steady_n = 5.0 * Vec3::Random();
       p_mm += 0.3 * Vec3::Random();
@@ -509,7 +533,7 @@ TEST(Safety, AMillionRandomTicksKeepEveryLimit) {
       if (one_of(400)) input.missed_ticks = random() % 30;
       if (one_of(100'000)) input.missed_ticks = random();
 
-      const Vec3 force_n = safety.Step(input, kDtS);
+      const auto [force_n, torque_n_mm] = safety.Step(input, kDtS);
       ASSERT_TRUE(force_n.allFinite());
       ASSERT_LE(force_n.norm(), 3.3 * (1 + 1e-12));
       const bool gradual = (force_n - last_n).norm() <= 0.2 * (1 + 1e-9);
@@ -518,6 +542,10 @@ TEST(Safety, AMillionRandomTicksKeepEveryLimit) {
                        input.docked || !input.calibrated;
       ASSERT_TRUE(cut ? force_n.isZero() : gradual) << n;
       ASSERT_TRUE(std::isfinite(safety.limit_n()));
+      ASSERT_LE(torque_n_mm.norm(), limits.max_torque_n_mm * (1 + 1e-12));
+      ASSERT_LE((torque_n_mm - (cut ? torque_n_mm : last_n_mm)).norm(), 3.0 * (1 + 1e-9));
+      ASSERT_TRUE(!cut || torque_n_mm.isZero()) << n;
+      last_n_mm = torque_n_mm;
       last_n = force_n;
       felt += !force_n.isZero();
       faults += state == ForceState::kFault;
@@ -527,17 +555,92 @@ TEST(Safety, AMillionRandomTicksKeepEveryLimit) {
   }
 }
 
+// --- What the torque has of its own
+
+TEST(SafetyTorque, IsClampedByItself) {
+  SafetyLimits limits;
+  limits.max_torque_n_mm = 50.0;
+  Safety safety(limits);
+  Wrench wrench;
+  const SafetyInput input{.wrench_D = {Vec3(1, 0, 0), Vec3(0, 1e308, 0)}};
+  for (int n = 0; n < 16; ++n) {
+    const Vec3 last_n_mm = wrench.torque_n_mm;
+    wrench = safety.Step(input, kDtS);
+    EXPECT_NEAR((wrench.torque_n_mm - last_n_mm).norm(), 3.0, 1e-9);  // 3000 N mm/s
+  }
+  wrench = safety.Step(input, kDtS);
+  EXPECT_NEAR(wrench.torque_n_mm.y(), 50.0, 1e-9);
+  EXPECT_EQ(wrench.force_n, Vec3(1, 0, 0));
+}
+
+TEST(SafetyTorque, HardwareIsWarmedByItAlone) {
+  DeviceDescription spec = Hardware();
+  spec.max_torque_n_mm = 400.0;  // more than any device gets at first
+  spec.continuous_torque_n_mm = 12.0;
+  Safety safety(LimitsFor(spec, 0));
+  EXPECT_EQ(safety.torque_limit_n_mm(), 50.0);
+  SafetyInput input{.wrench_D = {Vec3(0.1, 0, 0), Vec3(0, 0, 50)},
+                    .command = ForceCommand::kEnable};
+  for (int n = 0; n < 60'000; ++n) safety.Step(input, kDtS);
+  EXPECT_NEAR(safety.torque_limit_n_mm(), 12.0, 0.1);
+  EXPECT_EQ(safety.limit_n(), 3.3);
+}
+
+// Each with the whole wrench in one tick, and only of a device that has a torque.
+TEST(SafetyTorque, FaultsOfTurningCutTheWholeWrench) {
+  struct Case {
+    ForceReason reason;
+    std::function<void(SafetyInput&)> make;
+  };
+  const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.5, Vec3::UnitY()));
+  const std::vector<Case> cases = {
+      {ForceReason::kForce, [](SafetyInput& in) { in.wrench_D.torque_n_mm.y() = kNan; }},
+      {ForceReason::kForce, [](SafetyInput& in) { in.wrench_D.torque_n_mm.z() = -kInfinity; }},
+      {ForceReason::kPosition, [](SafetyInput& in) { in.R_DS.coeffs() *= 1.01; }},
+      {ForceReason::kPosition, [](SafetyInput& in) { in.R_DS.x() = kNan; }},
+      {ForceReason::kSpeed, [&](SafetyInput& in) { in.R_DS = turned; }}};
+  for (const double torque_n_mm : {50.0, 0.0}) {
+    DeviceDescription spec = Hardware();
+    spec.max_torque_n_mm = torque_n_mm;
+    for (const Case& one : cases) {
+      SCOPED_TRACE(static_cast<int>(one.reason));
+      Safety safety(LimitsFor(spec, 0));
+      SafetyInput input{.wrench_D = {kPush_n, Vec3(0, 5, 0)}, .command = ForceCommand::kEnable};
+      Wrench wrench;
+      for (int n = 0; n < 600; ++n) {
+        wrench = safety.Step(input, kDtS);
+        input.command = ForceCommand::kNone;
+      }
+      ASSERT_LT((wrench.force_n - kPush_n).norm(), 1e-9);
+      EXPECT_EQ(wrench.torque_n_mm.isZero(0.0), torque_n_mm == 0.0);
+      one.make(input);
+      wrench = safety.Step(input, kDtS);
+      const bool judged = torque_n_mm > 0.0;
+      EXPECT_EQ(wrench.is_zero(), judged);
+      EXPECT_TRUE(wrench.allFinite());
+      EXPECT_EQ(safety.reason(), judged ? one.reason : ForceReason::kNone);
+    }
+  }
+}
+
 TEST(Safety, GoesOnFromItsMemory) {
   std::mt19937_64 random(3);
-  const SafetyLimits limits = LimitsFor(Hardware(), 0);
+  DeviceDescription spec = Hardware();
+  spec.max_torque_n_mm = 50.0;
+  spec.continuous_torque_n_mm = 12.0;
+  const SafetyLimits limits = LimitsFor(spec, 0);
   Safety one(limits), other(limits);
   for (int n = 0; n < 20'000; ++n) {
-    SafetyInput input{.force_D_n = Vec3::Random() * 5.0, .p_DHip_mm = Vec3::Random()};
+    SafetyInput input{.wrench_D = {Vec3::Random() * 5.0, Vec3::Random() * 60.0},
+                      .p_DHip_mm = Vec3::Random(),
+                      .R_DS = Eigen::Quaterniond(1.0, 0.01 * std::sin(n), 0.0, 0.0).normalized()};
     if (n % 1000 == 0) input.command = ForceCommand::kEnable;
     if (random() % 3000 == 0) input.device = DeviceStatus::kFault;
     input.missed_ticks = random() % 100 == 0;
-    const Vec3 force_n = one.Step(input, kDtS);
-    ASSERT_EQ(other.Step(input, kDtS), force_n);
+    const Wrench wrench = one.Step(input, kDtS);
+    const Wrench again = other.Step(input, kDtS);
+    ASSERT_EQ(again.force_n, wrench.force_n);
+    ASSERT_EQ(again.torque_n_mm, wrench.torque_n_mm);
     if (n % 777 == 0) {
       Safety fresh(limits);
       fresh.Resume(one.memory());

@@ -48,10 +48,10 @@ TEST(Methods, EachRoleMayDoWhatItAnswersFor) {
                                          "UndoEdit",       "RedoEdit",           "RevertVolume",
                                          "FilterVolume",   "ControlSeries",      "Mark"};
   // Those that move a hand, and those that reach files, memory or what all viewers see.
-  const std::set<std::string> operators = {"EnableForces",  "DisableForces",  "CalibrateDevice",
-                                           "LeadHand",      "LoadVolume",     "UploadVolume",
-                                           "SaveVolume",    "LoadSeries",     "StartRecording",
-                                           "StopRecording", "ListRecordings", "Replay"};
+  const std::set<std::string> operators = {
+      "EnableForces",  "DisableForces",  "CalibrateDevice", "PushHand",   "LeadHand",
+      "LoadVolume",    "UploadVolume",   "SaveVolume",      "LoadSeries", "StartRecording",
+      "StopRecording", "ListRecordings", "Replay"};
   std::set<std::string> of_editors, of_operators;
   for (const MethodRule& rule : MethodRules()) {
     const std::string name(rule.method.substr(rule.method.rfind('/') + 1));

@@ -196,6 +196,22 @@ TEST(ServoKeyframe, StatesThatNoServoHasAreRefused) {
   }
 }
 
+// Without torque, the safety stage's memory ended earlier.
+std::string WithoutTorque(const ServoMemory& memory) {
+  std::string bytes(Save(memory).view());
+  constexpr std::size_t kCounts = 32, kTorque = 72;
+  bytes.erase(bytes.size() - kCounts - kTorque, kTorque);
+  bytes[0] = 6;
+  return bytes;
+}
+
+TEST(ServoKeyframe, OneWithoutTorqueGoesOn) {
+  const Touch touch;
+  ServoMemory loaded;
+  ASSERT_TRUE(Load(WithoutTorque(touch.memory), loaded));
+  EXPECT_TRUE(Save(loaded).view() == Save(touch.memory).view());
+}
+
 // Without layers, a keyframe had the sign of the side that was felt, and no bounds.
 std::string WithoutLayers(const ServoMemory& memory) {
   ServoMemory old = memory;
@@ -205,7 +221,7 @@ std::string WithoutLayers(const ServoMemory& memory) {
     proxy.free_side = FreeSide::kAbove;
     proxy.contact = proxy.on_surface() ? Contact::kUpper : Contact::kNone;
   }
-  std::string bytes(Save(old).view());
+  std::string bytes = WithoutTorque(old);
   constexpr std::size_t kBounds = 143, kAfterRenderer = 149;  // from the beginning and from the end
   bytes.erase(bytes.size() - kAfterRenderer - 21, 21);
   bytes.erase(kBounds, 12);

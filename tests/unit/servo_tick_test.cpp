@@ -26,12 +26,12 @@ class Ticking : public ::testing::Test {
     missed_ += missed_more;
     const std::int64_t now_ns = 1'000'000 * ++ticks_;
     const TickSample sample = tick_.Run(scene_, {now_ns, now_ns, missed_});
-    EXPECT_EQ(device_.written_D_n, Vec3(sample.force_n.data()));
-    EXPECT_TRUE(device_.motors_on || device_.written_D_n.isZero());
+    EXPECT_EQ(device_.written.wrench_M.force_n, Vec3(sample.force_n.data()));
+    EXPECT_TRUE(device_.written.motors_on || device_.written.wrench_M.force_n.isZero());
     return sample;
   }
   TickSample TickAt(const Vec3& p_mm) {
-    device_.reading.p_DHip_mm = p_mm;
+    device_.reading.p_MHip_mm = p_mm;
     return Tick();
   }
 
@@ -63,10 +63,10 @@ TEST_F(HardwareTick, NoForceAndNoCurrentUntilForcesAreEnabled) {
   EXPECT_EQ(before.force_state, ForceState::kOff);
   EXPECT_EQ(before.mode, ProxyMode::kConstrained);
   EXPECT_EQ(Force(), 0.0);
-  EXPECT_FALSE(device_.motors_on);
+  EXPECT_FALSE(device_.written.motors_on);
   forces_.Set(ForceCommand::kEnable);
   EXPECT_LT(Force(), 0.01);
-  EXPECT_TRUE(device_.motors_on);
+  EXPECT_TRUE(device_.written.motors_on);
   EXPECT_GT(Force(600), 0.5);
 }
 
@@ -113,8 +113,8 @@ TEST_F(HardwareTick, WhatTheDeviceSaysIsHeededInItsTick) {
       ASSERT_EQ(sample.mode, c.mode);
       ASSERT_EQ(sample.force_state, c.state);
       ASSERT_EQ(sample.force_reason, c.reason);
-      ASSERT_TRUE(device_.written_D_n.isZero());
-      ASSERT_FALSE(device_.motors_on);
+      ASSERT_TRUE(device_.written.wrench_M.force_n.isZero());
+      ASSERT_FALSE(device_.written.motors_on);
     }
     device_.reading = usual;
     device_.status = DeviceStatus::kOk;
@@ -177,7 +177,7 @@ class SuspendedTest : public Ticking {
  protected:
   SuspendedTest() : Ticking(VerificationLevel::kSimulated, 0) {
     scene_.settings.clutch_tool = true;
-    device_.reading.p_DHip_mm = Vec3(0, 0, 20);
+    device_.reading.p_MHip_mm = Vec3(0, 0, 20);
   }
 
   void Clutch(bool held) { device_.reading.buttons = held ? kClutchButton : 0; }
@@ -232,7 +232,7 @@ TEST_F(SuspendedTest, TheFirstTickEverMayBeSuspended) {
 
 TEST_F(SuspendedTest, TheFirstTickEverMayBeSuspendedWithoutAPosition) {
   Clutch(true);
-  device_.reading.p_DHip_mm = Vec3(std::nan(""), 0, 0);
+  device_.reading.p_MHip_mm = Vec3(std::nan(""), 0, 0);
   for (int n = 0; n < 3; ++n) {
     const TickSample sample = Tick();
     EXPECT_EQ(sample.mode, ProxyMode::kFault);
@@ -292,7 +292,7 @@ TEST_F(SuspendedTest, TheVelocityGoesOnWhileNothingIsFelt) {
   double x_mm = -30.0;
   const auto tick = [&](std::uint64_t missed, bool bad) {
     x_mm += speed_mm_per_s * 1e-3 * static_cast<double>(1 + missed);
-    device_.reading.p_DHip_mm = bad ? Vec3::Constant(std::nan("")) : Vec3(x_mm, 0, 20);
+    device_.reading.p_MHip_mm = bad ? Vec3::Constant(std::nan("")) : Vec3(x_mm, 0, 20);
     return ForceOf(Tick(missed));
   };
   for (int n = 0; n < 100; ++n) tick(0, false);

@@ -365,14 +365,14 @@ TEST(ForceWatch, TellsTheNewestTickAndSinceWhenItIsSo) {
   ASSERT_TRUE(watch.newest());
   EXPECT_EQ(watch.newest()->tick, 9u);
   EXPECT_EQ(watch.newest()->since_tick, 7u);
-  EXPECT_EQ(watch.newest()->limit_n, 9.5);
+  EXPECT_EQ(watch.newest()->forces.limit_n, 9.5);
   board.Tell(Sample(10, ForceState::kStopped, ForceReason::kStopButton));
   EXPECT_EQ(watch.newest()->since_tick, 10u);
   // Another reason is another story.
   board.Tell(Sample(12, ForceState::kStopped, ForceReason::kStopCall));
   EXPECT_EQ(watch.newest()->since_tick, 12u);
-  EXPECT_EQ(watch.newest()->state, ForceState::kStopped);
-  EXPECT_EQ(watch.newest()->reason, ForceReason::kStopCall);
+  EXPECT_EQ(watch.newest()->forces.state, ForceState::kStopped);
+  EXPECT_EQ(watch.newest()->forces.reason, ForceReason::kStopCall);
 }
 
 TEST(ForceWatch, AnOldTickIsNoWait) {
@@ -398,9 +398,9 @@ TEST(ForceWatch, ManyWaitEachForItsTick) {
       for (std::uint64_t tick = step; tick < kTicks; tick += step * 10) {
         const auto seen = watch.WaitForTick(tick, std::chrono::seconds(60));
         // Never an older one, and its parts belong together.
-        wrong += !seen || seen->tick < tick || seen->limit_n != 0.5 + seen->tick ||
+        wrong += !seen || seen->tick < tick || seen->forces.limit_n != 0.5 + seen->tick ||
                  seen->since_tick > seen->tick ||
-                 (seen->state == ForceState::kOn) != (seen->tick / 50 % 2 == 0);
+                 (seen->forces.state == ForceState::kOn) != (seen->tick / 50 % 2 == 0);
       }
     });
   }

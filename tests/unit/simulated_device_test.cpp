@@ -92,9 +92,9 @@ std::vector<Tick> Loop(SimulatedDevice& device, const Surface& surface, int tick
   Vec3 last_n = Vec3::Zero();
   for (int i = 0; i < ticks; ++i) {
     const DeviceState state = ReadOk(device);
-    const Vec3 force_n = surface(state.p_DHip_mm);
+    const Vec3 force_n = surface(state.p_MHip_mm);
     log.push_back({state, tick_late ? last_n : force_n});
-    device.Write(log.back().force_n, kTickS);
+    device.Write({{log.back().force_n}}, kTickS);
     last_n = force_n;
   }
   return log;
@@ -136,7 +136,7 @@ Feel Felt(const std::vector<Tick>& log) {
       square_n2 += force_n * force_n / kWindow;
     }
     if (!all) continue;
-    const Vec3 moved_mm = log[i].state.p_DHip_mm - log[i - kWindow].state.p_DHip_mm;
+    const Vec3 moved_mm = log[i].state.p_MHip_mm - log[i - kWindow].state.p_MHip_mm;
     speeds.push_back(moved_mm.norm() / (kWindow * kTickS));
     buzz.push_back(std::sqrt(std::max(0.0, square_n2 - mean_n * mean_n)));
   }
@@ -171,7 +171,7 @@ TEST(SimulatedDevice, AnswersBetweenStartAndStopOnly) {
   EXPECT_EQ(device.Read(state), DeviceStatus::kOk);
   device.Stop();
   device.Stop();
-  device.Write(Vec3(1.0, 0.0, 0.0), kTickS);
+  device.Write({{Vec3(1.0, 0.0, 0.0)}}, kTickS);
   EXPECT_EQ(device.Read(state), DeviceStatus::kFault);
 }
 
@@ -180,7 +180,7 @@ TEST(SimulatedDevice, ReadsInStepsOfItsResolution) {
   const DeviceDescription& spec = device->spec();
   for (const Tick& tick : Loop(*device, Nothing, 3000)) {
     for (int i = 0; i < 3; ++i) {
-      const double counts = (tick.state.p_DHip_mm[i] - spec.workspace_min_mm[i]) / 0.055;
+      const double counts = (tick.state.p_MHip_mm[i] - spec.workspace_min_mm[i]) / 0.055;
       ASSERT_NEAR(counts, std::round(counts), 1e-6);
     }
   }
@@ -189,14 +189,14 @@ TEST(SimulatedDevice, ReadsInStepsOfItsResolution) {
 TEST(SimulatedDevice, TheHandFollowsItsPathAndComesRound) {
   const Vec3 a_mm(-20.0, 0.0, 0.0), b_mm(20.0, 0.0, 0.0);
   const auto device = Following({a_mm, b_mm}, 40.0);
-  EXPECT_LT((ReadOk(*device).p_DHip_mm - a_mm).norm(), 0.1);
+  EXPECT_LT((ReadOk(*device).p_MHip_mm - a_mm).norm(), 0.1);
   Loop(*device, Nothing, 500);
   // Half way, behind the target by damper * speed / spring = 1.6 mm.
-  EXPECT_NEAR(ReadOk(*device).p_DHip_mm.x(), -1.6, 0.2);
+  EXPECT_NEAR(ReadOk(*device).p_MHip_mm.x(), -1.6, 0.2);
   Loop(*device, Nothing, 500);
-  EXPECT_LT((ReadOk(*device).p_DHip_mm - b_mm).norm(), 2.0);
+  EXPECT_LT((ReadOk(*device).p_MHip_mm - b_mm).norm(), 2.0);
   Loop(*device, Nothing, 1000);
-  EXPECT_LT((ReadOk(*device).p_DHip_mm - a_mm).norm(), 2.0);
+  EXPECT_LT((ReadOk(*device).p_MHip_mm - a_mm).norm(), 2.0);
 }
 
 TEST(SimulatedDevice, AForceMovesTheHandAndItComesBack) {
@@ -204,9 +204,9 @@ TEST(SimulatedDevice, AForceMovesTheHandAndItComesBack) {
   const Vec3 force_n(0.3, -0.6, 0.0);
   Loop(
       *device, [&](const Vec3&) { return force_n; }, 1000);
-  EXPECT_LT((ReadOk(*device).p_DHip_mm - force_n / kHandSpringNPerMm).norm(), 0.1);
+  EXPECT_LT((ReadOk(*device).p_MHip_mm - force_n / kHandSpringNPerMm).norm(), 0.1);
   Loop(*device, Nothing, 1000);
-  EXPECT_LT(ReadOk(*device).p_DHip_mm.norm(), 0.1);
+  EXPECT_LT(ReadOk(*device).p_MHip_mm.norm(), 0.1);
 }
 
 TEST(SimulatedDevice, RestsOnStiffSurfaces) {
@@ -241,12 +241,12 @@ TEST(SimulatedDevice, StaysInItsWorkspaceAndFiniteWhateverIsWritten) {
   for (std::size_t i = 0; i < 20'000; ++i) {
     const auto value = [&](std::size_t shift) { return values[(i / shift) % values.size()]; };
     const double dt_s = i % 3 == 0 ? times_s[(i / 3) % times_s.size()] : kTickS;
-    device->Write(Vec3(value(1), value(7), value(50)), dt_s);
+    device->Write({{Vec3(value(1), value(7), value(50))}}, dt_s);
     const DeviceState state = ReadOk(*device);
-    ASSERT_TRUE(state.p_DHip_mm.allFinite());
-    ASSERT_TRUE((state.p_DHip_mm.array() >= spec.workspace_min_mm.array()).all());
-    ASSERT_TRUE((state.p_DHip_mm.array() <= spec.workspace_max_mm.array()).all());
-    ASSERT_NEAR(state.R_DS.norm(), 1.0, 1e-9);
+    ASSERT_TRUE(state.p_MHip_mm.allFinite());
+    ASSERT_TRUE((state.p_MHip_mm.array() >= spec.workspace_min_mm.array()).all());
+    ASSERT_TRUE((state.p_MHip_mm.array() <= spec.workspace_max_mm.array()).all());
+    ASSERT_NEAR(state.R_MS.norm(), 1.0, 1e-9);
   }
 }
 
@@ -255,21 +255,21 @@ TEST(SimulatedDevice, ReachesItsStopsAndLeavesThem) {
   // The peak force holds against 11 mm of the hand's spring, no more.
   Loop(
       *device, [](const Vec3&) { return Vec3(1e9, 0.0, 0.0); }, 1000);
-  EXPECT_NEAR(ReadOk(*device).p_DHip_mm.x(), 3.3 / kHandSpringNPerMm, 0.1);
+  EXPECT_NEAR(ReadOk(*device).p_MHip_mm.x(), 3.3 / kHandSpringNPerMm, 0.1);
 
   const auto outside = Following({Vec3(200.0, 0.0, 0.0), Vec3::Zero()}, 200.0);
-  EXPECT_NEAR(ReadOk(*outside).p_DHip_mm.x(), 80.0, 0.06);
+  EXPECT_NEAR(ReadOk(*outside).p_MHip_mm.x(), 80.0, 0.06);
   Loop(*outside, Nothing, 1000);
-  EXPECT_LT(ReadOk(*outside).p_DHip_mm.x(), 10.0);
+  EXPECT_LT(ReadOk(*outside).p_MHip_mm.x(), 10.0);
 }
 
 TEST(SimulatedDevice, AForceThatIsNotANumberCountsAsNone) {
   const auto one = Exploring(5);
   const auto other = Exploring(5);
   for (int i = 0; i < 2000; ++i) {
-    one->Write(Vec3(kNan, 1.0, 1.0), kTickS);
-    other->Write(Vec3::Zero(), kTickS);
-    ASSERT_TRUE(SameBits(ReadOk(*one).p_DHip_mm, ReadOk(*other).p_DHip_mm));
+    one->Write({{Vec3(kNan, 1.0, 1.0)}}, kTickS);
+    other->Write({}, kTickS);
+    ASSERT_TRUE(SameBits(ReadOk(*one).p_MHip_mm, ReadOk(*other).p_MHip_mm));
   }
 }
 
@@ -282,10 +282,10 @@ TEST(SimulatedDevice, SameInputSameBits) {
   const std::vector<Tick> b = Loop(*again, sphere, 8000);
   const std::vector<Tick> c = Loop(*other_seed, sphere, 8000);
   for (std::size_t i = 0; i < a.size(); ++i) {
-    ASSERT_TRUE(SameBits(a[i].state.p_DHip_mm, b[i].state.p_DHip_mm)) << i;
-    ASSERT_TRUE(SameBits(a[i].state.R_DS.vec(), b[i].state.R_DS.vec())) << i;
+    ASSERT_TRUE(SameBits(a[i].state.p_MHip_mm, b[i].state.p_MHip_mm)) << i;
+    ASSERT_TRUE(SameBits(a[i].state.R_MS.vec(), b[i].state.R_MS.vec())) << i;
   }
-  EXPECT_FALSE(SameBits(a.back().state.p_DHip_mm, c.back().state.p_DHip_mm));
+  EXPECT_FALSE(SameBits(a.back().state.p_MHip_mm, c.back().state.p_MHip_mm));
 }
 
 TEST(SimulatedDevice, TheStylusTurnsSlowlyAndSmoothly) {
@@ -293,12 +293,12 @@ TEST(SimulatedDevice, TheStylusTurnsSlowlyAndSmoothly) {
   const std::vector<Tick> log = Loop(*device, Sphere(Vec3::Zero(), 25.0, 0.5), 10'000);
   double largest_rad = 0.0;
   for (std::size_t i = 1; i < log.size(); ++i) {
-    const Eigen::Quaterniond& before = log[i - 1].state.R_DS;
-    const Eigen::Quaterniond& now = log[i].state.R_DS;
+    const Eigen::Quaterniond& before = log[i - 1].state.R_MS;
+    const Eigen::Quaterniond& now = log[i].state.R_MS;
     ASSERT_NEAR(now.norm(), 1.0, 1e-9);
     ASSERT_GT(now.dot(before), 0.0);
     ASSERT_LT(now.angularDistance(before), 0.01);  // 10 rad/s
-    largest_rad = std::max(largest_rad, now.angularDistance(log[0].state.R_DS));
+    largest_rad = std::max(largest_rad, now.angularDistance(log[0].state.R_MS));
     // The barrel stays towards the user and above the tip.
     const Vec3 barrel = now * Vec3::UnitZ();
     ASSERT_GT(barrel.z(), 0.0);
@@ -360,7 +360,7 @@ TEST(Explore, LooksEverywhereWhenThereIsNothing) {
   const auto device = Exploring(9);
   const std::vector<Tick> log = Loop(*device, Nothing, 60'000);
   Eigen::AlignedBox3d seen;
-  for (const Tick& tick : log) seen.extend(tick.state.p_DHip_mm);
+  for (const Tick& tick : log) seen.extend(tick.state.p_MHip_mm);
   const Vec3 share = seen.sizes().cwiseQuotient(Vec3(160.0, 120.0, 70.0));
   EXPECT_GT(share.minCoeff(), 0.5);
 }

@@ -25,7 +25,7 @@ using HandAt = std::function<StylusScript::Target(double time_s)>;
 class HandScript final : public StylusScript {
  public:
   explicit HandScript(HandAt hand) : hand_(std::move(hand)) {}
-  Target Next(const HandState&, const Vec3&, double dt_s) noexcept override {
+  Target Next(const HandState&, const Wrench&, double dt_s) noexcept override {
     time_s_ += dt_s;
     return hand_(time_s_);
   }
@@ -93,7 +93,7 @@ HandAt Resting(std::uint32_t buttons, double until_s, const Vec3& target_mm = Ve
   return [=](double time_s) {
     StylusScript::Target target;
     // From above the surface, in half a second.
-    target.p_DTarget_mm = target_mm + Vec3(0, 0, 15.0 * std::max(0.0, 1.0 - 2.0 * time_s));
+    target.p_MTarget_mm = target_mm + Vec3(0, 0, 15.0 * std::max(0.0, 1.0 - 2.0 * time_s));
     target.buttons = time_s > 1.0 && time_s <= until_s ? buttons : 0;
     return target;
   };
@@ -148,13 +148,13 @@ TEST(Carve, MovesTheSurfaceSmoothlyAndTheProxyStaysOutside) {
   // From within a sphere of material that is felt as the free side.
   const HandAt from_within = [](double time_s) {
     StylusScript::Target target;
-    target.p_DTarget_mm = Vec3(1, 2, 35.0 * std::min(1.0, 2.0 * time_s));
+    target.p_MTarget_mm = Vec3(1, 2, 35.0 * std::min(1.0, 2.0 * time_s));
     target.buttons = time_s > 1.0 ? kCarveButton : 0;
     return target;
   };
   const HandAt sliding = [](double time_s) {
     StylusScript::Target target = Resting(kCarveButton, 3.0)(time_s);
-    target.p_DTarget_mm.x() = 6.0 * std::sin(4.0 * std::max(0.0, time_s - 1.0));
+    target.p_MTarget_mm.x() = 6.0 * std::sin(4.0 * std::max(0.0, time_s - 1.0));
     return target;
   };
   const HandAt resting = Resting(kCarveButton, 3.0);
@@ -250,7 +250,7 @@ HandAt Sweeping(std::uint32_t buttons) {
     StylusScript::Target target = Resting(buttons, 2.0)(time_s);
     if (time_s > 1.0) {
       const double angle = 9.0 * (time_s - 1.0);
-      target.p_DTarget_mm += Vec3(20.0 * std::sin(angle), -15.0 * (1.0 - std::cos(angle)),
+      target.p_MTarget_mm += Vec3(20.0 * std::sin(angle), -15.0 * (1.0 - std::cos(angle)),
                                   10.0 * std::sin(1.7 * angle));
     }
     return target;

@@ -4,13 +4,13 @@ import dataclasses
 import typing
 
 from palpate._enums import Role
-from palpate._geometry import Triple
+from palpate._geometry import Triple, vector_of
 from palpate._hand import Hand
 from palpate._held import fields_in, held_in
 from palpate._link import Link
 from palpate._value_list import (DeviceDescription, DeviceHealth, ForceStatus, ListedDevice,
                                  ServoDescription)
-from palpate._values import text_of
+from palpate._values import number, text_of
 from palpate.v1 import device_pb2, device_pb2_grpc
 
 
@@ -110,6 +110,17 @@ class Device:
         """
         self._link.call(self._stub.CalibrateDevice, device_pb2.CalibrateDeviceRequest())
         return self.info()
+
+    def push(self, force_n: Triple, seconds: float = 0.5) -> int:
+        """Puts a small constant force on the hand, to try the motors. Returns its first tick.
+
+        force_n: (3,) in the device frame, at most 0.5 N long. seconds: at most 5.
+        Errors: InvalidArgument, FailedPrecondition (the forces do not act), Unavailable.
+        Example: conn.device.push((0, 0.3, 0))
+        """
+        request = device_pb2.PushHandRequest(force_n=vector_of("force_n", force_n),
+                                             seconds=number("seconds", seconds))
+        return int(self._link.call(self._stub.PushHand, request).applied_tick)
 
     def lead(self, target_mm: Triple | None = None) -> Hand:
         """Takes the hand of the simulated device, to feel without a device.

@@ -31,6 +31,8 @@ def package(name: str) -> typing.Any:
 
 def unit_of(name: str) -> str:
     """Returns the unit of a field, from its name; empty: none, or data units."""
+    if name.endswith("_n_mm"):
+        return "N mm"
     last = name.rpartition("_")[2]
     return {"n": "N"}.get(last, last) if last in _UNITS else ""
 
@@ -40,7 +42,9 @@ def _parts(name: str) -> list[str]:
     if name == "stylus_orientation":
         return [f"stylus_{axis}" for axis in "wxyz"]
     stem, _, unit = name.rpartition("_")
-    if unit in _UNITS:
+    if name.endswith("_n_mm"):
+        stem, unit = name[:-len("_n_mm")], "n_mm"
+    if unit.rpartition("_")[2] in _UNITS:
         return [f"{stem}_{axis}_{unit}" for axis in "xyz"]
     return [f"{name}_{axis}" for axis in "xyz"]
 

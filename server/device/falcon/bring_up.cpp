@@ -42,7 +42,7 @@ void Purge(UsbLink& link) {
 }
 
 void ThrowIfStopped(const std::atomic<bool>& stop) {
-  if (stop) throw UsbError(UsbFault::kTimeout, "the program stops while it sets up the Falcon");
+  if (stop) throw BusError(BusFault::kTimeout, "the program stops while it sets up the Falcon");
 }
 
 // Receives until `enough` is true for the bytes, or until `patience` is over. Returns the bytes.
@@ -59,8 +59,8 @@ std::vector<std::uint8_t> Receive(UsbLink& link, milliseconds patience,
     std::size_t size = 0;
     try {
       size = link.Receive(transfer, left);
-    } catch (const UsbError& error) {
-      if (error.fault() != UsbFault::kTimeout) throw;
+    } catch (const BusError& error) {
+      if (error.fault() != BusFault::kTimeout) throw;
     }
     ForEachFtdiByte(std::span(transfer).first(size),
                     [&](std::uint8_t byte) { bytes.push_back(byte); });
@@ -88,7 +88,7 @@ void Greet(UsbLink& link, const std::atomic<bool>& stop) {
     link.Send(kGreeting, kPatience);
     if (answered(Receive(link, kPerGreeting, stop, answered))) return;
   }
-  throw UsbError(UsbFault::kTimeout,
+  throw BusError(BusFault::kTimeout,
                  "the Falcon's boot loader does not answer: unplug its power and its USB cable, "
                  "and plug them in again");
 }
@@ -101,7 +101,7 @@ void SendAndCompare(UsbLink& link, std::span<const std::uint8_t> bytes,
     return got.size() >= bytes.size();
   });
   if (!std::equal(bytes.begin(), bytes.end(), back.begin(), back.end())) {
-    throw UsbError(back.size() < bytes.size() ? UsbFault::kTimeout : UsbFault::kCorrupt,
+    throw BusError(back.size() < bytes.size() ? BusFault::kTimeout : BusFault::kCorrupt,
                    "the Falcon did not take its firmware: unplug its power and its USB cable, and "
                    "plug them in again");
   }
@@ -138,7 +138,7 @@ std::vector<std::uint8_t> ReadFalconFirmware(const std::string& file) {
     bytes.push_back(static_cast<std::uint8_t>(byte));
   }
   if (bytes.empty() || bytes.size() > kMaxFalconFirmwareBytes) {
-    throw UsbError(UsbFault::kUnsuitable, "the Falcon's firmware cannot be read from " + file +
+    throw BusError(BusFault::kUnsuitable, "the Falcon's firmware cannot be read from " + file +
                                               (bytes.empty() ? ": it is missing, forbidden or empty"
                                                              : ": it is too long"));
   }

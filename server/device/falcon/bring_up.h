@@ -4,7 +4,7 @@
 // Source: libnifalcon (BSD), FalconCommLibUSB.cpp and FalconFirmware.cpp. Verification level: none;
 // we have not seen a device.
 // Threads: the I/O thread. Not real-time: waits.
-// Errors: UsbError, also soon after `stop` becomes true.
+// Errors: BusError, also soon after `stop` becomes true.
 #pragma once
 
 #include <atomic>

@@ -45,27 +45,27 @@ FalconProtocol::FalconProtocol(const FalconOptions& options)
 std::string FalconProtocol::SetUp(UsbLink& link, const std::atomic<bool>& stop) {
   finder_ = {};
   calibrated_ = false;
-  p_D_mm_ = angles_rad_ = Vec3::Zero();
+  p_M_mm_ = angles_rad_ = Vec3::Zero();
   SetFalconLineForFrames(link);
   if (!FalconAnswers(link, kTries, stop)) {
     if (firmware_file_.empty()) {
-      throw UsbError(UsbFault::kUnsuitable,
+      throw BusError(BusFault::kUnsuitable,
                      "the Falcon does not answer: it has no firmware yet; set [device] "
                      "falcon_firmware to the file of Novint's firmware, which is part of Novint's "
                      "driver and of libnifalcon");
     }
     UploadFalconFirmware(link, ReadFalconFirmware(firmware_file_), stop);
     if (!FalconAnswers(link, kTriesAfterUpload, stop)) {
-      throw UsbError(UsbFault::kTimeout, "the Falcon took the firmware from " + firmware_file_ +
+      throw BusError(BusFault::kTimeout, "the Falcon took the firmware from " + firmware_file_ +
                                              " and does not answer: is it Novint's?");
     }
   }
   return "Novint Falcon at USB port " + link.found().port;
 }
 
-UsbReceived FalconProtocol::Receive(std::span<const std::uint8_t> bytes,
-                                    DeviceState& state) noexcept {
-  UsbReceived received;
+StreamReceived FalconProtocol::Receive(std::span<const std::uint8_t> bytes,
+                                       DeviceState& state) noexcept {
+  StreamReceived received;
   const std::uint32_t corrupt_before = finder_.corrupt_frames();
   FalconFrame newest{};
   ForEachFtdiByte(bytes, [&](std::uint8_t byte) {
@@ -83,25 +83,25 @@ UsbReceived FalconProtocol::Receive(std::span<const std::uint8_t> bytes,
 
 void FalconProtocol::Understand(const FalconReport& report, DeviceState& state) noexcept {
   const Vec3 angles_rad = FalconAnglesFromCounts(report.encoders);
-  calibrated_ = report.is_homed() && FalconPositionAt(angles_rad, p_D_mm_);
+  calibrated_ = report.is_homed() && FalconPositionAt(angles_rad, p_M_mm_);
   if (calibrated_) angles_rad_ = angles_rad;
-  state.p_DHip_mm = p_D_mm_;
-  state.R_DS = Eigen::Quaterniond::Identity();
+  state.p_MHip_mm = p_M_mm_;
+  state.R_MS = Eigen::Quaterniond::Identity();
   state.buttons = report.buttons;
   state.docked = false;
   state.calibrated = calibrated_;
 }
 
-std::size_t FalconProtocol::Encode(const Vec3& force_D_n, bool forces_on,
+std::size_t FalconProtocol::Encode(const DeviceCommand& command,
                                    std::span<std::uint8_t, kMaxFrameBytes> out) noexcept {
   // The homing flag stays set: libnifalcon's programs never clear it.
-  FalconCommand command{.lights = kFalconRedLight, .homing = true};
-  if (calibrated_) command.lights = forces_on ? kFalconGreenLight : kFalconBlueLight;
+  FalconCommand motors{.lights = kFalconRedLight, .homing = true};
+  if (calibrated_) motors.lights = command.motors_on ? kFalconGreenLight : kFalconBlueLight;
   Mat3 jacobian;
-  if (calibrated_ && forces_on && FalconJacobianAt(p_D_mm_, angles_rad_, jacobian)) {
-    command.motors = FalconMotorsFromTorques(jacobian.transpose() * force_D_n);
+  if (calibrated_ && command.motors_on && FalconJacobianAt(p_M_mm_, angles_rad_, jacobian)) {
+    motors.motors = FalconMotorsFromTorques(jacobian.transpose() * command.wrench_M.force_n);
   }
-  const FalconFrame frame = EncodeFalconCommand(command);
+  const FalconFrame frame = EncodeFalconCommand(motors);
   std::copy(frame.begin(), frame.end(), out.begin());
   return frame.size();
 }
@@ -109,7 +109,7 @@ std::size_t FalconProtocol::Encode(const Vec3& force_D_n, bool forces_on,
 void FalconProtocol::TearDown(UsbLink& link) noexcept {
   try {
     link.Send(EncodeFalconCommand({.homing = true}), kSendPatience);
-  } catch (const UsbError&) {
+  } catch (const BusError&) {
     // The device is gone, and its force with it.
   }
 }

@@ -31,8 +31,8 @@ class FalconProtocol final : public UsbProtocol {
   const DeviceDescription& spec() const override { return spec_; }
   const UsbMatch& match() const override { return match_; }
   std::string SetUp(UsbLink& link, const std::atomic<bool>& stop) override;
-  UsbReceived Receive(std::span<const std::uint8_t> bytes, DeviceState& state) noexcept override;
-  std::size_t Encode(const Vec3& force_D_n, bool forces_on,
+  StreamReceived Receive(std::span<const std::uint8_t> bytes, DeviceState& state) noexcept override;
+  std::size_t Encode(const DeviceCommand& command,
                      std::span<std::uint8_t, kMaxFrameBytes> out) noexcept override;
   bool is_request_response() const override { return true; }
   void TearDown(UsbLink& link) noexcept override;
@@ -48,7 +48,7 @@ class FalconProtocol final : public UsbProtocol {
   FalconFrameFinder finder_{};
   // Values of the newest reading.
   bool calibrated_ = false;
-  Vec3 p_D_mm_ = Vec3::Zero();  // the last valid position
+  Vec3 p_M_mm_ = Vec3::Zero();  // the last valid position
   Vec3 angles_rad_ = Vec3::Zero();
 };
 

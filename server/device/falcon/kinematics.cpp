@@ -27,10 +27,10 @@ constexpr double kLongestStepMm = 30.0, kSolvedMm = 1e-10, kSameAngleRad = 1e-6;
 
 // Position of the grip's end of an arm, relative to its hip: along the arm's plane, across it, away
 // from the base.
-Vec3 AnkleFromHip(std::size_t arm, const Vec3& p_D_mm) {
+Vec3 AnkleFromHip(std::size_t arm, const Vec3& p_M_mm) {
   const double c = kArmCos[arm], s = kArmSin[arm];
-  return {c * p_D_mm.x() + s * p_D_mm.y() - kAlongMm, c * p_D_mm.y() - s * p_D_mm.x() - kAcrossMm,
-          p_D_mm.z() + kFalconBaseToOriginMm};
+  return {c * p_M_mm.x() + s * p_M_mm.y() - kAlongMm, c * p_M_mm.y() - s * p_M_mm.x() - kAcrossMm,
+          p_M_mm.z() + kFalconBaseToOriginMm};
 }
 
 // Turns a direction from the arm's frame into D.
@@ -48,9 +48,9 @@ struct Torus {
 };
 
 // Returns false at the knee, where there is no direction.
-bool TorusAt(std::size_t arm, const Vec3& p_D_mm, double angle_rad, Torus& torus) {
+bool TorusAt(std::size_t arm, const Vec3& p_M_mm, double angle_rad, Torus& torus) {
   const double s = std::sin(angle_rad), c = std::cos(angle_rad);
-  const Vec3 ankle = AnkleFromHip(arm, p_D_mm);
+  const Vec3 ankle = AnkleFromHip(arm, p_M_mm);
   const double along = ankle.x() - kThighMm * c, away = ankle.z() - kThighMm * s;
   const double distance = std::hypot(along, away), tube = distance - kLinksMm;
   if (!(distance > 1.0)) return false;
@@ -68,12 +68,12 @@ struct Arms {
   Vec3 by_angle = Vec3::Zero();
 };
 
-bool ArmsAt(const Vec3& p_D_mm, const Vec3& angles_rad, Arms& arms) {
-  if (!(p_D_mm.cwiseAbs().maxCoeff() < kFarMm)) return false;
+bool ArmsAt(const Vec3& p_M_mm, const Vec3& angles_rad, Arms& arms) {
+  if (!(p_M_mm.cwiseAbs().maxCoeff() < kFarMm)) return false;
   for (std::size_t n = 0; n < 3; ++n) {
     const auto row = static_cast<Eigen::Index>(n);
     Torus torus;
-    if (!TorusAt(n, p_D_mm, angles_rad[row], torus)) return false;
+    if (!TorusAt(n, p_M_mm, angles_rad[row], torus)) return false;
     arms.miss[row] = torus.miss;
     arms.by_position.row(row) = torus.by_position.transpose();
     arms.by_angle[row] = torus.by_angle;
@@ -120,17 +120,17 @@ std::array<std::int16_t, 3> FalconCountsFromAngles(const Vec3& angles_rad) {
   return counts;
 }
 
-bool FalconAnglesAt(const Vec3& p_D_mm, Vec3& angles_rad) {
+bool FalconAnglesAt(const Vec3& p_M_mm, Vec3& angles_rad) {
   Vec3 found;
   for (std::size_t n = 0; n < 3; ++n) {
-    if (!AngleOf(AnkleFromHip(n, p_D_mm), found[static_cast<Eigen::Index>(n)])) return false;
+    if (!AngleOf(AnkleFromHip(n, p_M_mm), found[static_cast<Eigen::Index>(n)])) return false;
   }
   angles_rad = found;
   return true;
 }
 
 // Solves the three tori by Newton's method. Within the ball of 50 mm it takes 3 to 6 steps.
-bool FalconPositionAt(const Vec3& angles_rad, Vec3& p_D_mm) {
+bool FalconPositionAt(const Vec3& angles_rad, Vec3& p_M_mm) {
   if (!(angles_rad.minCoeff() >= kLowestRad && angles_rad.maxCoeff() <= kHighestRad)) return false;
   Vec3 p = FirstGuess(angles_rad);
   double step_mm = kLongestStepMm;
@@ -146,13 +146,13 @@ bool FalconPositionAt(const Vec3& angles_rad, Vec3& p_D_mm) {
   Vec3 back;
   if (!(step_mm <= kSolvedMm) || !FalconAnglesAt(p, back)) return false;
   if (!((back - angles_rad).cwiseAbs().maxCoeff() <= kSameAngleRad)) return false;
-  p_D_mm = p;
+  p_M_mm = p;
   return true;
 }
 
-bool FalconJacobianAt(const Vec3& p_D_mm, const Vec3& angles_rad, Mat3& jacobian) {
+bool FalconJacobianAt(const Vec3& p_M_mm, const Vec3& angles_rad, Mat3& jacobian) {
   Arms arms;
-  if (!ArmsAt(p_D_mm, angles_rad, arms)) return false;
+  if (!ArmsAt(p_M_mm, angles_rad, arms)) return false;
   jacobian = -(arms.by_position.inverse() * arms.by_angle.asDiagonal());
   return true;
 }

@@ -5,7 +5,7 @@
 // never turns. The grip is therefore on a torus around each knee:
 //   (distance to the knee in the arm's plane - 22.5)² + (offset from the plane)² = 102.5²
 //
-// Frames: D (mm, x right, y up, z towards the user). Its origin is on the base's axis, 125 mm in
+// Frames: M (mm, x right, y up, z towards the user). Its origin is on the base's axis, 125 mm in
 // front of the base: the middle of the 75 to 175 mm that libnifalcon uses.
 // Angles of the thighs in rad: 0 along the base, greater outwards. Torques of the thighs in N mm. A
 // ball of 50 mm around the origin is within reach; the corners of the datasheet's cube are not.
@@ -44,15 +44,15 @@ std::array<std::int16_t, 3> FalconCountsFromAngles(const Vec3& angles_rad);
 
 // Computes the angles that hold the grip at a position, with the knees outside: the arms cannot
 // fold the other way. Returns false, and sets nothing, if the position is out of reach.
-bool FalconAnglesAt(const Vec3& p_D_mm, Vec3& angles_rad);
+bool FalconAnglesAt(const Vec3& p_M_mm, Vec3& angles_rad);
 
 // Computes the position of the grip. Returns false, and sets nothing, if no position has these
 // angles.
-bool FalconPositionAt(const Vec3& angles_rad, Vec3& p_D_mm);
+bool FalconPositionAt(const Vec3& angles_rad, Vec3& p_M_mm);
 
 // Computes the position's derivative by the angles, in mm per rad. Returns false where an arm could
 // fold either way.
-bool FalconJacobianAt(const Vec3& p_D_mm, const Vec3& angles_rad, Mat3& jacobian);
+bool FalconJacobianAt(const Vec3& p_M_mm, const Vec3& angles_rad, Mat3& jacobian);
 
 // Motor counts for torques. If a count exceeds the limit, all are scaled down, so that the force
 // keeps its direction. Returns zero for torques that are not finite.

@@ -41,8 +41,8 @@ void CdcLine::Open() {
   std::size_t bytes = 0;
   try {
     bytes = link_.Control(kFromDevice, kGetDescriptor, kConfiguration, 0, descriptors, kTimeout);
-  } catch (const UsbError& error) {
-    if (error.fault() == UsbFault::kAbsent) throw;
+  } catch (const BusError& error) {
+    if (error.fault() == BusFault::kAbsent) throw;
   }
   control_interface_ = CdcInterface(std::span(descriptors).first(bytes), kCdcControlClass, 0);
 
@@ -61,8 +61,8 @@ void CdcLine::Break() {
 void CdcLine::Request(std::uint8_t request, std::uint16_t value, std::span<std::uint8_t> data) {
   try {
     link_.Control(kToClassInterface, request, value, control_interface_, data, kTimeout);
-  } catch (const UsbError& error) {
-    if (error.fault() != UsbFault::kStall) throw;
+  } catch (const BusError& error) {
+    if (error.fault() != BusFault::kStall) throw;
   }
 }
 

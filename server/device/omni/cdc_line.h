@@ -1,7 +1,7 @@
 // Sets up the serial line of a USB device of class CDC-ACM, as a host does.
 //
 // Threads: the I/O thread of the link. Real-time: none. Ownership: borrows the link.
-// Errors: UsbError. A request that the device refuses (kStall) is ignored: a line without a real
+// Errors: BusError. A request that the device refuses (kStall) is ignored: a line without a real
 // wire does not need it.
 // Source: USB Class Definitions for Communications Devices 1.2, PSTN subclass.
 #pragma once

@@ -2,7 +2,7 @@
 //
 // Joints: the base turns about y. Shoulder and elbow are the angles of the two links. The elbow's
 // angle is absolute: against the vertical, not against the first link.
-// Frames: D (mm, x right, y up, z towards the user). The stylus's gimbal counts as the tip. Angles
+// Frames: M (mm, x right, y up, z towards the user). The stylus's gimbal counts as the tip. Angles
 // in rad, torques in N mm.
 // Threads: pure functions. Real-time: no allocation, bounded.
 // Source: link lengths and offsets from two independent open drivers. We have not checked them on
@@ -47,10 +47,10 @@ Eigen::Quaterniond OmniOrientation(const OmniJoints& joints,
 Mat3 OmniJacobian(const OmniJoints& joints);
 
 // The joint torques that put this force on the hand.
-Vec3 OmniTorques_n_mm(const OmniJoints& joints, const Vec3& force_D_n);
+Vec3 OmniTorques_n_mm(const OmniJoints& joints, const Vec3& force_M_n);
 
 // Computes the joints for a position, with the elbow up: the arm cannot fold the other way. Returns
 // false, and sets nothing, if the links are too short or the position is on the base's axis.
-bool OmniJointsAt(const Vec3& p_D_mm, OmniJoints& joints);
+bool OmniJointsAt(const Vec3& p_M_mm, OmniJoints& joints);
 
 }  // namespace palpate

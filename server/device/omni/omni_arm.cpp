@@ -44,8 +44,8 @@ std::optional<std::uint32_t> OmniArm::Take(const OmniState& reading, DeviceState
     counts[n] = static_cast<std::int16_t>(reading.encoders[n] - zero_[n]);
   }
   joints_ = OmniJointsFromCounts(counts);
-  state = {.p_DHip_mm = OmniPosition(joints_),
-           .R_DS = OmniOrientation(joints_, reading.gimbal_rad),
+  state = {.p_MHip_mm = OmniPosition(joints_),
+           .R_MS = OmniOrientation(joints_, reading.gimbal_rad),
            .buttons = (reading.buttons[0] ? 1u : 0u) | (reading.buttons[1] ? 2u : 0u),
            .docked = reading.docked,
            .calibrated = calibrated_};
@@ -66,11 +66,11 @@ void OmniArm::Calibrate(const OmniState& reading) noexcept {
 
 // If a count exceeds the motors' range, all three are scaled down, so that the force keeps its
 // direction.
-OmniForce OmniArm::ForceOf(const Vec3& force_D_n, bool forces_on) const noexcept {
+OmniForce OmniArm::ForceOf(const Vec3& force_M_n, bool forces_on) const noexcept {
   if (!forces_on || !calibrated_ || !motor_counts_per_n_mm_) return {};
   const auto& gains = *motor_counts_per_n_mm_;
   Vec3 counts =
-      OmniTorques_n_mm(joints_, force_D_n).cwiseProduct(Vec3(gains[0], gains[1], gains[2]));
+      OmniTorques_n_mm(joints_, force_M_n).cwiseProduct(Vec3(gains[0], gains[1], gains[2]));
   if (!counts.allFinite()) return {};
   const double largest = counts.cwiseAbs().maxCoeff();
   if (largest > kOmniMotorRange) counts *= kOmniMotorRange / largest;

@@ -6,7 +6,7 @@
 // kinematics is the encoders' position while the stylus rests in its dock, after kOmniRestReadings
 // equal docked readings. Every docking sets the zero anew. Before the first docking of a
 // connection, and after each RequestCalibration, positions have no meaning and no force is given.
-// Frame D: as in kinematics.h, without an offset.
+// Frame M: as in kinematics.h, without an offset.
 //
 // Threads: one, but RequestCalibration on any. Real-time: no locks, no allocation.
 #pragma once
@@ -42,7 +42,7 @@ class OmniArm {
   std::optional<std::uint32_t> Take(const OmniState& reading, DeviceState& state) noexcept;
 
   // At the last reading. Disabled and zero if forces are off, or no force can be given.
-  OmniForce ForceOf(const Vec3& force_D_n, bool forces_on) const noexcept;
+  OmniForce ForceOf(const Vec3& force_M_n, bool forces_on) const noexcept;
 
   void RequestCalibration() noexcept { calibration_wanted_ = true; }
 

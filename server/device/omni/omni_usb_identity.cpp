@@ -22,8 +22,8 @@ constexpr std::size_t kTransferBytes = 512;
 std::size_t ReceiveWithin(UsbLink& link, std::span<std::uint8_t> bytes, milliseconds time) {
   try {
     return link.Receive(bytes, time);
-  } catch (const UsbError& error) {
-    if (error.fault() != UsbFault::kTimeout) throw;
+  } catch (const BusError& error) {
+    if (error.fault() != BusFault::kTimeout) throw;
     return 0;
   }
 }
@@ -53,13 +53,13 @@ std::string Ask(UsbLink& link, OmniUsbCommand query, OmniUsbCommand reply, const
   for (int n = 0; n < kTries && !stop; ++n) {
     try {
       link.Send(std::span(frame).first(bytes), kAnswerTime);
-    } catch (const UsbError& error) {
-      if (error.fault() != UsbFault::kTimeout) throw;
+    } catch (const BusError& error) {
+      if (error.fault() != BusFault::kTimeout) throw;
       continue;
     }
     if (auto answer = AwaitAnswer(link, reply.command, stop)) return *answer;
   }
-  throw UsbError(UsbFault::kTimeout, "on USB port " + link.found().port +
+  throw BusError(BusFault::kTimeout, "on USB port " + link.found().port +
                                          " the device does not tell its " + what +
                                          ": unplug it and plug it in again");
 }

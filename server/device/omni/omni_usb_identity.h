@@ -13,7 +13,7 @@
 namespace palpate {
 
 // Returns "serial ..., firmware ...", each with its printable characters, or "unknown" if there are
-// none. Throws UsbError: kTimeout if one of the two questions is not answered, or once `stop` is
+// none. Throws BusError: kTimeout if one of the two questions is not answered, or once `stop` is
 // true.
 std::string AskOmniUsbIdentity(UsbLink& link, const std::atomic<bool>& stop);
 

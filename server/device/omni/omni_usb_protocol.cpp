@@ -14,8 +14,8 @@ std::string Identify(UsbLink& link, const std::atomic<bool>& stop) {
   line.Open();
   try {
     return AskOmniUsbIdentity(link, stop);
-  } catch (const UsbError& error) {
-    if (error.fault() != UsbFault::kTimeout || stop) throw;
+  } catch (const BusError& error) {
+    if (error.fault() != BusFault::kTimeout || stop) throw;
   }
   line.Break();
   return AskOmniUsbIdentity(link, stop);
@@ -59,7 +59,7 @@ OmniUsbProtocol::OmniUsbProtocol(const std::string& port) : spec_(OmniUsbSpec())
 }
 
 std::string OmniUsbProtocol::SetUp(UsbLink& link, const std::atomic<bool>& stop) {
-  throw UsbError(UsbFault::kUnsuitable,
+  throw BusError(BusFault::kUnsuitable,
                  "on USB port " + link.found().port + " is " + Identify(link, stop) +
                      "; its servo frames over USB are not public: use it through the vendor's "
                      "driver (`openhaptics`), or see deploy/guides/devices.md to capture them");

@@ -6,7 +6,7 @@
 //
 // Verification level of all of it: none. We have not seen a device.
 //
-// Threads, real-time: as UsbProtocol. Errors: UsbError from SetUp.
+// Threads, real-time: as UsbProtocol. Errors: BusError from SetUp.
 #pragma once
 
 #include <atomic>
@@ -41,8 +41,11 @@ class OmniUsbProtocol final : public UsbProtocol {
 
   // Always throws; kUnsuitable has the device's identity and what to do.
   std::string SetUp(UsbLink& link, const std::atomic<bool>& stop) override;
-  UsbReceived Receive(std::span<const std::uint8_t>, DeviceState&) noexcept override { return {}; }
-  std::size_t Encode(const Vec3&, bool, std::span<std::uint8_t, kMaxFrameBytes>) noexcept override {
+  StreamReceived Receive(std::span<const std::uint8_t>, DeviceState&) noexcept override {
+    return {};
+  }
+  std::size_t Encode(const DeviceCommand&,
+                     std::span<std::uint8_t, kMaxFrameBytes>) noexcept override {
     return 0;
   }
   bool is_request_response() const override { return false; }

@@ -61,6 +61,8 @@ inline constexpr Enum kStyleInkwell = 4;
 struct Functions {
   Handle (*init_device)(const char* name) = nullptr;  // null: the default device
   void (*disable_device)(Handle) = nullptr;
+  // What follows acts on this device, except for what names another one.
+  void (*make_current)(Handle) = nullptr;
   void (*begin_frame)(Handle) = nullptr;
   void (*end_frame)(Handle) = nullptr;
   void (*enable)(Enum) = nullptr;

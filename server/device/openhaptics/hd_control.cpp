@@ -1,12 +1,12 @@
 #include "server/device/openhaptics/hd_control.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <thread>
 #include <utility>
 
 #include "common/error/error.h"
-#include "server/device/openhaptics/hd_errors.h"
 
 namespace palpate {
 namespace {
@@ -23,7 +23,6 @@ constexpr int kZeroFrames = 2;
 constexpr milliseconds kZeroFramesWait{50};
 constexpr std::chrono::seconds kTellAgain{10};
 constexpr int kMostErrors = 1000;
-constexpr std::size_t kMostEvents = 64;
 
 using Level = DeviceEvent::Level;
 
@@ -45,124 +44,151 @@ std::string HowToCalibrate(hd::Enum style) {
 
 }  // namespace
 
-HdControl::HdControl(const std::string& library_path, std::string device_name, double max_force_n)
+HdControl::HdControl(const std::string& library_path, const std::vector<std::string>& device_names,
+                     double max_force_n)
     : library_(library_path),
       hd_(library_.functions()),
-      servo_(hd_),
-      device_name_(std::move(device_name)),
-      max_force_n_(max_force_n) {}
-
-void HdControl::Run() {
-  do {
-    const std::optional<Session> session = SetUp();
-    if (session) Stream(*session);
-  } while (!Wait(milliseconds(kRetryMs)));
-  const std::lock_guard lock(mutex_);
-  done_ = true;
-  wake_.notify_all();
+      max_force_n_(max_force_n),
+      loop_(hd_),
+      link_("palpate-hd", 0) {
+  for (const std::string& name : device_names) {
+    devices_.push_back(std::make_unique<Device>(hd_, name));
+  }
 }
 
-std::optional<HdControl::Session> HdControl::SetUp() {
+void HdControl::Start() {
+  link_.Start(devices_.front()->servo.seat.log(),
+              [self = shared_from_this()] { return self->Connect(); });
+}
+
+bool HdControl::Stop(milliseconds longest) noexcept {
+  // At once, in case the thread waits for the library.
+  for (const auto& device : devices_) device->servo.BeginToStop();
+  return link_.Stop(longest);
+}
+
+milliseconds HdControl::Connect() {
+  std::vector<HdServo*> frames;
+  for (const auto& device : devices_) {
+    SetUp(*device);
+    if (device->is_set_up) frames.push_back(&device->servo);
+  }
+  if (!frames.empty()) {
+    loop_.Set(std::move(frames));
+    if (StartFrames()) Stream();
+    TearDown();
+  }
+  return DeviceLink::kRetry;
+}
+
+void HdControl::SetUp(Device& device) {
   NewestError();  // takes errors of earlier calls
-  const hd::Handle handle = hd_.init_device(device_name_.empty() ? nullptr : device_name_.c_str());
+  device.is_alive = device.is_set_up = false;
+  const hd::Handle handle = hd_.init_device(device.name.empty() ? nullptr : device.name.c_str());
   const hd::ErrorInfo error = NewestError();
   const bool has_handle = handle != hd::kInvalidHandle && handle <= hd::kGreatestHandle;
   if (error.code != 0 || !has_handle) {
     if (has_handle) hd_.disable_device(handle);
-    Fail("cannot set up the device: " +
-         (error.code != 0 ? hd::Describe(error) : "the HD library gave no device and no reason"));
-    return std::nullopt;
+    return Fail(device, "cannot set up the device: " +
+                            (error.code != 0 ? hd::Describe(error)
+                                             : "the HD library gave no device and no reason"));
   }
-  SetConnection(DeviceConnection::kConnecting);
-  Session session = Identify(handle);
-  if (StartFrames(session)) return session;
-  TearDown(session);
-  return std::nullopt;
+  device.is_alive = device.is_set_up = true;
+  device.silent_polls = 0;
+  device.servo.seat.SetConnection(DeviceConnection::kConnecting);
+  const HdConnection connection = Identify(handle, device.identity);
+  device.calibration_style = connection.calibration_style;
+  device.servo.Begin(connection);
 }
 
-HdControl::Session HdControl::Identify(hd::Handle handle) {
-  Session session;
-  session.connection.handle = handle;
+HdConnection HdControl::Identify(hd::Handle handle, std::string& identity) {
+  HdConnection connection{.handle = handle};
+  hd_.make_current(handle);
   const double stated_n = GetDouble(hd::kNominalMaxForce, max_force_n_);
-  session.connection.max_force_n =
-      stated_n > 0.0 ? std::fmin(stated_n, max_force_n_) : max_force_n_;
+  connection.max_force_n = stated_n > 0.0 ? std::fmin(stated_n, max_force_n_) : max_force_n_;
   int styles = 0;
   hd_.get_integerv(hd::kCalibrationStyle, &styles);
-  session.connection.calibration_style = NewestError().code == 0 ? OneStyle(styles) : 0;
+  connection.calibration_style = NewestError().code == 0 ? OneStyle(styles) : 0;
   char firmware[32];
   std::snprintf(firmware, sizeof firmware, "%g", GetDouble(hd::kDeviceFirmwareVersion, 0.0));
-  session.identity = GetText(hd::kDeviceModelType) + ", serial number " +
-                     GetText(hd::kDeviceSerialNumber) + ", firmware " + firmware;
-  return session;
+  identity = GetText(hd::kDeviceModelType) + ", serial number " + GetText(hd::kDeviceSerialNumber) +
+             ", firmware " + firmware;
+  return connection;
 }
 
-bool HdControl::StartFrames(Session& session) {
+bool HdControl::StartFrames() {
   hd_.set_scheduler_rate(kFramesHz);
   if (const hd::ErrorInfo error = NewestError(); error.code != 0) {
-    AddEvent(Level::kInfo, "the HD library keeps to its own rate: " + hd::Describe(error));
+    devices_.front()->servo.seat.log().Add(
+        Level::kInfo, "the HD library keeps to its own rate: " + hd::Describe(error));
   }
-  servo_.Begin(session.connection);
-  session.callback = hd_.schedule_asynchronous(&HdServo::Frame, &servo_, hd::kMaxSchedulerPriority);
+  callback_ = hd_.schedule_asynchronous(&HdLoop::Frame, &loop_, hd::kMaxSchedulerPriority);
   hd::ErrorInfo error = NewestError();
   if (error.code == 0) {
     hd_.start_scheduler();
     error = NewestError();
   }
   if (error.code == 0) return true;
-  Fail("the HD library does not start its loop: " + hd::Describe(error));
+  for (const auto& device : devices_) {
+    Fail(*device, "the HD library does not start its loop: " + hd::Describe(error));
+  }
   return false;
 }
 
-void HdControl::Stream(const Session& session) {
-  bool is_streaming = false;
-  int silent_polls = 0;
-  while (!Wait(kPoll)) {
-    TakeServoErrors();
-    if (!is_streaming && servo_.has_reading()) {
-      is_streaming = true;
-      BeStreaming(session);
+void HdControl::Stream() {
+  retry_beside_ = Clock::now() + kRetryBeside;
+  while (!link_.Wait(kPoll)) {
+    for (const auto& device : devices_) {
+      TakeErrors(*device);
+      if (device->is_alive) Watch(*device);
     }
-    if (IsLost(silent_polls)) break;
+    if (ShallSetUpAgain()) return;
   }
-  TearDown(session);
 }
 
-bool HdControl::IsLost(int& silent_polls) {
-  if (servo_.lost()) {
-    Fail("the device is lost: " + last_error_);
-    return true;
+void HdControl::Watch(Device& device) {
+  HdServo& servo = device.servo;
+  if (servo.lost()) return Fail(device, "the device is lost: " + device.last_error);
+  if (servo.has_reading() && !servo.seat.is_streaming()) {
+    servo.seat.BeStreaming("", device.identity);
   }
-  const double longest_ms = servo_.has_reading() ? HdServo::kSilentMs : kFirstReadingMs;
-  silent_polls = servo_.silent_ms() > longest_ms ? silent_polls + 1 : 0;
-  if (silent_polls < kSilentPolls) return false;
-  Fail("the HD library's loop stands still; restart the vendor's driver if it stays so");
-  return true;
+  const double longest_ms = servo.has_reading() ? DeviceSeat::kSilentMs : kFirstReadingMs;
+  device.silent_polls = servo.silent_ms() > longest_ms ? device.silent_polls + 1 : 0;
+  if (device.silent_polls < kSilentPolls) return;
+  Fail(device, "the HD library's loop stands still; restart the vendor's driver if it stays so");
 }
 
-void HdControl::BeStreaming(const Session& session) {
-  AddEvent(Level::kInfo, "readings come from " + session.identity);
-  const std::lock_guard lock(mutex_);
-  connection_ = DeviceConnection::kStreaming;
-  calibration_style_ = session.connection.calibration_style;
-  identity_ = session.identity;
-  problem_.clear();
-  ++connections_;
+bool HdControl::ShallSetUpAgain() const {
+  const auto is_alive = [](const auto& device) { return device->is_alive; };
+  if (std::ranges::all_of(devices_, is_alive)) return false;
+  if (std::ranges::none_of(devices_, is_alive)) return true;
+  return Clock::now() > retry_beside_ && std::ranges::none_of(devices_, [](const auto& device) {
+           return device->is_alive && device->servo.motors_on();
+         });
 }
 
 // Also ends a set-up that failed half-way. The library may refuse calls that have no effect; its
 // errors are ignored.
-void HdControl::TearDown(const Session& session) {
-  servo_.End();
-  servo_.BeginToStop();
+void HdControl::TearDown() {
+  for (const auto& device : devices_) {
+    device->servo.seat.SetConnection(DeviceConnection::kConnecting);
+    device->servo.BeginToStop();
+  }
   const Clock::time_point until = Clock::now() + kZeroFramesWait;
-  while (session.callback && servo_.zero_frames() < kZeroFrames && Clock::now() < until) {
+  const auto is_zero = [](const auto& device) {
+    return !device->is_set_up || device->servo.zero_frames() >= kZeroFrames;
+  };
+  while (callback_ && !std::ranges::all_of(devices_, is_zero) && Clock::now() < until) {
     std::this_thread::sleep_for(milliseconds(1));
   }
   hd_.stop_scheduler();
-  if (session.callback) hd_.unschedule(*session.callback);
-  hd_.disable_device(session.connection.handle);
+  if (callback_) hd_.unschedule(*callback_);
+  callback_.reset();
+  for (const auto& device : devices_) {
+    if (device->is_set_up) hd_.disable_device(device->servo.handle());
+    device->servo.seat.SetConnection(DeviceConnection::kAbsent);
+  }
   NewestError();
-  SetConnection(DeviceConnection::kAbsent);
 }
 
 // Takes all errors from the library and returns the newest.
@@ -185,96 +211,41 @@ std::string HdControl::GetText(hd::Enum name) {
   return NewestError().code == 0 && text != nullptr ? text : "unknown";
 }
 
-void HdControl::TakeServoErrors() {
+void HdControl::TakeErrors(Device& device) {
   hd::ErrorInfo error;
-  while (servo_.TryPopError(error)) {
-    last_error_ = hd::Describe(error);
+  while (device.servo.TryPopError(error)) {
+    device.last_error = hd::Describe(error);
     const Clock::time_point now = Clock::now();
-    const auto told = told_.find(error.code);
-    if (told != told_.end() && now - told->second < kTellAgain) continue;
-    told_[error.code] = now;
-    AddEvent(Level::kWarning, last_error_);
+    const auto told = device.told.find(error.code);
+    if (told != device.told.end() && now - told->second < kTellAgain) continue;
+    device.told[error.code] = now;
+    device.servo.seat.log().Add(Level::kWarning, device.last_error);
   }
-  const std::uint64_t calibrations = servo_.counts().calibrations.load();
-  if (calibrations != calibrations_) AddEvent(Level::kInfo, "the device was calibrated");
-  calibrations_ = calibrations;
-}
-
-// A repeated problem is reported once.
-void HdControl::Fail(const std::string& problem) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (problem_ == problem) return;
-    problem_ = problem;
+  const std::uint64_t calibrations = device.servo.calibrations();
+  if (std::exchange(device.calibrations, calibrations) != calibrations) {
+    device.servo.seat.log().Add(Level::kInfo, "the device was calibrated");
   }
-  AddEvent(Level::kError, problem);
 }
 
-void HdControl::SetConnection(DeviceConnection connection) {
-  const std::lock_guard lock(mutex_);
-  connection_ = connection;
+void HdControl::Fail(Device& device, const std::string& problem) {
+  device.is_alive = false;
+  device.servo.seat.SetConnection(DeviceConnection::kAbsent);
+  device.servo.seat.log().SetProblem(
+      problem + (devices_.size() == 1 ? ""
+                                      : "; it is set up again once the forces of the other "
+                                        "devices are off"));
 }
 
-bool HdControl::Wait(milliseconds longest) {
-  std::unique_lock lock(mutex_);
-  return wake_.wait_for(lock, longest, [this] { return stop_; });
+DeviceHealth HdControl::health(std::size_t n) const {
+  return devices_[n]->servo.seat.health(HowToCalibrate(devices_[n]->calibration_style));
 }
 
-void HdControl::RequestStop() {
-  // At once, in case the control thread waits for the library.
-  servo_.BeginToStop();
-  const std::lock_guard lock(mutex_);
-  stop_ = true;
-  wake_.notify_all();
-}
-
-bool HdControl::WaitUntilDone(milliseconds longest) {
-  std::unique_lock lock(mutex_);
-  return wake_.wait_for(lock, longest, [this] { return done_; });
-}
-
-DeviceHealth HdControl::health() const {
-  const HdCounts& counts = servo_.counts();
-  DeviceHealth health;
-  health.docked = servo_.docked();
-  health.readings = counts.readings;
-  health.forces_written = counts.forces_written;
-  health.corrupt_frames = counts.corrupt_frames;
-  health.transfer_errors = counts.transfer_errors;
-  health.watchdog_zeros = counts.watchdog_zeros;
-  const std::lock_guard lock(mutex_);
-  health.connection = connection_;
-  health.identity = identity_;
-  health.problem = problem_;
-  health.connections = connections_;
-  const bool is_streaming = connection_ == DeviceConnection::kStreaming;
-  health.calibrated = is_streaming && servo_.calibrated();
-  if (is_streaming && !health.calibrated) health.problem = HowToCalibrate(calibration_style_);
-  return health;
-}
-
-std::optional<DeviceEvent> HdControl::NextEvent() {
-  const std::lock_guard lock(mutex_);
-  if (events_.empty()) return std::nullopt;
-  DeviceEvent event = std::move(events_.front());
-  events_.pop_front();
-  return event;
-}
-
-void HdControl::AddEvent(Level level, std::string text) {
-  const std::lock_guard lock(mutex_);
-  if (events_.size() == kMostEvents) events_.pop_front();
-  events_.push_back({.level = level, .text = std::move(text)});
-}
-
-void HdControl::Calibrate() {
-  {
-    const std::lock_guard lock(mutex_);
-    if (connection_ == DeviceConnection::kStreaming && calibration_style_ == 0) {
-      throw Error(ErrorKind::kInvalidArgument, "this device needs no calibration");
-    }
+void HdControl::Calibrate(std::size_t n) {
+  Device& device = *devices_[n];
+  if (device.servo.seat.is_streaming() && device.calibration_style == 0) {
+    throw Error(ErrorKind::kInvalidArgument, "this device needs no calibration");
   }
-  servo_.RequestCalibration();
+  device.servo.RequestCalibration();
 }
 
 }  // namespace palpate

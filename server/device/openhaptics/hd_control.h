@@ -1,96 +1,93 @@
-// The control thread of an OpenHapticsDevice. It sets the device up, watches its frames, and
-// releases the device in this order: zero force, scheduler, callback, device.
+// The link of the HD library: a thread that sets its devices up, watches their frames, and releases
+// the devices in this order: zero force, scheduler, callback, devices.
 //
-// Threads: Run on the control thread, which alone calls the library's functions outside of frames.
-// All other functions on any ordinary thread. Not real-time.
+// The library has one scheduler for all devices. Whether a device may be set up while it runs is
+// not known. So a device that is missing or lost is left out, and all are set up again once the
+// forces of the others are off.
+//
+// Threads: Start and Stop on the main thread, all other functions on any ordinary thread. Of the
+// library's functions, those outside of frames are called on the link's thread alone.
+// Not real-time.
 // Errors: Error if the library is missing.
 #pragma once
 
+#include <atomic>
 #include <chrono>
-#include <condition_variable>
-#include <cstdint>
-#include <deque>
 #include <map>
-#include <mutex>
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "server/device/haptic_device.h"
 #include "server/device/openhaptics/hd_library.h"
 #include "server/device/openhaptics/hd_servo.h"
+#include "server/device/stream/device_link.h"
 
 namespace palpate {
 
-class HdControl {
+class HdControl : public std::enable_shared_from_this<HdControl> {
  public:
-  static constexpr int kRetryMs = 500;
+  // While other devices stream. Else DeviceLink::kRetry.
+  static constexpr std::chrono::milliseconds kRetryBeside{2000};
 
-  // max_force_n: the spec's limit. If the library states a lower limit, that limit applies.
-  HdControl(const std::string& library_path, std::string device_name, double max_force_n);
+  // device_names: as in the vendor's set-up; "": its default device. max_force_n: the spec's limit.
+  // If the library states a lower limit, that limit applies.
+  HdControl(const std::string& library_path, const std::vector<std::string>& device_names,
+            double max_force_n);
 
-  HdServo& servo() { return servo_; }
+  void Start();
+  // Returns false if the library does not let go in time. The thread then keeps this object.
+  bool Stop(std::chrono::milliseconds longest) noexcept;
 
-  // Runs until RequestStop.
-  void Run();
-  void RequestStop();
-  // Waits for the end of Run. Returns false at the timeout.
-  bool WaitUntilDone(std::chrono::milliseconds longest);
-
-  DeviceHealth health() const;
-  std::optional<DeviceEvent> NextEvent();
-  void AddEvent(DeviceEvent::Level level, std::string text);
-  void Calibrate();
+  HdServo& device(std::size_t n) { return devices_[n]->servo; }
+  DeviceHealth health(std::size_t n) const;
+  void Calibrate(std::size_t n);
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  struct Session {
-    HdConnection connection{};
-    std::optional<hd::SchedulerHandle> callback{};
+  struct Device {
+    Device(const hd::Functions& functions, std::string its_name)
+        : name(std::move(its_name)), servo(functions, name.empty() ? "openhaptics" : name) {}
+
+    const std::string name;
+    HdServo servo;
+    // The link's thread's.
+    bool is_set_up = false;
+    bool is_alive = false;
+    int silent_polls = 0;
+    std::uint64_t calibrations = 0;
     std::string identity{};
+    std::string last_error{};
+    std::map<unsigned int, Clock::time_point> told{};  // when each error code was last reported
+    std::atomic<hd::Enum> calibration_style{0};
   };
 
-  std::optional<Session> SetUp();
-  Session Identify(hd::Handle handle);
-  // Returns false if the library refuses. `session` is then ready for TearDown.
-  bool StartFrames(Session& session);
-  void Stream(const Session& session);
-  void TearDown(const Session& session);
-  bool IsLost(int& silent_polls);
-  void BeStreaming(const Session& session);
+  std::chrono::milliseconds Connect();
+  void SetUp(Device& device);
+  HdConnection Identify(hd::Handle handle, std::string& identity);
+  // Returns false if the library refuses.
+  bool StartFrames();
+  void Stream();
+  void TearDown();
+  void Watch(Device& device);
+  void TakeErrors(Device& device);
+  bool ShallSetUpAgain() const;
+  void Fail(Device& device, const std::string& problem);
 
   // Queries to the library.
   hd::ErrorInfo NewestError();
   double GetDouble(hd::Enum name, double otherwise);
   std::string GetText(hd::Enum name);
 
-  void TakeServoErrors();
-  void Fail(const std::string& problem);
-  void SetConnection(DeviceConnection connection);
-  // Returns true if the thread is to stop.
-  bool Wait(std::chrono::milliseconds longest);
-
   HdLibrary library_;
   const hd::Functions& hd_;
-  HdServo servo_;
-  const std::string device_name_;
   const double max_force_n_;
-
-  // Used by the control thread only.
-  std::map<unsigned int, Clock::time_point> told_;  // when each error code was last reported
-  std::string last_error_;
-  std::uint64_t calibrations_ = 0;
-
-  mutable std::mutex mutex_;  // guards the members below
-  std::condition_variable wake_;
-  bool stop_ = false;
-  bool done_ = false;
-  DeviceConnection connection_ = DeviceConnection::kAbsent;
-  hd::Enum calibration_style_ = 0;
-  std::uint64_t connections_ = 0;
-  std::string identity_;
-  std::string problem_;
-  std::deque<DeviceEvent> events_;
+  HdLoop loop_;
+  std::vector<std::unique_ptr<Device>> devices_;
+  std::optional<hd::SchedulerHandle> callback_{};  // the link's thread's
+  Clock::time_point retry_beside_{};
+  DeviceLink link_;
 };
 
 }  // namespace palpate

@@ -37,6 +37,7 @@ HdLibrary::HdLibrary(const std::string& path) {
   };
   resolve("hdInitDevice", functions_.init_device);
   resolve("hdDisableDevice", functions_.disable_device);
+  resolve("hdMakeCurrentDevice", functions_.make_current);
   resolve("hdBeginFrame", functions_.begin_frame);
   resolve("hdEndFrame", functions_.end_frame);
   resolve("hdEnable", functions_.enable);

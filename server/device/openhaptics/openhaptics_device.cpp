@@ -1,11 +1,9 @@
 #include "server/device/openhaptics/openhaptics_device.h"
 
 #include <chrono>
-#include <thread>
 #include <utility>
 
 #include "common/error/error.h"
-#include "server/device/openhaptics/hd_control.h"
 
 namespace palpate {
 namespace {
@@ -29,61 +27,51 @@ DeviceDescription TouchSpec() {
 
 }  // namespace
 
-struct OpenHapticsDevice::Control {
-  HdControl hd;
-  std::thread thread{};
-};
-
 OpenHapticsDevice::OpenHapticsDevice(OpenHapticsOptions options)
     : options_(std::move(options)), spec_(TouchSpec()) {}
 
 OpenHapticsDevice::~OpenHapticsDevice() { Stop(); }
 
 void OpenHapticsDevice::Start() {
-  if (control_ != nullptr && control_->thread.joinable()) {
-    throw Error(ErrorKind::kConflict, "the device is started already");
-  }
-  control_ = std::shared_ptr<Control>(
-      new Control{.hd = HdControl(options_.library, options_.device_name, spec_.max_force_n)});
-  control_->thread = std::thread([control = control_] { control->hd.Run(); });
+  if (is_started_) throw Error(ErrorKind::kConflict, "the device is started already");
+  control_ = std::make_shared<HdControl>(
+      options_.library, std::vector<std::string>{options_.device_name}, spec_.max_force_n);
+  control_->Start();
+  is_started_ = true;
 }
 
 void OpenHapticsDevice::Stop() noexcept {
-  if (control_ == nullptr || !control_->thread.joinable()) return;
-  control_->hd.RequestStop();
-  if (control_->hd.WaitUntilDone(std::chrono::milliseconds(kStopMs))) {
-    control_->thread.join();
-    return;
-  }
-  control_->hd.AddEvent(DeviceEvent::Level::kError,
-                        "the HD library does not release the device; the force on it is "
-                        "zero. Unplug the device and plug it in again before its next use");
-  control_->hd.servo().End();
-  control_->thread.detach();
+  if (!std::exchange(is_started_, false)) return;
+  if (control_->Stop(std::chrono::milliseconds(kStopMs))) return;
+  DeviceSeat& seat = control_->device(0).seat;
+  seat.log().Add(DeviceEvent::Level::kError,
+                 "the HD library does not release the device; the force on it is zero. Unplug the "
+                 "device and plug it in again before its next use");
+  seat.SetConnection(DeviceConnection::kAbsent);
 }
 
 DeviceStatus OpenHapticsDevice::Read(DeviceState& state) noexcept {
-  return control_ != nullptr ? control_->hd.servo().Read(state) : DeviceStatus::kFault;
+  return control_ != nullptr ? control_->device(0).Read(state) : DeviceStatus::kFault;
 }
 
-void OpenHapticsDevice::Write(const Vec3& force_D_n, double /*dt_s*/) noexcept {
-  if (control_ != nullptr) control_->hd.servo().Write(force_D_n, motors_on_);
+void OpenHapticsDevice::Write(const DeviceCommand& command, double /*dt_s*/) noexcept {
+  if (control_ != nullptr) control_->device(0).seat.Write(command);
 }
 
 DeviceHealth OpenHapticsDevice::health() const {
-  return control_ != nullptr ? control_->hd.health()
+  return control_ != nullptr ? control_->health(0)
                              : DeviceHealth{.connection = DeviceConnection::kAbsent};
 }
 
 std::optional<DeviceEvent> OpenHapticsDevice::NextEvent() {
-  return control_ != nullptr ? control_->hd.NextEvent() : std::nullopt;
+  return control_ != nullptr ? control_->device(0).seat.NextEvent() : std::nullopt;
 }
 
 void OpenHapticsDevice::Calibrate() {
   if (control_ == nullptr) {
     throw Error(ErrorKind::kUnavailable, "the device is not started: start the daemon first");
   }
-  control_->hd.Calibrate();
+  control_->Calibrate(0);
 }
 
 }  // namespace palpate

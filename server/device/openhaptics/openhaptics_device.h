@@ -1,13 +1,13 @@
 // A HapticDevice over the vendor's OpenHaptics (its HD library and device driver), for example a
 // Phantom Omni or a Touch on a workstation with OpenHaptics.
 //
-// The library runs frames on its own 1 kHz thread (hd_servo.h). A control thread sets the device
-// up, watches it and releases it. If the device is missing, lost or silent, the control thread
-// looks for it again every HdControl::kRetryMs.
+// The library runs frames on its own 1 kHz thread (hd_servo.h). A thread of ours sets the device
+// up, watches it and releases it (hd_control.h). If the device is missing, lost or silent, that
+// thread looks for it again every DeviceLink::kRetry.
 //
-// Frame D is the library's: mm, x right, y up, z towards the user.
+// Frame M is the library's: mm, x right, y up, z towards the user.
 // Threads: as HapticDevice. Of the library's functions, those of a frame run on the library's
-// thread, all others on the control thread.
+// thread, all others on our own.
 // Real-time: Read and Write are wait-free.
 // Ownership: one such device per process, because the library has one scheduler.
 // Errors: Start throws Error if the library is missing. A missing device is no error.
@@ -18,7 +18,7 @@
 #include <string>
 
 #include "server/device/haptic_device.h"
-#include "server/device/openhaptics/hd_library.h"
+#include "server/device/openhaptics/hd_control.h"
 
 namespace palpate {
 
@@ -42,8 +42,7 @@ class OpenHapticsDevice final : public HapticDevice {
   void Start() override;
   void Stop() noexcept override;
   DeviceStatus Read(DeviceState& state) noexcept override;
-  void Write(const Vec3& force_D_n, double dt_s) noexcept override;
-  void SetMotors(bool on) noexcept override { motors_on_ = on; }
+  void Write(const DeviceCommand& command, double dt_s) noexcept override;
   DeviceHealth health() const override;
   std::optional<DeviceEvent> NextEvent() override;
   // With an inkwell, calibrates when the stylus is next in the inkwell; without one, calibrates at
@@ -52,13 +51,11 @@ class OpenHapticsDevice final : public HapticDevice {
   void Calibrate() override;
 
  private:
-  struct Control;
-
   OpenHapticsOptions options_;
-  bool motors_on_ = false;  // the servo thread's
   DeviceDescription spec_;
-  // Shared with the control thread, which outlives this object if the library hangs.
-  std::shared_ptr<Control> control_;
+  // Shared with the thread, which outlives this object if the library hangs.
+  std::shared_ptr<HdControl> control_;
+  bool is_started_ = false;
 };
 
 }  // namespace palpate

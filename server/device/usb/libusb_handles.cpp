@@ -37,7 +37,7 @@ LibusbPtr<libusb_context> OpenLibusb() {
   const int error = libusb_init(&context);
   if (error == LIBUSB_SUCCESS) return LibusbPtr<libusb_context>(context);
   if (access(kUsbFolder, X_OK) != 0) {
-    throw UsbError(UsbFault::kAbsent, std::string("not found: this system has no USB (no ") +
+    throw BusError(BusFault::kAbsent, std::string("not found: this system has no USB (no ") +
                                           kUsbFolder + "); in a container, pass it in");
   }
   throw ErrorOf(error, "starting libusb");
@@ -66,26 +66,26 @@ std::vector<PluggedDevice> PluggedDevices(libusb_context* context,
   return plugged;
 }
 
-UsbError ErrorOf(int libusb_error, const std::string& what) {
-  const auto error = [&](UsbFault fault, const std::string& reason) {
-    return UsbError(fault, what + ": " + reason);
+BusError ErrorOf(int libusb_error, const std::string& what) {
+  const auto error = [&](BusFault fault, const std::string& reason) {
+    return BusError(fault, what + ": " + reason);
   };
   switch (libusb_error) {
     case LIBUSB_ERROR_NO_DEVICE:
     case LIBUSB_ERROR_NOT_FOUND:
-      return error(UsbFault::kAbsent, "the device is gone: plug it in again");
+      return error(BusFault::kAbsent, "the device is gone: plug it in again");
     case LIBUSB_ERROR_ACCESS:
-      return error(UsbFault::kPermission, std::string(kUsbPermissionHint));
+      return error(BusFault::kPermission, std::string(kUsbPermissionHint));
     case LIBUSB_ERROR_BUSY:
       return error(
-          UsbFault::kBusy,
+          BusFault::kBusy,
           "another program uses the device: end it (another palpated, the vendor's tools)");
     case LIBUSB_ERROR_PIPE:
-      return error(UsbFault::kStall, "the device refused");
+      return error(BusFault::kStall, "the device refused");
     case LIBUSB_ERROR_TIMEOUT:
-      return error(UsbFault::kTimeout, "no answer in time");
+      return error(BusFault::kTimeout, "no answer in time");
     default:
-      return error(UsbFault::kBroken,
+      return error(BusFault::kBroken,
                    std::string(libusb_error_name(libusb_error)) +
                        ": unplug the device and plug it in again, into another port if it stays");
   }
@@ -98,8 +98,8 @@ std::vector<UsbFound> FindUsbDevices(const std::vector<UsbMatch::Ids>& ids) {
     for (const PluggedDevice& plugged : PluggedDevices(context.get(), ids)) {
       all.push_back(plugged.found);
     }
-  } catch (const UsbError& error) {
-    if (error.fault() != UsbFault::kAbsent) throw;
+  } catch (const BusError& error) {
+    if (error.fault() != BusFault::kAbsent) throw;
   }
   return all;
 }

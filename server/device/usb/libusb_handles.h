@@ -37,6 +37,6 @@ std::vector<PluggedDevice> PluggedDevices(libusb_context* context,
                                           const std::vector<UsbMatch::Ids>& ids);
 
 // Returns an error to throw. `what`: the failed action, for example "opening it".
-UsbError ErrorOf(int libusb_error, const std::string& what);
+BusError ErrorOf(int libusb_error, const std::string& what);
 
 }  // namespace palpate

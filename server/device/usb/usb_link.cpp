@@ -21,14 +21,14 @@ LibusbPtr<libusb_device> Choose(libusb_context* context, const UsbMatch& match, 
   }
   if (plugged.empty()) {
     const std::string where = match.port.empty() ? "" : " on USB port " + match.port;
-    throw UsbError(UsbFault::kAbsent, "not found" + where + ": " + kSeeList);
+    throw BusError(BusFault::kAbsent, "not found" + where + ": " + kSeeList);
   }
   if (plugged.size() > 1) {
     std::string ports;
     for (const PluggedDevice& it : plugged) {
       ports += (ports.empty() ? "" : ", ") + it.found.port;
     }
-    throw UsbError(UsbFault::kAmbiguous, "several are plugged in, on USB ports " + ports +
+    throw BusError(BusFault::kAmbiguous, "several are plugged in, on USB ports " + ports +
                                              ": set [device] usb_port to one of them");
   }
   found = plugged.front().found;
@@ -86,12 +86,12 @@ UsbLink::Impl::Impl(const UsbMatch& match) : context(OpenLibusb()) {
   const LibusbPtr<libusb_device> device = Choose(context.get(), match, found);
   const std::string problem = match.problem_of ? match.problem_of(found.ids) : std::string();
   if (!problem.empty()) {
-    throw UsbError(UsbFault::kUnsuitable, "found on USB port " + found.port + ", but " + problem);
+    throw BusError(BusFault::kUnsuitable, "found on USB port " + found.port + ", but " + problem);
   }
   Open(device.get());
   libusb_config_descriptor* active = nullptr;
   if (libusb_get_active_config_descriptor(device.get(), &active) != LIBUSB_SUCCESS) {
-    throw UsbError(UsbFault::kUnsuitable, "found on USB port " + found.port +
+    throw BusError(BusFault::kUnsuitable, "found on USB port " + found.port +
                                               ", but it is not configured: unplug it and plug it "
                                               "in again");
   }
@@ -169,7 +169,7 @@ void UsbLink::Impl::FindEndpoints(const libusb_config_descriptor& configuration,
       return;
     }
   }
-  throw UsbError(UsbFault::kUnsuitable,
+  throw BusError(BusFault::kUnsuitable,
                  "found on USB port " + found.port + ", but it has no interface of class " +
                      std::to_string(data_class) +
                      " with a data endpoint each way: another device, or another mode of it");
@@ -191,7 +191,7 @@ std::size_t UsbLink::Impl::Transfer(const UsbEndpoint& endpoint, std::uint8_t* d
 }
 
 UsbStream& UsbLink::Impl::Stream() {
-  if (!stream) throw UsbError(UsbFault::kBroken, "there is no stream: start it first");
+  if (!stream) throw BusError(BusFault::kBroken, "there is no stream: start it first");
   return *stream;
 }
 
@@ -225,7 +225,7 @@ std::size_t UsbLink::Receive(std::span<std::uint8_t> bytes, milliseconds timeout
 
 void UsbLink::StartStream(std::size_t transfer_bytes, Receiver receive,
                           std::span<const std::uint8_t> safe_frame) {
-  if (impl_->stream) throw UsbError(UsbFault::kBroken, "there is a stream: end it first");
+  if (impl_->stream) throw BusError(BusFault::kBroken, "there is a stream: end it first");
   impl_->stream =
       std::make_unique<UsbStream>(impl_->context.get(), impl_->handle.get(), impl_->in, impl_->out,
                                   transfer_bytes, std::move(receive), safe_frame);

@@ -4,7 +4,7 @@
 // Real-time: none. The stream's transfers are allocated before the stream starts.
 // Ownership: the destructor cancels transfers under way, closes the device, and attaches the
 // kernel's driver again.
-// Errors: UsbError.
+// Errors: BusError.
 #pragma once
 
 #include <chrono>
@@ -13,35 +13,13 @@
 #include <functional>
 #include <memory>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "server/device/stream/bus_error.h"
+
 namespace palpate {
-
-enum class UsbFault : std::uint8_t {
-  kAbsent,      // not found, or unplugged
-  kPermission,  // found, but this user may not open it
-  kBusy,        // another program has claimed it
-  kAmbiguous,   // several match and the configuration names none
-  kUnsuitable,  // lacks the expected interfaces or endpoints
-  kStall,       // an endpoint refused
-  kTimeout,     // no answer in time
-  kCorrupt,     // an invalid answer
-  kBroken,      // any other failure of the bus
-};
-
-// what() is one line: what is wrong, and what to do.
-class UsbError : public std::runtime_error {
- public:
-  UsbError(UsbFault fault, const std::string& message)
-      : std::runtime_error(message), fault_(fault) {}
-  UsbFault fault() const { return fault_; }
-
- private:
-  UsbFault fault_;
-};
 
 // Selects a device and its data interface.
 struct UsbMatch {

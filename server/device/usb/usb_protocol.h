@@ -1,5 +1,5 @@
-// The protocol of one kind of USB device: what the bytes mean. UsbDevice does the rest: thread,
-// exchange, watchdog and transfer.
+// The protocol of one kind of USB device: what the bytes mean. StreamedDevice and UsbBus do the
+// rest: thread, exchange, watchdog and transfer.
 //
 // Threads: the I/O thread; spec and match on any thread. Real-time: Receive and Encode do not
 // allocate, lock or throw.
@@ -11,16 +11,10 @@
 #include <string>
 
 #include "server/device/haptic_device.h"
+#include "server/device/stream/streamed_device.h"
 #include "server/device/usb/usb_link.h"
 
 namespace palpate {
-
-struct UsbReceived {
-  bool has_reading = false;    // at least one whole, valid frame; the newest one is in the state
-  std::uint32_t readings = 0;  // whole, valid frames
-  std::uint32_t lost_readings = 0;  // from gaps in their numbers
-  std::uint32_t corrupt_frames = 0;
-};
 
 class UsbProtocol {
  public:
@@ -33,17 +27,17 @@ class UsbProtocol {
 
   // Brings an opened device to the state in which it streams, and forgets the previous connection.
   // Waits for answers, for seconds at most; gives up soon after `stop` becomes true. Returns the
-  // device's identity, for people. Throws UsbError.
+  // device's identity, for people. Throws BusError.
   virtual std::string SetUp(UsbLink& link, const std::atomic<bool>& stop) = 0;
 
   // Takes the bytes of one IN transfer. They may hold parts of frames; an unfinished frame is kept.
   // Sets `state` if there is a reading.
-  virtual UsbReceived Receive(std::span<const std::uint8_t> bytes, DeviceState& state) noexcept = 0;
+  virtual StreamReceived Receive(std::span<const std::uint8_t> bytes,
+                                 DeviceState& state) noexcept = 0;
 
-  // Writes the frame that puts this force on the hand at the last position of the stylus, and
-  // returns its length in bytes. If forces_on is false, the frame switches the motors off, whatever
-  // the force.
-  virtual std::size_t Encode(const Vec3& force_D_n, bool forces_on,
+  // Writes the frame that does this at the last position of the stylus, and returns its length in
+  // bytes. If the motors are to be off, the frame switches them off, whatever the force.
+  virtual std::size_t Encode(const DeviceCommand& command,
                              std::span<std::uint8_t, kMaxFrameBytes> out) noexcept = 0;
 
   // True: the device answers each force with one reading. False: the device streams by itself, and

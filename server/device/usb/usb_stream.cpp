@@ -61,13 +61,13 @@ void UsbStream::Wait(microseconds longest) {
   if (in_.stalled) Mend(in_);
   if (out_.stalled) Mend(out_);
   if (has_idle) SubmitIdle();
-  if (failure_) throw UsbError(*failure_);
+  if (failure_) throw BusError(*failure_);
 }
 
 bool UsbStream::TrySend(std::span<const std::uint8_t> bytes) {
   if (ending_ || failure_ || out_.stalled || out_transfer_.under_way) return false;
   if (bytes.size() > out_transfer_.buffer.size()) {
-    Fail(UsbFault::kBroken, "a frame of more than 512 bytes was to be sent");
+    Fail(BusFault::kBroken, "a frame of more than 512 bytes was to be sent");
     return false;
   }
   std::copy(bytes.begin(), bytes.end(), out_transfer_.buffer.begin());
@@ -110,7 +110,7 @@ bool UsbStream::Judge(libusb_transfer_status status, Direction& direction) {
     case LIBUSB_TRANSFER_CANCELLED:
       return false;
     case LIBUSB_TRANSFER_NO_DEVICE:
-      Fail(UsbFault::kAbsent, "unplugged");
+      Fail(BusFault::kAbsent, "unplugged");
       return false;
     case LIBUSB_TRANSFER_STALL:
       ++transfer_errors_;
@@ -118,7 +118,7 @@ bool UsbStream::Judge(libusb_transfer_status status, Direction& direction) {
       return false;
     case LIBUSB_TRANSFER_TIMED_OUT:
       ++transfer_errors_;
-      Fail(UsbFault::kTimeout, "no force taken for " + std::to_string(kOutTimeout.count()) + " ms");
+      Fail(BusFault::kTimeout, "no force taken for " + std::to_string(kOutTimeout.count()) + " ms");
       return false;
     default:
       CountError(direction);
@@ -131,7 +131,7 @@ void UsbStream::CountError(Direction& direction) {
   const steady_clock::time_point now = steady_clock::now();
   if (!direction.failing_since) direction.failing_since = now;
   if (now - *direction.failing_since > kErrorTime) {
-    Fail(UsbFault::kBroken, "transfers fail: check the cable and the port");
+    Fail(BusFault::kBroken, "transfers fail: check the cable and the port");
   }
 }
 
@@ -140,7 +140,7 @@ void UsbStream::Submit(Transfer& transfer, Direction& direction) {
   transfer.under_way = error == LIBUSB_SUCCESS;
   if (error == LIBUSB_SUCCESS) return;
   if (error == LIBUSB_ERROR_NO_DEVICE) {
-    Fail(UsbFault::kAbsent, "unplugged");
+    Fail(BusFault::kAbsent, "unplugged");
   } else if (error == LIBUSB_ERROR_PIPE) {
     ++transfer_errors_;
     direction.stalled = true;
@@ -152,12 +152,12 @@ void UsbStream::Submit(Transfer& transfer, Direction& direction) {
 void UsbStream::Mend(Direction& direction) {
   if (failure_) return;
   if (++direction.stalls >= kMaxStalls) {
-    Fail(UsbFault::kStall, "endpoint stalled " + std::to_string(kMaxStalls) + " times");
+    Fail(BusFault::kStall, "endpoint stalled " + std::to_string(kMaxStalls) + " times");
     return;
   }
   if (&direction == &in_) SendSafeFrame();
   if (&direction == &in_ && !BringBack(in_transfers_)) {
-    Fail(UsbFault::kBroken, "transfers do not end");
+    Fail(BusFault::kBroken, "transfers do not end");
     return;
   }
   direction.stalled = false;
@@ -213,7 +213,7 @@ bool UsbStream::BringBack(std::span<Transfer> transfers) noexcept {
   return is_back();
 }
 
-void UsbStream::Fail(UsbFault fault, const std::string& message) {
+void UsbStream::Fail(BusFault fault, const std::string& message) {
   if (!failure_) failure_.emplace(fault, message);
 }
 

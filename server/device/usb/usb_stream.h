@@ -7,7 +7,7 @@
 // Threads: as UsbLink. Ownership: borrows the context and the handle. Transfers that End could not
 // bring back belong to the kernel until the handle is closed: close the handle before this object
 // is destroyed.
-// Errors: UsbError, thrown by Wait only.
+// Errors: BusError, thrown by Wait only.
 #pragma once
 
 #include <libusb.h>
@@ -85,7 +85,7 @@ class UsbStream {
   void SubmitIdle();
   void HandleEvents(std::chrono::microseconds longest);
   bool BringBack(std::span<Transfer> transfers) noexcept;
-  void Fail(UsbFault fault, const std::string& message);
+  void Fail(BusFault fault, const std::string& message);
 
   libusb_context* context_;
   libusb_device_handle* handle_;
@@ -96,7 +96,7 @@ class UsbStream {
   std::array<Transfer, kInTransfers> in_transfers_;
   Transfer out_transfer_;
   bool ending_ = false;
-  std::optional<UsbError> failure_;
+  std::optional<BusError> failure_;
   std::uint64_t transfer_errors_ = 0;
 };
 

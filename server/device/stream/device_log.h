@@ -25,7 +25,8 @@ class DeviceLog {
 
   // Sets the present problem and what to do; "": none. Adds a log line if the problem is new.
   void SetProblem(const std::string& problem);
-  void SetConnected(const std::string& port, const std::string& identity);
+  // place: such as "USB port 1-2"; "": it has none.
+  void SetConnected(const std::string& place, const std::string& identity);
   void Add(DeviceEvent::Level level, const std::string& text);
 
   std::optional<DeviceEvent> Next();

@@ -1,4 +1,4 @@
-#include "server/device/usb/device_log.h"
+#include "server/device/stream/device_log.h"
 
 #include <utility>
 
@@ -13,12 +13,12 @@ void DeviceLog::SetProblem(const std::string& problem) {
   if (!problem.empty()) Push(DeviceEvent::Level::kWarning, name_ + ": " + problem);
 }
 
-void DeviceLog::SetConnected(const std::string& port, const std::string& identity) {
+void DeviceLog::SetConnected(const std::string& place, const std::string& identity) {
   const std::lock_guard lock(mutex_);
   problem_.clear();
   identity_ = identity;
-  Push(DeviceEvent::Level::kInfo,
-       name_ + " on USB port " + port + ": connected" + (identity.empty() ? "" : ", " + identity));
+  Push(DeviceEvent::Level::kInfo, name_ + (place.empty() ? "" : " on " + place) + ": connected" +
+                                      (identity.empty() ? "" : ", " + identity));
 }
 
 void DeviceLog::Add(DeviceEvent::Level level, const std::string& text) {

@@ -1,0 +1,93 @@
+#include "server/device/stream/device_seat.h"
+
+#include "server/realtime/tick_timer.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::int64_t kNsPerMs = 1'000'000;
+constexpr std::int64_t kCorruptReportNs = 1000 * kNsPerMs;
+
+}  // namespace
+
+DeviceStatus DeviceSeat::Read(DeviceState& state) noexcept {
+  if (!is_streaming()) return DeviceStatus::kFault;
+  const Reading& newest = readings_.Read();
+  state = newest.state;
+  const std::int64_t age_ns = MonotonicNowNs() - newest.time_ns;
+  if (age_ns > kSilentMs * kNsPerMs) return DeviceStatus::kFault;
+  const bool is_stale = age_ns > kStaleAfterMs * kNsPerMs || watchdog_holds_;
+  return is_stale ? DeviceStatus::kStale : DeviceStatus::kOk;
+}
+
+void DeviceSeat::Write(const DeviceCommand& command) noexcept {
+  commands_.Write({.command = command, .time_ns = MonotonicNowNs()});
+}
+
+void DeviceSeat::Take(const DeviceState& state) noexcept {
+  const std::int64_t now_ns = MonotonicNowNs();
+  docked_ = state.docked;
+  calibrated_ = state.calibrated;
+  readings_.Write({.state = state, .time_ns = now_ns});
+  newest_ns_.store(now_ns, std::memory_order_release);
+}
+
+DeviceCommand DeviceSeat::Next() noexcept {
+  const Command& newest = commands_.Read();
+  if (newest.time_ns == 0) return {};
+  const bool is_silent = MonotonicNowNs() - newest.time_ns > kServoSilentMs * kNsPerMs;
+  if (is_silent) ++counts.watchdog_zeros;
+  if (is_silent || !newest.command.wrench_M.allFinite()) {
+    watchdog_holds_ = true;
+  } else if (newest.command.wrench_M.is_zero()) {
+    watchdog_holds_ = false;
+  }
+  const bool may_push = !watchdog_holds_ && newest.command.motors_on;
+  return may_push ? newest.command : DeviceCommand();
+}
+
+void DeviceSeat::BeStreaming(const std::string& place, const std::string& identity) {
+  ++counts.connections;
+  log_.SetConnected(place, identity);
+  SetConnection(DeviceConnection::kStreaming);
+}
+
+void DeviceSeat::SetConnection(DeviceConnection connection) noexcept {
+  if (connection == DeviceConnection::kAbsent) docked_ = calibrated_ = false;
+  connection_ = connection;
+}
+
+DeviceHealth DeviceSeat::health(const std::string& hint) const {
+  DeviceHealth health{.connection = connection_,
+                      .docked = docked_,
+                      .calibrated = calibrated_,
+                      .readings = counts.readings,
+                      .forces_written = counts.forces_written,
+                      .lost_readings = counts.lost_readings,
+                      .corrupt_frames = counts.corrupt_frames,
+                      .transfer_errors = counts.transfer_errors,
+                      .connections = counts.connections,
+                      .watchdog_zeros = counts.watchdog_zeros};
+  log_.FillIn(health);
+  const bool is_lost = health.connection == DeviceConnection::kStreaming && !health.calibrated;
+  if (health.problem.empty() && is_lost) health.problem = hint;
+  return health;
+}
+
+std::optional<DeviceEvent> DeviceSeat::NextEvent() {
+  ReportCorruptFrames();
+  return log_.Next();
+}
+
+void DeviceSeat::ReportCorruptFrames() {
+  const std::int64_t now_ns = MonotonicNowNs();
+  const std::lock_guard lock(report_mutex_);
+  const std::uint64_t all = counts.corrupt_frames, untold = all - corrupt_frames_told_;
+  if (untold == 0 || now_ns - corrupt_report_ns_ < kCorruptReportNs) return;
+  log_.Add(DeviceEvent::Level::kWarning,
+           std::to_string(untold) + " corrupt frame" + (untold == 1 ? "" : "s") + " dropped");
+  corrupt_frames_told_ = all;
+  corrupt_report_ns_ = now_ns;
+}
+
+}  // namespace palpate

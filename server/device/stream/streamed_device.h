@@ -1,0 +1,105 @@
+// A HapticDevice on a bus whose I/O thread is ours, such as USB. It looks for the device, sets it
+// up, exchanges the newest values between bus and servo, and lets go of the device in order.
+//
+//            found            set up                 unplugged, silent, broken
+//   absent --------> connecting --------> streaming --------------------------> absent
+//     ^                  | refuses            |
+//     +------------------+                    | Stop: zero force, motors off, release
+//                                             v
+//                                            end
+//
+// DeviceSeat says what Read returns, and what happens if the servo is silent. A device that is
+// silent for DeviceSeat::kSilentMs counts as lost. The I/O thread looks for a device every
+// DeviceLink::kRetry, or every kUnsuitableRetry if the device it found cannot be used.
+//
+// Threads: as HapticDevice. Only the I/O thread uses the bus.
+// Real-time: Read and Write are wait-free. The I/O thread asks for SCHED_FIFO, one priority below
+// the servo.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "server/device/haptic_device.h"
+#include "server/device/stream/bus_error.h"
+
+namespace palpate {
+
+struct StreamReceived {
+  bool has_reading = false;    // at least one whole, valid frame; the newest one is in the state
+  std::uint32_t readings = 0;  // whole, valid frames
+  std::uint32_t lost_readings = 0;  // from gaps in their numbers
+  std::uint32_t corrupt_frames = 0;
+};
+
+// An opened device. The destructor closes it.
+//
+// Threads: the I/O thread. Errors: BusError.
+class StreamSession {
+ public:
+  virtual ~StreamSession() = default;
+
+  // Brings the device to the state in which it streams. Waits for answers, for seconds at most;
+  // gives up soon after `stop` becomes true.
+  virtual void SetUp(const std::atomic<bool>& stop) = 0;
+  virtual std::string place() const = 0;     // for people, such as "USB port 1-2"
+  virtual std::string identity() const = 0;  // after SetUp; the same
+  // Handles what is due, for at most this long. Sets `state` if there is a reading. Throws what
+  // ended the stream.
+  virtual StreamReceived Wait(std::chrono::microseconds longest, DeviceState& state) = 0;
+  // Sends the command. Returns false if the last one is still under way; the caller then tries
+  // again with a newer one.
+  virtual bool TrySend(const DeviceCommand& command) = 0;
+  // The number of transfers that failed and were tried again.
+  virtual std::uint64_t transfer_errors() const = 0;
+  // Switches the motors off and stops the device; waits for a bounded time. Tried even if the
+  // device seems to be gone: motors that keep their last force are worse than a failed transfer.
+  // Returns true if the last zero force was sent.
+  virtual bool LetGo() noexcept = 0;
+};
+
+// A kind of device on a bus.
+class StreamBus {
+ public:
+  virtual ~StreamBus() = default;
+
+  virtual const DeviceDescription& spec() const = 0;
+  // Finds the device and opens it. Throws BusError.
+  virtual std::unique_ptr<StreamSession> Open() = 0;
+  // True: the device answers each force with one reading. False: the device streams by itself, and
+  // a force is also sent if no reading came for a period.
+  virtual bool is_request_response() const { return false; }
+  // What a person must do before the first calibrated reading, one line. Any thread.
+  virtual std::string calibration_hint() const = 0;
+  // Makes the next docked reading the place of rest. Returns false if the device has none. Any
+  // thread.
+  virtual bool RequestCalibration() noexcept { return false; }
+};
+
+class StreamedDevice final : public HapticDevice {
+ public:
+  static constexpr std::chrono::milliseconds kUnsuitableRetry{5000};
+
+  // thread_name, realtime_priority: the I/O thread's, as in DeviceLink.
+  StreamedDevice(std::unique_ptr<StreamBus> bus, const std::string& thread_name,
+                 int realtime_priority);
+  ~StreamedDevice() override;
+
+  const DeviceDescription& spec() const override;
+  void Start() override;
+  void Stop() noexcept override;
+  DeviceStatus Read(DeviceState& state) noexcept override;
+  void Write(const DeviceCommand& command, double dt_s) noexcept override;
+  DeviceHealth health() const override;
+  std::optional<DeviceEvent> NextEvent() override;
+  void Calibrate() override;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace palpate
