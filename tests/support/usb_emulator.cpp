@@ -1,7 +1,6 @@
 #include "tests/support/usb_emulator.h"
 
 #include <algorithm>
-#include <chrono>
 
 namespace palpate::test {
 namespace {
@@ -25,12 +24,6 @@ void PutInterface(const UsbInterfaceSpec& part, std::size_t number, Bytes& bytes
 }
 
 }  // namespace
-
-std::int64_t NowNs() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
 
 Bytes MakeUsbDescriptors(const UsbSpec& spec) {
   Bytes device = {18, 1, 0x00, 0x02, spec.device_class, 0, 0, 64};

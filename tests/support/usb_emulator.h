@@ -22,16 +22,13 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/emulated.h"
+
 namespace palpate {
 class UsbLink;
 }
 
 namespace palpate::test {
-
-using Bytes = std::vector<std::uint8_t>;
-
-// CLOCK_MONOTONIC, as in PoseSample.time_ns.
-std::int64_t NowNs();
 
 struct UsbEndpointSpec {
   std::uint8_t address = 0;  // bit 7: towards the host

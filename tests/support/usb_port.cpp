@@ -18,29 +18,6 @@ namespace {
 constexpr std::size_t kSetupBytes = 8;
 constexpr std::uint8_t kIn = 0x80;
 
-// The client's memory behind the ioctl's argument; owned by the caller.
-UMockdevIoctlData* Argument(UMockdevIoctlClient* client, std::size_t bytes) {
-  return umockdev_ioctl_data_resolve(umockdev_ioctl_client_get_arg(client), 0, bytes, nullptr);
-}
-
-template <class T>
-T ArgumentValue(UMockdevIoctlClient* client) {
-  T value{};
-  if (UMockdevIoctlData* data = Argument(client, sizeof(T))) {
-    std::memcpy(&value, data->data, sizeof(T));
-    umockdev_ioctl_data_unref(data);
-  }
-  return value;
-}
-
-template <class T>
-void SetArgument(UMockdevIoctlClient* client, const T& value) {
-  if (UMockdevIoctlData* data = Argument(client, sizeof(T))) {
-    std::memcpy(data->data, &value, sizeof(T));
-    umockdev_ioctl_data_unref(data);
-  }
-}
-
 UsbSetup ReadSetup(std::span<const std::uint8_t> bytes) {
   const auto word = [&](std::size_t at) {
     return static_cast<std::uint16_t>(bytes[at] | bytes[at + 1] << 8);

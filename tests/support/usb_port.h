@@ -5,30 +5,28 @@
 // under the device's mutex.
 #pragma once
 
-#include <umockdev.h>
-
 #include <list>
 #include <set>
 #include <string>
 
+#include "tests/support/umockdev_bus.h"
 #include "tests/support/usb_emulator.h"
 
 struct usbdevfs_urb;
 
 namespace palpate::test {
 
-class UsbPort {
+class UsbPort final : public UmockdevNode {
  public:
   // `node`: path of the pipe that replaces the device's node.
   UsbPort(EmulatedUsbDevice& device, const std::string& node, bool may_open);
-  ~UsbPort();
+  ~UsbPort() override;
   UsbPort(const UsbPort&) = delete;
   UsbPort& operator=(const UsbPort&) = delete;
 
-  void Closed(UMockdevIoctlClient* client);
-  // Answers the ioctl.
-  void HandleIoctl(UMockdevIoctlClient* client);
-  void Millisecond();
+  void Closed(UMockdevIoctlClient* client) override;
+  void HandleIoctl(UMockdevIoctlClient* client) override;
+  void Millisecond() override;
   // Removes the device: later calls find none.
   void Pull();
 
