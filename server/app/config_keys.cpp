@@ -217,6 +217,11 @@ Setters DeviceSetters() {
              "is no key any more: the servo frames of a Touch on USB are not public, and palpated "
              "sends no guessed ones; use kind = \"openhaptics\", with the vendor's driver");
        }},
+      {"device.motor_counts_per_n_mm",
+       [](E e, C c) {
+         const Vec3 counts = e.Triple();
+         c.device.motor_counts_per_n_mm = {counts.x(), counts.y(), counts.z()};
+       }},
       {"device.falcon_firmware", [](E e, C c) { c.device.falcon_firmware = e.Text(); }},
       {"device.openhaptics_library", [](E e, C c) { c.device.openhaptics_library = e.Text(); }},
       {"device.openhaptics_name", [](E e, C c) { c.device.openhaptics_name = e.Text(); }},

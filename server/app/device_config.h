@@ -3,6 +3,7 @@
 // Threads: main, at start.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -20,6 +21,8 @@ struct DeviceConfig {
   std::string replay_file;          // for `replay`: a recording
   std::string usb_port;             // for example "1-2"; "": the only device
   std::string falcon_firmware;      // for `falcon`: a file
+  // For `omni-firewire`, see OmniArm. Absent: its motors stay off.
+  std::optional<std::array<double, 3>> motor_counts_per_n_mm;
   std::string openhaptics_library;  // for `openhaptics`; "": the system searches for libHD.so
   std::string openhaptics_name;     // as in the vendor's set-up; "": the vendor's default
 };

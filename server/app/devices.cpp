@@ -7,8 +7,11 @@
 #include "common/error/error.h"
 #include "server/device/explore_script.h"
 #include "server/device/falcon/falcon_protocol.h"
+#include "server/device/firewire/fw_finder.h"
 #include "server/device/guided_script.h"
 #include "server/device/led_script.h"
+#include "server/device/omni/omni_firewire.h"
+#include "server/device/omni/omni_serial.h"
 #include "server/device/omni/omni_usb_protocol.h"
 #include "server/device/openhaptics/openhaptics_device.h"
 #include "server/device/press_script.h"
@@ -20,7 +23,8 @@
 namespace palpate {
 namespace {
 
-constexpr std::string_view kKinds = "simulated, replay, omni-usb, falcon or openhaptics";
+constexpr std::string_view kKinds =
+    "simulated, replay, omni-firewire, omni-usb, falcon or openhaptics";
 
 std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config, HandInboxes& inboxes) {
   constexpr std::uint64_t kSeed = 1;
@@ -56,6 +60,13 @@ std::unique_ptr<UsbProtocol> MakeFalcon(const DeviceConfig& config) {
 std::unique_ptr<HapticDevice> OnUsb(std::unique_ptr<UsbProtocol> protocol, int priority) {
   return std::make_unique<StreamedDevice>(std::make_unique<UsbBus>(std::move(protocol)),
                                           "palpate-usb", priority);
+}
+
+std::unique_ptr<HapticDevice> MakeOmniFirewire(const DeviceConfig& config, int priority) {
+  return std::make_unique<StreamedDevice>(
+      std::make_unique<OmniFirewireBus>(OmniFirewireOptions{
+          .serial = config.serial, .motor_counts_per_n_mm = config.motor_counts_per_n_mm}),
+      "palpate-fw", priority);
 }
 
 OpenHapticsOptions OpenHapticsOptionsOf(const DeviceConfig& config) {
@@ -120,10 +131,32 @@ void AppendUsb(const DeviceDescription& spec, const std::vector<UsbMatch::Ids>& 
   }
 }
 
+void AppendOmniFirewire(const DeviceConfig& config, std::vector<ListedDevice>& devices) {
+  ListedDevice listed = Listed(OmniFirewireSpec(config.motor_counts_per_n_mm.has_value()));
+  const std::vector<FwFound> found = FindFwNodes(kOmniVendor);
+  for (const FwFound& one : found) {
+    listed.port = one.node;
+    listed.serial = OmniSerialOf(one.guid);
+    listed.problem = one.may_open ? "" : kFwPermissionHint;
+    listed.usable = one.may_open;
+    devices.push_back(listed);
+  }
+  if (!found.empty()) return;
+  const std::string problem = OmniFirewireProblem();
+  listed.problem = "not found: " + (problem.empty() ? "plug it in and switch it on" : problem);
+  listed.usable = false;
+  devices.push_back(listed);
+}
+
 }  // namespace
 
 std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority,
                                          HandInboxes& hand) {
+  if (!config.serial.empty() && config.kind != "omni-firewire") {
+    throw Error(ErrorKind::kInvalidArgument,
+                "[device] serial chooses among devices of kind omni-firewire only");
+  }
+  if (config.kind == "omni-firewire") return MakeOmniFirewire(config, realtime_priority);
   if (config.kind == "simulated") return MakeSimulated(config, hand);
   if (config.kind == "replay") return MakeReplay(config);
   if (config.kind == "omni-usb") {
@@ -141,6 +174,7 @@ std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtim
 
 std::vector<ListedDevice> ListDevices(const DeviceConfig& config) {
   std::vector<ListedDevice> devices = {Listed(SimulatedDeviceSpec()), ListedReplay(config)};
+  AppendOmniFirewire(config, devices);
   AppendUsb(OmniUsbSpec(), OmniUsbIds(), OmniUsbProblem, devices);
   const FalconProtocol falcon(FalconOptions{});
   const auto none = [](const UsbMatch::Ids&) { return std::string(); };

@@ -45,7 +45,11 @@ class OmniArmTest : public ::testing::Test {
     const OmniForce force = arm_->ForceOf(force_D_n, forces_on);
     return !force.force_enabled && force.motors == std::array<int, 3>{};
   }
-  bool IsAtRest() const { return (state_.p_MHip_mm - Vec3(0, -110, -35)).norm() < 1e-9; }
+  // In the dock the shoulder is at 0.23 rad and the elbow at -0.37 rad, after a public driver.
+  bool IsAtRest() const {
+    return (state_.p_MHip_mm - Published({0.0, 0.23, -0.37})).norm() < 1e-9 &&
+           (state_.p_MHip_mm - Vec3(0.0, -70.6, -86.7)).norm() < 0.1;
+  }
 
   std::optional<OmniArm> arm_{std::in_place};
   DeviceState state_;
@@ -66,9 +70,9 @@ TEST_F(OmniArmTest, APositionIsThatOfThePublishedFormulas) {
     Receive({.encoders = {100 + moved[0], -200 + moved[1], 300 + moved[2]}});
     EXPECT_FALSE(state_.docked);
     const double rad = 2.0 * std::numbers::pi / 15000.0;
-    ASSERT_LT(
-        (state_.p_MHip_mm - Published({moved[0] * rad, -moved[1] * rad, moved[2] * rad})).norm(),
-        1e-9);
+    const Vec3 place_mm =
+        Published({moved[0] * rad, -moved[1] * rad + 0.23, moved[2] * rad - 0.37});
+    ASSERT_LT((state_.p_MHip_mm - place_mm).norm(), 1e-9);
   }
 }
 
@@ -102,15 +106,16 @@ TEST_F(OmniArmTest, GapsInTheCounterAreLostReadingsAndTheSameFrameAgainIsNone) {
 // omni_test.cpp has the axes for all angles.
 TEST_F(OmniArmTest, TheGimbalTurnsTheStylus) {
   Receive({.docked = true});
-  EXPECT_LT((state_.R_MS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 1e-9);
+  const Vec3 barrel(0.0, -std::sin(0.37), std::cos(0.37));  // the elbow is there in the dock
+  EXPECT_LT((state_.R_MS * Vec3::UnitZ() - barrel).norm(), 1e-9);
   EXPECT_LT((state_.R_MS * Vec3::UnitX() - Vec3::UnitX()).norm(), 1e-9);
   // A roll of the barrel leaves its direction; the other two do not.
   Receive({.gimbal_per_mille = {500, 500, 700}});
-  EXPECT_LT((state_.R_MS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 1e-9);
+  EXPECT_LT((state_.R_MS * Vec3::UnitZ() - barrel).norm(), 1e-9);
   EXPECT_GT((state_.R_MS * Vec3::UnitX() - Vec3::UnitX()).norm(), 0.5);
   for (const auto& turned : {std::array{700, 500, 500}, std::array{500, 700, 500}}) {
     Receive({.gimbal_per_mille = turned});
-    EXPECT_GT((state_.R_MS * Vec3::UnitZ() - Vec3::UnitZ()).norm(), 0.5);
+    EXPECT_GT((state_.R_MS * Vec3::UnitZ() - barrel).norm(), 0.5);
   }
 }
 
@@ -192,7 +197,10 @@ TEST_F(OmniArmTest, AForceBecomesTheTorquesTimesTheMotorsGainsWithinTheMotors) {
     const Vec3 force(any(limit_n), any(limit_n), any(limit_n));
     const OmniForce sent = arm_->ForceOf(force, true);
     ASSERT_TRUE(sent.force_enabled);
-    Vec3 wanted = gains.cwiseProduct(OmniTorques_n_mm(OmniJointsFromCounts(at), force));
+    OmniJoints joints = OmniJointsFromCounts(at);
+    joints.shoulder_rad += 0.23;
+    joints.elbow_rad -= 0.37;
+    Vec3 wanted = gains.cwiseProduct(OmniTorques_n_mm(joints, force));
     wanted *= std::min(1.0, 2047.0 / wanted.cwiseAbs().maxCoeff());
     for (int joint = 0; joint < 3; ++joint) {
       ASSERT_NEAR(sent.motors[static_cast<std::size_t>(joint)], wanted[joint], 0.51);

@@ -26,7 +26,7 @@ void PutWord(unsigned word, std::size_t at, std::span<std::uint8_t> bytes) {
 }  // namespace
 
 std::optional<OmniState> DecodeOmniState(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() != kOmniStateBytes) return std::nullopt;
+  if (bytes.size() < kOmniStateBytes || bytes.size() > kOmniMostStateBytes) return std::nullopt;
   OmniState state;
   for (std::size_t n = 0; n < 3; ++n) {
     state.encoders[n] = static_cast<std::int16_t>(Word(bytes, kEncodersAt + 2 * n));

@@ -1,5 +1,5 @@
 // The frames of the FireWire Phantom Omni, taken from two independent open drivers: 44 bytes from
-// the device, 16 bytes to it, 1000 times a second.
+// the device, and up to 20 more whose meaning is unknown; 16 bytes to it.
 //
 // The USB devices' servo frames are not public. We have no evidence that they have this layout: no
 // transport uses this codec for USB. Verification level of this layout: none; we have not seen a
@@ -19,6 +19,7 @@
 namespace palpate {
 
 inline constexpr std::size_t kOmniStateBytes = 44;
+inline constexpr std::size_t kOmniMostStateBytes = 64;
 inline constexpr std::size_t kOmniForceBytes = 16;
 inline constexpr int kOmniMotorRange = 0x7ff;  // counts either way
 

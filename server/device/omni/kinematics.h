@@ -27,8 +27,7 @@ struct OmniJoints {
   double elbow_rad = 0.0;
 };
 
-// The counts start when the stylus leaves the dock, where all three are 0. The second encoder
-// counts down.
+// How far the joints have turned while the encoders counted so. The second encoder counts down.
 OmniJoints OmniJointsFromCounts(const std::array<std::int16_t, 3>& counts);
 
 // Position of the gimbal in D. D's origin is about the middle of the stylus's reach: 168 mm in

@@ -13,6 +13,20 @@ constexpr std::uint32_t kLongestGap = 1000;
 
 }  // namespace
 
+DeviceDescription OmniArmSpec() {
+  DeviceDescription spec;
+  spec.workspace_min_mm = Vec3(-80.0, -60.0, -35.0);
+  spec.workspace_max_mm = Vec3(80.0, 60.0, 35.0);
+  spec.max_force_n = 3.3;
+  spec.continuous_force_n = 0.88;
+  // CHAI3D regards 0.4 to 0.7 as safe.
+  spec.max_stiffness_n_per_mm = 0.5;
+  spec.position_resolution_mm = 0.055;
+  spec.button_count = 2;
+  spec.senses_orientation = true;
+  return spec;
+}
+
 OmniArm::OmniArm(const std::optional<Gains>& motor_counts_per_n_mm)
     : motor_counts_per_n_mm_(motor_counts_per_n_mm) {
   for (const double counts : motor_counts_per_n_mm.value_or(Gains{})) {
@@ -44,6 +58,8 @@ std::optional<std::uint32_t> OmniArm::Take(const OmniState& reading, DeviceState
     counts[n] = static_cast<std::int16_t>(reading.encoders[n] - zero_[n]);
   }
   joints_ = OmniJointsFromCounts(counts);
+  joints_.shoulder_rad += kOmniDock.shoulder_rad;
+  joints_.elbow_rad += kOmniDock.elbow_rad;
   state = {.p_MHip_mm = OmniPosition(joints_),
            .R_MS = OmniOrientation(joints_, reading.gimbal_rad),
            .buttons = (reading.buttons[0] ? 1u : 0u) | (reading.buttons[1] ? 2u : 0u),

@@ -1,10 +1,9 @@
 // The arm of a Phantom Omni: positions of the stylus from readings, and counts of the motors from
-// forces (firewire_frames.h). No transport uses it yet: the FireWire device needs the kernel's
-// /dev/fw*, and nobody knows whether a Touch on USB sends such frames.
+// forces (firewire_frames.h). Nobody knows whether a Touch on USB sends such frames.
 //
-// The place of rest: the encoders count from their positions at power-on. The zero of the
-// kinematics is the encoders' position while the stylus rests in its dock, after kOmniRestReadings
-// equal docked readings. Every docking sets the zero anew. Before the first docking of a
+// The place of rest: the encoders count from their positions at power-on. They are zeroed while the
+// stylus rests in its dock, after kOmniRestReadings equal docked readings. There the arm stands at
+// kOmniDock. Every docking sets the zero anew. Before the first docking of a
 // connection, and after each RequestCalibration, positions have no meaning and no force is given.
 // Frame M: as in kinematics.h, without an offset.
 //
@@ -23,8 +22,15 @@
 namespace palpate {
 
 inline constexpr int kOmniRestReadings = 50;
+// The arm in the dock. Source: one public driver (raw_omni), for the same convention of angles. We
+// have not checked it on hardware.
+inline constexpr OmniJoints kOmniDock{.shoulder_rad = 0.23, .elbow_rad = -0.37};
 // With 10, the motors saturate at 1 N with the arm stretched out.
 inline constexpr double kOmniMaxMotorGain = 10.0;
+
+// What of a device's spec is the arm's. The workspace is the data sheet's, about M's origin. All of
+// it is within reach.
+DeviceDescription OmniArmSpec();
 
 class OmniArm {
  public:

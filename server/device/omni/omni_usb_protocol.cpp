@@ -1,6 +1,7 @@
 #include "server/device/omni/omni_usb_protocol.h"
 
 #include "server/device/omni/cdc_line.h"
+#include "server/device/omni/omni_arm.h"
 #include "server/device/omni/omni_usb_identity.h"
 
 namespace palpate {
@@ -24,17 +25,9 @@ std::string Identify(UsbLink& link, const std::atomic<bool>& stop) {
 }  // namespace
 
 DeviceDescription OmniUsbSpec() {
-  DeviceDescription spec;
+  DeviceDescription spec = OmniArmSpec();
   spec.kind = "omni-usb";
   spec.model = "Phantom Omni / Geomagic Touch (USB)";
-  spec.workspace_min_mm = Vec3(-80.0, -60.0, -35.0);
-  spec.workspace_max_mm = Vec3(80.0, 60.0, 35.0);
-  spec.max_force_n = 3.3;
-  spec.continuous_force_n = 0.88;
-  // CHAI3D regards 0.4 to 0.7 as safe.
-  spec.max_stiffness_n_per_mm = 0.5;
-  spec.position_resolution_mm = 0.055;
-  spec.button_count = 2;
   spec.verification_level = kOmniUsbVerification;
   return spec;
 }

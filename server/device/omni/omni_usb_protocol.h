@@ -22,8 +22,7 @@ namespace palpate {
 // deploy/guides/devices.md asks for.
 inline constexpr VerificationLevel kOmniUsbVerification = VerificationLevel::kNone;
 
-// The spec of the device, also without a device. The workspace is the data sheet's, about D's
-// origin. All of it is within reach.
+// The spec of the device, also without a device.
 DeviceDescription OmniUsbSpec();
 
 // OmniUsbIds: the ids of all known devices. OmniUsbProblem: why a device is not even asked who it

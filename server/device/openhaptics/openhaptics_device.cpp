@@ -21,6 +21,7 @@ DeviceDescription TouchSpec() {
   spec.max_stiffness_n_per_mm = 0.5;
   spec.position_resolution_mm = 0.055;
   spec.button_count = 2;
+  spec.senses_orientation = true;
   spec.verification_level = VerificationLevel::kNone;
   return spec;
 }

@@ -1,0 +1,30 @@
+// Looks for nodes of the machine's FireWire buses. Opens none.
+//
+// Threads: any. Not real-time. Errors: none; what cannot be read is not there.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate {
+
+struct FwFound {
+  std::uint64_t guid = 0;
+  std::string node{};     // "/dev/fw1"
+  bool may_open = false;  // this user may open it
+};
+
+// What to do after BusFault::kPermission.
+inline constexpr std::string_view kFwPermissionHint =
+    "this user may not open the device: install deploy/udev/70-palpate.rules, then unplug it and "
+    "plug it in again";
+
+// The nodes of other machines and devices whose GUID begins with `vendor` (24 bits), by GUID.
+std::vector<FwFound> FindFwNodes(std::uint32_t vendor);
+
+// Whether this machine has a FireWire controller with a driver.
+bool HasFwController();
+
+}  // namespace palpate

@@ -1,0 +1,137 @@
+#include "server/device/firewire/fw_node.h"
+
+#include <fcntl.h>
+#include <linux/firewire-cdev.h>
+#include <linux/firewire-constants.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "server/device/firewire/fw_event.h"
+#include "server/device/firewire/fw_finder.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::uint32_t kAbi = 5;  // without later kinds of events
+constexpr std::size_t kQuadlet = 4;
+
+std::uint64_t PointerTo(const void* data) { return reinterpret_cast<std::uintptr_t>(data); }
+
+[[noreturn]] void ThrowErrno(const std::string& what) {
+  const int error = errno;
+  if (error == ENODEV || error == ENOENT || error == ENXIO || error == ESHUTDOWN) {
+    throw BusError(BusFault::kAbsent, "unplugged");
+  }
+  if (error == EACCES || error == EPERM) {
+    throw BusError(BusFault::kPermission, std::string(kFwPermissionHint));
+  }
+  throw BusError(error == EBUSY ? BusFault::kBusy : BusFault::kBroken,
+                 what + " failed: " + std::strerror(error));
+}
+
+}  // namespace
+
+FwNode::FwNode(const std::string& path) : descriptor_(open(path.c_str(), O_RDWR | O_CLOEXEC)) {
+  if (descriptor_ < 0) ThrowErrno("opening " + path);
+}
+
+FwNode::~FwNode() { close(descriptor_); }
+
+void FwNode::Call(unsigned long request, void* argument, const char* what) {
+  int result = 0;
+  do {
+    result = ioctl(descriptor_, request, argument);
+  } while (result < 0 && errno == EINTR);
+  if (result < 0) ThrowErrno(what);
+}
+
+std::uint32_t FwNode::GetInfo() {
+  fw_cdev_event_bus_reset bus{};
+  fw_cdev_get_info info{};
+  info.version = kAbi;
+  info.bus_reset = PointerTo(&bus);
+  Call(FW_CDEV_IOC_GET_INFO, &info, "asking the FireWire node");
+  return bus.generation;
+}
+
+void FwNode::Ask(const Request& request, std::uint32_t tcode, std::size_t bytes, const void* data) {
+  fw_cdev_send_request sent{};
+  sent.tcode = tcode;
+  sent.length = static_cast<std::uint32_t>(bytes);
+  sent.offset = request.address;
+  sent.closure = request.number;
+  sent.data = PointerTo(data);
+  sent.generation = request.generation;
+  Call(FW_CDEV_IOC_SEND_REQUEST, &sent, "asking for a register");
+}
+
+void FwNode::AskToRead(const Request& request, std::size_t bytes) {
+  Ask(request, bytes == kQuadlet ? TCODE_READ_QUADLET_REQUEST : TCODE_READ_BLOCK_REQUEST, bytes,
+      nullptr);
+}
+
+void FwNode::AskToWrite(const Request& request, std::span<const std::uint8_t> data) {
+  Ask(request, data.size() == kQuadlet ? TCODE_WRITE_QUADLET_REQUEST : TCODE_WRITE_BLOCK_REQUEST,
+      data.size(), data.data());
+}
+
+void FwNode::AskForChannel(std::uint64_t channels, std::size_t packet_bytes) {
+  // A quadlet at 100 Mbit/s takes 16 units; each packet costs 3 quadlets and 512 units more.
+  constexpr std::size_t kUnitsPerByte = 4, kHeaderBytes = 12, kOverhead = 512;
+  fw_cdev_allocate_iso_resource resource{};
+  resource.channels = channels;
+  resource.bandwidth =
+      static_cast<std::uint32_t>((kHeaderBytes + packet_bytes) * kUnitsPerByte + kOverhead);
+  Call(FW_CDEV_IOC_ALLOCATE_ISO_RESOURCE, &resource, "asking for a channel");
+}
+
+void FwNode::Create(std::uint32_t type, std::uint32_t header_bytes, int channel) {
+  fw_cdev_create_iso_context context{};
+  context.type = type;
+  context.header_size = header_bytes;
+  context.channel = static_cast<std::uint32_t>(channel);
+  context.speed = SCODE_100;
+  Call(FW_CDEV_IOC_CREATE_ISO_CONTEXT, &context,
+       "using the FireWire controller (do other programs use all of its contexts?)");
+  context_ = context.handle;
+}
+
+void FwNode::CreateReceiver(int channel) {
+  Create(FW_CDEV_ISO_CONTEXT_RECEIVE, kFwPacketHeaderBytes, channel);
+}
+
+void FwNode::CreateSender(int channel) { Create(FW_CDEV_ISO_CONTEXT_TRANSMIT, 0, channel); }
+
+void FwNode::Queue(std::span<const std::uint32_t> controls) {
+  fw_cdev_queue_iso queue{};
+  queue.packets = PointerTo(controls.data());
+  queue.size = static_cast<std::uint32_t>(controls.size_bytes());
+  queue.handle = context_;
+  Call(FW_CDEV_IOC_QUEUE_ISO, &queue, "queueing packets");
+}
+
+void FwNode::Start() {
+  fw_cdev_start_iso start{};
+  start.cycle = -1;
+  start.tags = FW_CDEV_ISO_CONTEXT_MATCH_ALL_TAGS;
+  start.handle = context_;
+  Call(FW_CDEV_IOC_START_ISO, &start, "starting the stream");
+}
+
+void FwNode::Stop() noexcept {
+  fw_cdev_stop_iso stop{};
+  stop.handle = context_;
+  ioctl(descriptor_, FW_CDEV_IOC_STOP_ISO, &stop);
+}
+
+std::size_t FwNode::Read(std::span<std::uint8_t> event) {
+  const ssize_t got = read(descriptor_, event.data(), event.size());
+  if (got >= 0) return static_cast<std::size_t>(got);
+  if (errno == EAGAIN || errno == EINTR) return 0;
+  ThrowErrno("reading from the FireWire node");
+}
+
+}  // namespace palpate
