@@ -1,6 +1,6 @@
-// A real palpated with an emulated USB device: each kind is found, set up, pushes, is lost and is
-// let go of. usb_device_test.cpp has the faults; the servo's and the service's tests have the
-// states of the forces.
+// A real palpated with an emulated device: each kind is found, set up, pushes, is lost and is let
+// go of. usb_device_test.cpp and omni_firewire_test.cpp have the faults; the servo's and the
+// service's tests have the states of the forces.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,6 +12,8 @@
 #include "server/device/falcon/kinematics.h"
 #include "tests/support/daemon.h"
 #include "tests/support/falcon_emulator.h"
+#include "tests/support/firewire_testbed.h"
+#include "tests/support/omni_stand.h"
 #include "tests/support/patience.h"
 #include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
@@ -23,23 +25,11 @@ namespace {
 
 using Kind = UsbEvent::Kind;
 
-// Declare emulated devices before it: its bus must be destroyed first.
-class UsbDaemon {
+// A daemon that is started again and again, with the same socket and state folder.
+class DaemonRig {
  public:
-  UsbTestbed& bus() { return bus_; }
   Daemon& daemon() { return *daemon_; }
 
-  // device: lines for `[device]`. The socket and the state folder stay those of the daemon before.
-  void Start(const std::string& device) {
-    const std::filesystem::path file = folder_.path() / "device.toml";
-    std::ofstream(file) << "[device]\n" << device;
-    daemon_ = std::make_unique<Daemon>(
-        kPalpated,
-        std::vector<std::string>{"--volume", "builtin:sphere:32", "--config", file.string(),
-                                 "--socket", folder_.path() / "palpated.sock", "--state-folder",
-                                 folder_.path() / "state"},
-        bus_.wrapper(), std::chrono::seconds(550));
-  }
   // Ends the daemon as a crash does.
   void Kill() {
     EXPECT_NE(daemon_->End(SIGKILL).exit_code, 0);
@@ -71,15 +61,42 @@ class UsbDaemon {
     return Eventually([&] { return Get().forces().state() == state; });
   }
 
- private:
+ protected:
+  void StartOn(const std::vector<std::string>& wrapper, const std::string& device) {
+    const std::filesystem::path file = folder_.path() / "device.toml";
+    std::ofstream(file) << "[device]\n" << device;
+    daemon_ = std::make_unique<Daemon>(
+        kPalpated,
+        std::vector<std::string>{"--volume", "builtin:sphere:32", "--config", file.string(),
+                                 "--socket", folder_.path() / "palpated.sock", "--state-folder",
+                                 folder_.path() / "state"},
+        wrapper, std::chrono::seconds(550));
+  }
+
   TemporaryFolder folder_;
-  UsbTestbed bus_;
   std::unique_ptr<Daemon> daemon_;
 };
 
+// Declare emulated devices before it: its bus must be destroyed first.
+template <class Bus>
+class DaemonOn final : public DaemonRig {
+ public:
+  ~DaemonOn() { daemon_.reset(); }
+
+  Bus& bus() { return bus_; }
+  // device: lines for `[device]`.
+  void Start(const std::string& device) { StartOn(bus_.wrapper(), device); }
+
+ private:
+  Bus bus_;
+};
+using UsbDaemon = DaemonOn<UsbTestbed>;
+using FirewireDaemon = DaemonOn<FirewireTestbed>;
+
+constexpr double kPauseS = 0.4, kPressS = 0.5, kDeepestS = kPauseS + 0.5 * kPressS;
+
 // From `rest` into the sphere above it by 19 mm and back, twice a second, after 0.4 s.
 Vec3 Press(const Vec3& rest_mm, double time_s) {
-  constexpr double kPauseS = 0.4, kPressS = 0.5;
   if (time_s < kPauseS) return rest_mm;
   const double way_mm = 9.5 * (1.0 - std::cos(2.0 * M_PI * (time_s - kPauseS) / kPressS));
   return rest_mm + Vec3(0.0, way_mm, 0.0);
@@ -87,23 +104,19 @@ Vec3 Press(const Vec3& rest_mm, double time_s) {
 // An emulated device moves by a millisecond's way for each force that it got.
 constexpr std::size_t kForcesOfAPause = 450, kForcesOfAPress = 600;
 
-class Falcon {
+// An emulated device, and the hand that holds it.
+class HeldDevice {
  public:
-  void Rest() {
-    emulator.SetPath([](int) { return CountsAt(kRestMm); });
-  }
-  void Press() {
-    emulator.SetPath([](int frame) { return CountsAt(test::Press(kRestMm, 1e-3 * frame)); });
-  }
+  explicit HeldDevice(std::string kind) : kind_(std::move(kind)) {}
+  virtual ~HeldDevice() = default;
 
-  std::size_t CountFrames() const { return emulator.Forces().size(); }
+  // Calibrates it and rests below the sphere; then presses into it.
+  virtual void Rest(DaemonRig& daemon) = 0;
+  virtual void Press() = 0;
+  virtual std::size_t CountFrames() const = 0;
   // Of the frames, those that are not zero.
-  std::size_t CountForces() const {
-    const auto forces = emulator.Forces();
-    return static_cast<std::size_t>(
-        std::ranges::count_if(forces, [](const auto& force) { return !IsZero(force); }));
-  }
-  bool EndsWithZero() const { return IsZero(emulator.Forces().back()); }
+  virtual std::size_t CountForces() const = 0;
+
   bool TakesFrames(std::size_t more) const {
     const std::size_t before = CountFrames();
     return Eventually([&] { return CountFrames() >= before + more; });
@@ -117,9 +130,9 @@ class Falcon {
   }
   // Forces are enabled, and come. A machine that stands still for 100 ms makes the device look
   // silent, which ends the forces: then once more.
-  bool Pushes(UsbDaemon& daemon) {
+  bool Pushes(DaemonRig& daemon) {
     for (int tries = 0; tries < 50; ++tries) {
-      Rest();
+      Rest(daemon);
       const bool rests = Eventually([&] {
         const v1::DeviceHealth health = daemon.Get().health();
         return health.connection() == v1::DEVICE_CONNECTION_STREAMING && health.calibrated();
@@ -127,8 +140,7 @@ class Falcon {
       Press();
       if (!rests || !TakesFrames(kForcesOfAPause)) return false;
       // Refused until the fault before is over.
-      if (!Eventually([&] { return daemon.Enable("falcon") == grpc::StatusCode::OK; }))
-        return false;
+      if (!Eventually([&] { return daemon.Enable(kind_) == grpc::StatusCode::OK; })) return false;
       const std::size_t before = CountForces();
       bool pushes = false;
       const bool ended = Eventually([&] {
@@ -139,6 +151,28 @@ class Falcon {
     }
     return false;
   }
+
+ private:
+  const std::string kind_;
+};
+
+class Falcon final : public HeldDevice {
+ public:
+  Falcon() : HeldDevice("falcon") {}
+
+  void Rest(DaemonRig&) override {
+    emulator.SetPath([](int) { return CountsAt(kRestMm); });
+  }
+  void Press() override {
+    emulator.SetPath([](int frame) { return CountsAt(test::Press(kRestMm, 1e-3 * frame)); });
+  }
+  std::size_t CountFrames() const override { return emulator.Forces().size(); }
+  std::size_t CountForces() const override {
+    const auto forces = emulator.Forces();
+    return static_cast<std::size_t>(
+        std::ranges::count_if(forces, [](const auto& force) { return !IsZero(force); }));
+  }
+  bool EndsWithZero() const { return IsZero(emulator.Forces().back()); }
   // The daemon ends.
   void ExpectLetGo(UsbDaemon& daemon) {
     daemon.End();
@@ -158,6 +192,36 @@ class Falcon {
     return FalconCountsFromAngles(angles_rad);
   }
   inline static const Vec3 kRestMm{0.0, -47.0, 0.0};
+};
+
+class Omni final : public HeldDevice {
+ public:
+  Omni() : HeldDevice("omni-firewire") {}
+
+  void Rest(DaemonRig& daemon) override {
+    if (!daemon.Get().health().calibrated()) {
+      emulator.SetHand(OmniStand::Docked());
+      EXPECT_TRUE(Eventually([&] { return daemon.Get().health().calibrated(); }));
+    }
+    emulator.SetHand(OmniStand::At(kRestMm));
+  }
+  // And stays there.
+  void Press() override {
+    emulator.SetPath(
+        [](int n) { return OmniStand::At(test::Press(kRestMm, std::min(1e-3 * n, kDeepestS))); });
+  }
+  std::size_t CountFrames() const override { return emulator.Forces().size(); }
+  std::size_t CountForces() const override {
+    const auto forces = emulator.Forces();
+    return static_cast<std::size_t>(std::ranges::count_if(
+        forces, [](const auto& force) { return force.force_enabled && force.motors != kNone; }));
+  }
+  bool IsPushed() const { return emulator.ForceOnHand() != kNone; }
+  OmniFirewireEmulator emulator;
+
+ private:
+  static constexpr std::array<int, 3> kNone{};
+  inline static const Vec3 kRestMm{0.0, -33.0, 0.0};
 };
 
 // A file of bytes that an emulated Falcon takes for its firmware.
@@ -217,7 +281,7 @@ TEST(DeviceDaemon, AFalconThatWasPulledOutOrADaemonThatWasKilledWaitsForTheOpera
   EXPECT_TRUE(falcon.Pushes(rig));
 
   rig.Kill();
-  falcon.Rest();
+  falcon.Rest(rig);
   rig.Start(firmware.config());
   ASSERT_TRUE(Eventually([&] { return rig.Get().health().calibrated(); }));
   falcon.ExpectNoForce();
@@ -245,6 +309,75 @@ TEST(DeviceDaemon, AFalconGetsItsFirmwarePushesFallsSilentAndIsLetGoOf) {
   EXPECT_TRUE(falcon.Pushes(rig));
 
   falcon.ExpectLetGo(rig);
+}
+
+constexpr const char* kOmni =
+    "kind = \"omni-firewire\"\nmotor_counts_per_n_mm = [2.0, -3.0, 4.0]\n";
+
+TEST(DeviceDaemon, AnOmniThatWasFrozenOrKilledUnderKeepsItsForceUntilSomebodyIsThere) {
+  Omni omni;
+  FirewireDaemon rig;
+  rig.bus().Plug(omni.emulator);
+  rig.Start(kOmni);
+  ASSERT_TRUE(rig.WaitForConnection(v1::DEVICE_CONNECTION_STREAMING));
+  EXPECT_TRUE(rig.daemon().process().WaitFor("serial number 70427300007"));
+  omni.Rest(rig);
+  omni.ExpectNoForce();
+  for (const bool frozen : {true, false}) {
+    ASSERT_TRUE(omni.Pushes(rig));
+    if (frozen) {
+      rig.daemon().process().Signal(SIGSTOP);
+    } else {
+      rig.Kill();
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // what was under way
+    const std::size_t frames = omni.CountFrames();
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    EXPECT_EQ(omni.CountFrames(), frames);
+    EXPECT_TRUE(omni.IsPushed());  // as we assume of a device: nothing ends its force
+    if (frozen) {
+      rig.daemon().process().Signal(SIGCONT);
+    } else {
+      rig.Start(kOmni);
+    }
+    EXPECT_TRUE(Eventually([&] { return omni.CountFrames() > frames && !omni.IsPushed(); }));
+    const std::size_t forces = omni.CountForces();
+    EXPECT_TRUE(rig.WaitForConnection(v1::DEVICE_CONNECTION_STREAMING));
+    EXPECT_TRUE(omni.TakesFrames(100));
+    EXPECT_EQ(omni.CountForces(), forces);
+    EXPECT_NE(rig.Get().forces().state(), v1::FORCE_STATE_ON);
+  }
+  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
+}
+
+TEST(DeviceDaemon, AnOmniThatWasPulledOutWaitsForTheOperatorAndIsLetGoOfWithoutForce) {
+  using Event = FirewireEvent;
+  Omni omni;
+  FirewireDaemon rig;
+  rig.bus().Plug(omni.emulator);
+  rig.Start(kOmni);
+  ASSERT_TRUE(omni.Pushes(rig));
+  rig.bus().Unplug(omni.emulator);
+  EXPECT_TRUE(rig.WaitForForces(v1::FORCE_STATE_FAULT));
+  EXPECT_EQ(rig.Get().forces().reason(), v1::FORCE_REASON_DEVICE);
+  EXPECT_TRUE(rig.daemon().process().WaitFor("unplugged"));
+  EXPECT_EQ(rig.Enable("omni-firewire"), grpc::StatusCode::FAILED_PRECONDITION);
+  rig.bus().Plug(omni.emulator);
+  EXPECT_TRUE(rig.WaitForConnection(v1::DEVICE_CONNECTION_STREAMING));
+  omni.Rest(rig);
+  omni.ExpectNoForce();
+  EXPECT_TRUE(omni.Pushes(rig));
+  rig.End();
+  EXPECT_FALSE(omni.IsPushed());
+  EXPECT_FALSE(omni.emulator.Forces().back().force_enabled);
+  const std::vector<Event> events = omni.emulator.Events();
+  const auto last = std::find_if(events.rbegin(), events.rend(), [](const Event& event) {
+    return event.kind == Event::Kind::kWrite;
+  });
+  EXPECT_EQ(last->number, static_cast<std::int64_t>(OmniFirewireEmulator::kControl));
+  EXPECT_EQ(last->bytes, Bytes{0});
+  EXPECT_GE(last->time_ns, omni.emulator.Forces().back().time_ns);
+  EXPECT_EQ(omni.emulator.Mistakes(), (std::map<std::string, int>{}));
 }
 
 }  // namespace
