@@ -76,7 +76,7 @@ TickSample SampleOf(const RecordedTick& tick) {
       .calibrated = tick.calibrated,
   };
   if (pose.hand != 0) {
-    throw DamagedBytes("of several hands, which this program cannot replay: a newer one wrote it");
+    throw DamagedBytes(kSeveralHands);
   }
   if (sample.mode == ProxyMode::kUnknown || sample.free_side == FreeSide::kUnknown ||
       sample.force_state == ForceState::kUnknown || sample.force_reason == ForceReason::kUnknown ||

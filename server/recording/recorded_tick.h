@@ -8,6 +8,10 @@
 
 namespace palpate {
 
+// Why a recording with other hands than 0 is refused.
+inline constexpr const char* kSeveralHands =
+    "of several hands, which this program cannot replay: a newer one wrote it";
+
 RecordedTick RecordedTickOf(const TickSample& sample);
 // Throws DamagedBytes for an enumerator that this version does not know.
 TickSample SampleOf(const RecordedTick& tick);

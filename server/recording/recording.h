@@ -43,6 +43,8 @@ inline constexpr const char* kSceneTopic = "/scene";
 inline constexpr const char* kVoxelsTopic = "/voxels";
 inline constexpr const char* kKeyframeTopic = "/keyframe";
 inline constexpr const char* kEventTopic = "/event";
+// Of hands 1, 2 and so on: "/hand1/tick". No program writes them yet.
+inline constexpr const char* kFurtherHands = "/hand";
 inline constexpr const char* kClockTopic = "/clock";
 inline constexpr const char* kHeaderMetadata = "palpate.recording";
 inline constexpr const char* kEndMetadata = "palpate.end";

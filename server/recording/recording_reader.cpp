@@ -184,6 +184,7 @@ std::optional<RecordedItem> RecordingReader::ReadItem() {
 
 std::optional<RecordedItem> RecordingReader::ItemOf(const mcap::Message& next) {
   Messages& messages = *messages_;
+  if (next.channel->topic.starts_with(kFurtherHands)) throw DamagedBytes(kSeveralHands);
   if (const auto* tick = messages.Parse(*file_, next, kTickTopic, messages.tick)) {
     return RecordedSamples{SampleOf(FromProto(*tick))};
   }

@@ -32,7 +32,7 @@ NO_DAEMON = {
             "load a --raw-size 4,4 --raw-type int8", "load a --raw-big-endian",
             "load a --set stiffness", "load a --set stiffness=hard", "load a --set stiff=1",
             "load a --raw-size 4,4,4 --raw-type int8 --raw-offset-bytes -1", "load a --frame -1",
-            "device", "device enable a b", "device test --seconds 0", "device test --seconds nan",
+            "device", "device enable a b", "device push 1 2", "device push 1 2 x", "device test --seconds 0", "device test --seconds nan",
             "place --move-mm 1,2", "place --move-mm 1,2,x", "place --center-mm 1,nan,2",
             "place --scale-by 0", "place --turn-deg 90", "place --turn-deg y,ninety",
             "place --scale-by -1", "place --face=-y", "place --face=y --head=+z",
@@ -172,7 +172,11 @@ DAEMON = {
         Step("who --json", keys=["callers.0.peer", "callers.0.connected_s", "changes.0.ago_s"],
              json={"callers.0.is_you": True, "changes.0.what": "forces",
                    "changes.0.by": "local socket"}),
+        Step("device push 0 0.3 0", exit=10, error="emergency stop"),
         Step("device enable", has=["forces    ", "since tick "]),
+        Step("device push 0 -0.3 0", has=["pushes since tick "]),
+        Step("device push 0 0.3 0 --seconds 0.1 --json", keys=["applied_tick"]),
+        Step("device push 0 0.6 0", exit=3, error="0.5 N"),
     ],
     "load": [
         Step("load builtin:sphere:16 --isovalue 0.125 --spacing-mm 1,2,3.5", has=[

@@ -103,6 +103,13 @@ TEST_F(ConfigTest, ReadsEveryKey) {
       {"device.replay_file = '/a.mcap'",
        [](auto& c) { return c.device.replay_file == "/a.mcap"; }},
       {"device.usb_port = '1-2'", [](auto& c) { return c.device.usb_port == "1-2"; }},
+      {"device.torque_n_mm = 50", [](auto& c) { return c.device.torque_n_mm == 50.0; }},
+      {"device.serial = '70427300007'",
+       [](auto& c) { return c.device.serial == "70427300007"; }},
+      {"device.motor_counts_per_n_mm = [1, -2.5, 3]",
+       [](auto& c) {
+         return c.device.motor_counts_per_n_mm == std::array<double, 3>{1.0, -2.5, 3.0};
+       }},
       {"device.falcon_firmware = '/f.bin'",
        [](auto& c) { return c.device.falcon_firmware == "/f.bin"; }},
       {"device.openhaptics_library = '/h.so'",

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/error/error.h"
+#include "tests/support/device_numbers.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"
@@ -343,6 +344,56 @@ TEST(DeviceService, TheListMarksTheOneInUseAndTellsWhyThereIsNone) {
   const grpc::Status status = rig.List(response);
   EXPECT_EQ(status.error_code(), StatusCode::PERMISSION_DENIED);
   EXPECT_EQ(status.error_message(), "no USB here: mount it");
+}
+
+// A client of a later version must not move another hand than it names.
+TEST(DeviceService, AnotherHandIsRefused) {
+  using Stub = v1::DeviceService::Stub;
+  DeviceServiceRig rig;
+  const auto refuses = [&](auto method, auto request, auto response) {
+    request.set_hand(1);
+    EXPECT_EQ(rig.Call(method, request, response).error_code(), StatusCode::INVALID_ARGUMENT)
+        << request.GetTypeName();
+  };
+  ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  refuses(&Stub::GetDevice, v1::GetDeviceRequest(), v1::GetDeviceResponse());
+  v1::EnableForcesRequest enable;
+  enable.set_device("fake-usb");
+  refuses(&Stub::EnableForces, enable, v1::EnableForcesResponse());
+  refuses(&Stub::DisableForces, v1::DisableForcesRequest(), v1::DisableForcesResponse());
+  refuses(&Stub::CalibrateDevice, v1::CalibrateDeviceRequest(), v1::CalibrateDeviceResponse());
+  refuses(&Stub::PushHand, v1::PushHandRequest(), v1::PushHandResponse());
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));
+  v1::DisableForcesRequest disable;
+  disable.set_hand(0);
+  v1::DisableForcesResponse disabled;
+  EXPECT_TRUE(rig.Call(&Stub::DisableForces, disable, disabled).ok());
+}
+
+TEST(DeviceService, APushIsSmallShortAndNeedsForces) {
+  using Stub = v1::DeviceService::Stub;
+  DeviceServiceRig rig;
+  const auto push = [&](double y_n, double seconds) {
+    v1::PushHandRequest request;
+    request.mutable_force_n()->set_y(y_n);
+    request.set_seconds(seconds);
+    v1::PushHandResponse response;
+    return rig.Call(&Stub::PushHand, request, response).error_code();
+  };
+  EXPECT_EQ(push(0.3, 0.5), StatusCode::FAILED_PRECONDITION);
+  ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  ASSERT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));
+  for (const double bad_n : {0.51, -1e300, test::kNan, test::kInfinity}) {
+    EXPECT_EQ(push(bad_n, 0.5), StatusCode::INVALID_ARGUMENT) << bad_n;
+  }
+  for (const double bad_s : {0.0, -1.0, 5.1, test::kNan, test::kInfinity}) {
+    EXPECT_EQ(push(0.3, bad_s), StatusCode::INVALID_ARGUMENT) << bad_s;
+  }
+  EXPECT_EQ(rig.device.pushes, 0);
+  EXPECT_EQ(push(-0.5, 0.1), StatusCode::OK);
+  EXPECT_TRUE(test::Eventually([&] { return rig.device.pushes >= 90; }));
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));  // by the ramp after it
+  EXPECT_LE(rig.device.pushes, 120);             // and the way to zero
 }
 
 TEST(DeviceService, CalibratesOnlyWhatIsThere) {

@@ -41,6 +41,15 @@ TEST(PoseStreamOptions, HaveDefaultsAndLimits) {
   EXPECT_THROW(ParsePoseStreamOptions(zero_window), Error);
 }
 
+TEST(PoseStreamOptions, KnowOneHand) {
+  v1::StreamPosesStart start;
+  start.add_hands(0);
+  start.set_all_hands(true);
+  ParsePoseStreamOptions(start);
+  start.add_hands(1);
+  EXPECT_THROW(ParsePoseStreamOptions(start), Error);
+}
+
 TEST(PoseStreamOptions, APlainStreamHasAtMostHundredMessagesPerSecond) {
   for (double rate_hz : {1.0, 60.0, 100.0, 250.0, 333.0, 1000.0}) {
     const PoseStreamOptions options = Options(rate_hz, 1);

@@ -87,6 +87,18 @@ TEST(CsvExport, NumbersReadBackBitForBit) {
   }
 }
 
+TEST(CsvExport, TicksOfSeveralHandsAreRefused) {
+  TickSample sample;
+  sample.hand = 1;
+  const std::string bytes =
+      Record([&](RecordingWriter& writer) { testing::Append(writer, std::vector{sample}); });
+  RecordingReader reader = ReadBytes(bytes);
+  std::ostringstream table;
+  ExportCsv(reader, table);
+  EXPECT_FALSE(reader.complete());
+  EXPECT_EQ(Split(table.str(), '\n').size(), 1u);
+}
+
 TEST(CsvExport, MarkersStandOnTheirTick) {
   const std::string bytes = Record([](RecordingWriter& writer) {
     const auto append = [&](std::uint64_t tick) {

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "tests/support/patience.h"
+#include "tests/support/recording.h"
 #include "tests/support/tick_rig.h"
 
 namespace palpate {
@@ -20,13 +21,18 @@ namespace {
 class Ticking : public ::testing::Test {
  protected:
   Ticking(VerificationLevel level, std::uint32_t stop_buttons)
-      : device_(level), tick_(device_, LimitsFor(device_.spec(), stop_buttons), &forces_) {}
+      : device_(level),
+        tick_(device_, LimitsFor(device_.spec(), stop_buttons), &forces_, &pushes_) {}
 
   TickSample Tick(std::uint64_t missed_more = 0) {
     missed_ += missed_more;
     const std::int64_t now_ns = 1'000'000 * ++ticks_;
     const TickSample sample = tick_.Run(scene_, {now_ns, now_ns, missed_});
     EXPECT_EQ(device_.written.wrench_M.force_n, Vec3(sample.force_n.data()));
+    // A point has no torque, whatever the device could do.
+    EXPECT_EQ(device_.written.wrench_M.torque_n_mm, Vec3::Zero());
+    EXPECT_EQ(Vec3(sample.torque_n_mm.data()), Vec3::Zero());
+    EXPECT_EQ(sample.torque_limit_n_mm, 50.0);
     EXPECT_TRUE(device_.written.motors_on || device_.written.wrench_M.force_n.isZero());
     return sample;
   }
@@ -38,6 +44,7 @@ class Ticking : public ::testing::Test {
   testing::FakeDevice device_;
   Scene scene_ = testing::SphereScene();
   ForceSwitch forces_;
+  HandPush pushes_;
   ServoTick tick_;
   std::int64_t ticks_ = 0;
   std::uint64_t missed_ = 0;
@@ -68,6 +75,38 @@ TEST_F(HardwareTick, NoForceAndNoCurrentUntilForcesAreEnabled) {
   EXPECT_LT(Force(), 0.01);
   EXPECT_TRUE(device_.written.motors_on);
   EXPECT_GT(Force(600), 0.5);
+}
+
+TEST_F(HardwareTick, APushIsAllThatIsFeltForItsTicksAndIsReplayed) {
+  pushes_.Push(Vec3(0, 0.3, 0), 100);  // forces are off: it is dropped
+  EXPECT_EQ(Force(), 0.0);
+  forces_.Set(ForceCommand::kEnable);
+  EXPECT_GT(Force(600), 0.5);
+  const ServoKeyframe before = tick_.Keyframe();
+  std::vector<TickSample> samples;
+  pushes_.Push(Vec3(0, 0.3, 0), 100);
+  for (int n = 0; n < 200; ++n) samples.push_back(Tick());
+  EXPECT_EQ(Vec3(samples[50].force_n.data()), Vec3(0, 0.3, 0));
+  EXPECT_EQ(samples[50].mode, ProxyMode::kSuspended);
+  EXPECT_TRUE(samples[99].is_pushed());
+  EXPECT_FALSE(samples[100].is_pushed());
+  EXPECT_EQ(samples[100].force_state, ForceState::kRampIn);  // what is felt comes by a ramp
+
+  TickComputation again(LimitsFor(device_.spec(), 3), PassivityDeviceOf(device_.spec()));
+  ASSERT_TRUE(again.Resume(before.view()));
+  for (TickSample& sample : samples) {
+    const TickSample computed = again.Run(scene_, again.InputOf(sample));
+    sample.update_ns = sample.time_ns = 0;
+    ASSERT_TRUE(testing::SameSample(computed, sample)) << sample.tick;
+  }
+
+  pushes_.Push(Vec3(0, 0.3, 0), 100);
+  Tick();
+  forces_.Set(ForceCommand::kStop);
+  EXPECT_EQ(Force(), 0.0);
+  forces_.Set(ForceCommand::kEnable);
+  Force(20);
+  EXPECT_FALSE(Tick().is_pushed());  // it does not come back
 }
 
 TEST_F(HardwareTick, AnotherRefinementWaitsUntilTheHandIsFree) {

@@ -273,6 +273,29 @@ TEST(SimulatedDevice, AForceThatIsNotANumberCountsAsNone) {
   }
 }
 
+// What the hand feels is its script's.
+TEST(SimulatedDevice, HasATorqueIfItIsToldSo) {
+  struct Felt final : StylusScript {
+    explicit Felt(Wrench& felt) : felt_(felt) {}
+    Target Next(const HandState&, const Wrench& felt_M, double) noexcept override {
+      felt_ = felt_M;
+      return {};
+    }
+    Wrench& felt_;
+  };
+  for (const double most_n_mm : {0.0, 50.0}) {
+    Wrench felt;
+    SimulatedDevice device(std::make_unique<Felt>(felt), SimulatedDeviceSpec(most_n_mm));
+    EXPECT_EQ(device.spec().max_torque_n_mm, most_n_mm);
+    device.Start();
+    device.Write({.wrench_M = {Vec3(0, 9, 0), Vec3(0, 0, 300)}}, kTickS);
+    EXPECT_TRUE(felt.force_n.isApprox(Vec3(0, 3.3, 0)));
+    EXPECT_EQ(felt.torque_n_mm, Vec3(0, 0, most_n_mm));
+    device.Write({.wrench_M = {Vec3::Zero(), Vec3(kNan, 1, 0)}}, kTickS);
+    EXPECT_EQ(felt.torque_n_mm, Vec3::Zero());
+  }
+}
+
 TEST(SimulatedDevice, SameInputSameBits) {
   const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
   const auto one = Exploring(11);

@@ -11,7 +11,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 RULES = ROOT / "deploy/udev/70-palpate.rules"
 
 TOKEN = re.compile(r'([A-Z]+(?:\{[^}]+\})?)\s*(==|!=|\+=|=)\s*"([^"]*)"\s*(?:,\s*|$)')
-MATCHES = {"ACTION", "SUBSYSTEM", "ENV{DEVTYPE}", "ATTR{idVendor}", "ATTR{idProduct}"}
+MATCHES = {"ACTION", "SUBSYSTEM", "ENV{DEVTYPE}", "ATTR{idVendor}", "ATTR{idProduct}", "ATTR{guid}",
+           "ATTR{is_local}"}
 ASSIGNMENTS = {"GROUP": "=", "MODE": "=", "TAG": "+=", "ENV{ID_MM_DEVICE_IGNORE}": "=",
                "GOTO": "=", "LABEL": "="}
 
@@ -50,13 +51,17 @@ class UdevRules(unittest.TestCase):
         self.assertEqual(jumps, {value for key, _, value in tokens if key == "LABEL"})
 
     def test_every_known_device_is_let_in(self):
-        let_in = set()
+        let_in, firewire = set(), []
         for rule in rules():
             values = {key: value for key, _, value in rule}
             if "GROUP" in values:
-                let_in.add((values["ATTR{idVendor}"], values["ATTR{idProduct}"]))
+                if values.get("SUBSYSTEM") == "firewire":
+                    firewire.append((values["ATTR{guid}"], values["ATTR{is_local}"]))
+                else:
+                    let_in.add((values["ATTR{idVendor}"], values["ATTR{idProduct}"]))
                 self.assertEqual((values["GROUP"], values["MODE"], values["TAG"]),
                                  ("palpate", "0660", "uaccess"))
+        self.assertEqual(firewire, [("0x000b99*", "0")])
         self.assertEqual(let_in, known_ids())
         self.assertEqual(let_in, {("2988", "0302"), ("2988", "0304"), ("0301", "2988"),
                                   ("0403", "cb48")})
