@@ -106,6 +106,10 @@ TEST_F(OmniFirewireTest, IsSetUpInTheVendorsOrderAndLetGoOfWithoutForce) {
   const DeviceHealth health = device_->health();
   EXPECT_EQ(health.identity, "serial number 70427300007, packets of 44 bytes, 1000 per second");
   EXPECT_EQ(device_->spec().verification_level, VerificationLevel::kNone);
+  // A packet for whoever decodes what is unknown of it: magic, encoders, and what follows.
+  std::string log;
+  while (const std::optional<DeviceEvent> event = device_->NextEvent()) log += event->text + "\n";
+  EXPECT_NE(log.find("first packet: 00 00 1e 00 00 00 00 00 00 00 "), std::string::npos) << log;
   ASSERT_TRUE(Pushes());
   device_->Stop();
   EXPECT_FALSE(omni_.Forces().back().force_enabled);

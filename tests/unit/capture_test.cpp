@@ -1,6 +1,7 @@
-// Captures of a real Touch, decoded: those in tests/data/captures/omni-usb/ and in
-// $PALPATE_CAPTURES/omni-usb/. deploy/guides/devices.md says how they are made, and what they
-// prove. A synthetic capture, written here, proves that this test can tell.
+// Captures of real devices, decoded: of a Touch those in tests/data/captures/omni-usb/ and in
+// $PALPATE_CAPTURES/omni-usb/, of an Omni on FireWire those in tests/data/captures/omni-firewire/.
+// deploy/guides/devices.md says how they are made, and what they prove. A synthetic capture,
+// written here, proves that this test can tell.
 #include <gtest/gtest.h>
 #include <pcap/pcap.h>
 #include <pcap/usb.h>
@@ -15,6 +16,7 @@
 #include <optional>
 #include <sstream>
 
+#include "server/device/omni/omni_arm.h"
 #include "tests/support/omni_frames.h"
 #include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
@@ -181,6 +183,46 @@ TEST(Captures, OfRealDevicesAreDecoded) {
     }
   }
   if (count == 0) GTEST_SKIP() << "there are none yet";
+}
+
+// Packets of a FireWire Omni, a line of bytes in hex for each: lines of palpated's log will do.
+// Returns what is wrong.
+std::string ProblemOfPackets(std::istream& lines) {
+  OmniArm arm;
+  DeviceState state;
+  int packets = 0;
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream words(line.substr(line.rfind(':') + 1));
+    Bytes bytes;
+    for (unsigned byte = 0; words >> std::hex >> byte;) {
+      bytes.push_back(static_cast<std::uint8_t>(byte));
+    }
+    const auto reading = DecodeOmniState(bytes);
+    if (!reading) return "no state: " + line;
+    arm.Take(*reading, state);
+    if (!(state.p_MHip_mm.norm() < 600.0)) return "out of reach: " + line;
+    ++packets;
+  }
+  return packets > 0 ? "" : "no packets";
+}
+
+TEST(Captures, PacketsOfAnOmniAreReplayed) {
+  std::istringstream ours(
+      "omni-firewire: its first packet: 00 00 1e 00 10 00 f0 ff 20 00 00 02 00 02 00 02 00 00 00 "
+      "07 "
+      "07 10 00 02 00 02 00 02 46 57 00 00 78 56 34 12 00 00 00 00 00 00 00 00\n");
+  EXPECT_EQ(ProblemOfPackets(ours), "");
+  std::istringstream cut("00 00 1e 00 10 00\n");
+  EXPECT_NE(ProblemOfPackets(cut), "");
+}
+
+TEST(Captures, OfARealOmniAreReplayed) {
+  const CapturePath folder = CapturePath(test::kCaptures) / "omni-firewire";
+  if (!std::filesystem::is_directory(folder)) GTEST_SKIP() << "there are none yet";
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    std::ifstream file(entry.path());
+    EXPECT_EQ(ProblemOfPackets(file), "") << entry.path();
+  }
 }
 
 // Writes events as usbmon does.

@@ -1,8 +1,10 @@
 #include "server/device/omni/omni_firewire.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <utility>
 
 #include "server/device/firewire/fw_finder.h"
@@ -54,6 +56,7 @@ class OmniFirewireSession final : public StreamSession {
 
   std::string place() const override { return "FireWire, " + found_.node; }
   std::string identity() const override { return identity_; }
+  std::string evidence() const override { return evidence_; }
   std::uint64_t transfer_errors() const override { return link_.retries(); }
 
   void SetUp(const std::atomic<bool>& stop) override {
@@ -166,12 +169,14 @@ class OmniFirewireSession final : public StreamSession {
     std::ranges::nth_element(distances_, distances_.begin() + kMeasuredPackets / 2);
     const int distance = std::max(distances_[kMeasuredPackets / 2], 1);
     link_.SetPacketsPerEvent(std::clamp(kCyclesPerMs / distance, 1, kCyclesPerMs));
-    identity_ = "serial number " + OmniSerialOf(found_.guid) + ", packets of " +
-                std::to_string(packet_bytes_) + " bytes, " + std::to_string(8000 / distance) +
-                " per second";
+    identity_ = fmt::format("serial number {}, packets of {} bytes, {} per second",
+                            OmniSerialOf(found_.guid), packet_bytes_, 8000 / distance);
   }
 
   void Take(const FwPacket& packet) {
+    if (packet_bytes_ == 0) {
+      evidence_ = fmt::format("its first packet: {:02x}", fmt::join(packet.payload, " "));
+    }
     packet_bytes_ = packet.length;
     if (distances_.size() < kMeasuredPackets) {
       if (last_cycle_) {
@@ -212,6 +217,7 @@ class OmniFirewireSession final : public StreamSession {
   const std::atomic<bool> never_{false};
   FwLink link_;
   std::string identity_;
+  std::string evidence_;
   int listens_on_ = 0;
   int talks_on_ = 0;
   milliseconds ask_time_ = FwLink::kAskTime;

@@ -28,6 +28,7 @@ struct StreamedDevice::Impl {
 
   milliseconds Connect();
   void Stream(StreamSession& session);
+  void BeginStreaming(const StreamSession& session);
   bool IsSendDue(std::int64_t now_ns) const;
   void Send(StreamSession& session, std::int64_t now_ns);
   void LetGo(StreamSession& session) noexcept;
@@ -86,7 +87,7 @@ void StreamedDevice::Impl::Stream(StreamSession& session) {
       seat.Take(state);
       last_reading_ns = now_ns;
       // Runs once, because it takes a lock and makes strings. Forces are off before it.
-      if (!seat.is_streaming()) seat.BeStreaming(session.place(), session.identity());
+      if (!seat.is_streaming()) BeginStreaming(session);
     }
     if (received.has_reading || IsSendDue(now_ns)) Send(session, now_ns);
     if (now_ns - last_reading_ns > DeviceSeat::kSilentMs * kMsNs) {
@@ -94,6 +95,12 @@ void StreamedDevice::Impl::Stream(StreamSession& session) {
                      "no reading for " + std::to_string(DeviceSeat::kSilentMs) + " ms");
     }
   }
+}
+
+void StreamedDevice::Impl::BeginStreaming(const StreamSession& session) {
+  seat.BeStreaming(session.place(), session.identity());
+  const std::string evidence = session.evidence();
+  if (!evidence.empty()) seat.log().Add(DeviceEvent::Level::kInfo, evidence);
 }
 
 bool StreamedDevice::Impl::IsSendDue(std::int64_t now_ns) const {

@@ -47,6 +47,8 @@ class StreamSession {
   virtual void SetUp(const std::atomic<bool>& stop) = 0;
   virtual std::string place() const = 0;     // for people, such as "USB port 1-2"
   virtual std::string identity() const = 0;  // after SetUp; the same
+  // What may help to understand a device that nobody has seen, one line for the log; "": nothing.
+  virtual std::string evidence() const { return ""; }
   // Handles what is due, for at most this long. Sets `state` if there is a reading. Throws what
   // ended the stream.
   virtual StreamReceived Wait(std::chrono::microseconds longest, DeviceState& state) = 0;
