@@ -225,6 +225,42 @@ Finding CheckUsbDevices(const Workstation& machine) {
   return {"usb", Verdict::kOk, found.empty() ? "no known device is plugged in" : found};
 }
 
+Finding CheckFireWire(const Workstation& machine) {
+  constexpr const char* kVendor = "0x000b99";  // SensAble, who made the Phantom Omni
+  bool has_controller = false;
+  std::string found;
+  for (const fs::path& device : Entries(machine.root / "sys/bus/firewire/devices")) {
+    const std::string name = device.filename().string();
+    if (!name.starts_with("fw") || name.find('.') != std::string::npos) continue;
+    has_controller = true;
+    const std::string folder = device.lexically_relative(machine.root).string();
+    const bool is_omni = Line(machine, folder + "/guid").starts_with(kVendor) &&
+                         Line(machine, folder + "/is_local") == "0";
+    if (!is_omni) continue;
+    if (!machine.may_write(machine.root / "dev" / name)) {
+      return {"firewire", Verdict::kFail, "Phantom Omni at " + name + ": this user may not open it",
+              "join the group palpate (usermod --append --groups palpate USER), log in again, "
+              "and plug it in again"};
+    }
+    found += (found.empty() ? "Phantom Omni at " : ", ") + name;
+  }
+  if (!has_controller) {
+    return {"firewire", Verdict::kOk, "no controller: only a Phantom Omni on FireWire needs one"};
+  }
+  return {"firewire", Verdict::kOk, found.empty() ? "no Phantom Omni is plugged in" : found};
+}
+
+Finding CheckOpenHaptics(const Workstation& machine) {
+  for (const char* folder : {"usr/lib", "usr/lib64", "usr/lib/x86_64-linux-gnu", "usr/local/lib"}) {
+    const fs::path library = fs::path(folder) / "libHD.so";
+    std::error_code error;
+    if (fs::exists(machine.root / library, error)) {
+      return {"libhd", Verdict::kOk, "/" + library.string()};
+    }
+  }
+  return {"libhd", Verdict::kOk, "not installed: only the device kind `openhaptics` needs it"};
+}
+
 Finding CheckSpace(const Workstation& machine) {
   const std::uint64_t bytes = machine.free_bytes(machine.state_folder);
   const std::string text = fmt::format("{:.1f} GiB free at {}", static_cast<double>(bytes) / kGib,
@@ -251,7 +287,8 @@ Finding CheckSocket(const Workstation& machine, const fs::path& socket) {
 std::vector<Finding> CheckWorkstation(const Workstation& machine) {
   return {CheckKernel(machine),        CheckRealtimeRights(machine), CheckLockedMemory(machine),
           CheckRealtimeShare(machine), CheckGovernor(machine),       CheckClock(machine),
-          CheckUdevRule(machine),      CheckUsbDevices(machine),     CheckSpace(machine)};
+          CheckUdevRule(machine),      CheckUsbDevices(machine),     CheckFireWire(machine),
+          CheckOpenHaptics(machine),   CheckSpace(machine)};
 }
 
 }  // namespace palpate::doctor

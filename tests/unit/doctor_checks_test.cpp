@@ -80,7 +80,7 @@ TEST_F(DoctorTest, AGoodMachineIsOk) {
   PutTouch();
   writable_ = {"dev/bus/usb/001/007"};
   const std::vector<Finding> findings = CheckWorkstation(machine_);
-  EXPECT_EQ(findings.size(), 9u);
+  EXPECT_EQ(findings.size(), 11u);
   for (const Finding& finding : findings) ExpectAdvice(finding, Verdict::kOk);
 }
 
@@ -188,6 +188,29 @@ TEST_F(DoctorTest, ADeviceThatMayNotBeOpenedFails) {
   ExpectAdvice(CheckUsbDevices(machine_), Verdict::kOk);
   PutTouch("9999");
   ExpectAdvice(CheckUsbDevices(machine_), Verdict::kOk, "no known device");
+}
+
+TEST_F(DoctorTest, AnOmniOnFireWireMustBeOpened) {
+  ExpectAdvice(CheckFireWire(machine_), Verdict::kOk, "no controller");
+  const std::string bus = "sys/bus/firewire/devices/";
+  Put(bus + "fw0/guid", "0x000b9900004d0000");  // the controller may be of any vendor
+  Put(bus + "fw0/is_local", "1");
+  Put(bus + "fw1/guid", "0x0011223344556677");
+  Put(bus + "fw1/is_local", "0");
+  Put(bus + "fw2.0/guid", "0x000b9900004d1234");  // a unit, which has no node
+  Put(bus + "fw2.0/is_local", "0");
+  ExpectAdvice(CheckFireWire(machine_), Verdict::kOk, "no Phantom Omni");
+  Put(bus + "fw2/guid", "0x000b9900004d1234");
+  Put(bus + "fw2/is_local", "0");
+  ExpectAdvice(CheckFireWire(machine_), Verdict::kFail, "fw2");
+  writable_ = {"dev/fw2"};
+  ExpectAdvice(CheckFireWire(machine_), Verdict::kOk, "fw2");
+}
+
+TEST_F(DoctorTest, TheVendorsLibraryIsOptional) {
+  ExpectAdvice(CheckOpenHaptics(machine_), Verdict::kOk, "not installed");
+  Put("usr/lib/libHD.so", "");
+  ExpectAdvice(CheckOpenHaptics(machine_), Verdict::kOk, "/usr/lib/libHD.so");
 }
 
 TEST_F(DoctorTest, SpaceRunsOutInSteps) {
