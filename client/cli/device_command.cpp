@@ -7,6 +7,7 @@
 #include "client/cli/device_description.h"
 #include "client/cli/device_test.h"
 #include "client/cli/output.h"
+#include "client/cli/prove_command.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
@@ -169,6 +170,7 @@ void AddDevice(arguments::Command& app, Invocation& invocation) {
   AddInquiries(*device, invocation);
   AddForces(*device, invocation);
   AddPush(*device, invocation);
+  AddProve(*device, invocation);
   const auto seconds = std::make_shared<double>(2.0);
   Add(*device, invocation, "test",
       "Reads the device and judges the readings: rate, losses, noise, buttons.\n"

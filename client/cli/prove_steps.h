@@ -1,0 +1,66 @@
+// The steps of `palpate device prove`, in their order: prove.cpp has those that read,
+// prove_forces.cpp those with forces.
+//
+// Threads: one. Ownership: borrows all. Errors: Error if a step is not right; the text says what to
+// do.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "client/cli/prove.h"
+#include "client/cli/prove_judge.h"
+
+namespace palpate::cli {
+
+inline constexpr double kProvePlaceS = 0.2;
+
+class ProveSteps {
+ public:
+  ProveSteps(ProvedDaemon& palpated, Person& person, Proof& proof)
+      : palpated_(palpated), person_(person), proof_(proof) {}
+
+  // `forces_of`: as in Prove. Call it once.
+  void Run(const std::string& forces_of);
+  // Ends the forces if they were tried. It never throws: the daemon may be gone.
+  void EndForces(bool in_order) noexcept;
+
+ private:
+  void Begin(const std::string& step) { proof_.step = step; }
+  void Say(const std::string& text) { person_.Say(proof_.step, text); }
+  void Note(const Json& figures);
+  void Raise(client::VerificationLevel level);
+
+  const client::DaemonInfo& Get() { return proof_.daemon = palpated_.GetDevice(); }
+  const client::DeviceDescription& device() const { return proof_.daemon.device; }
+
+  std::vector<client::Pose> Read(double seconds);
+  // Of a stream of its own.
+  std::vector<client::Pose> ReadFresh(double seconds);
+  bool Await(double seconds, const std::function<bool(const client::DaemonInfo&)>& holds);
+
+  void Find(const std::string& forces_of);
+  void Calibrate();
+  void Rest();
+  void Axes();
+  void Orientation();
+  void Buttons();
+  bool MayTryForces(const std::string& forces_of);
+  void Enable(const std::string& kind);
+  void Push(const Direction& direction);
+  void Stop();
+
+  ProvedDaemon& palpated_;
+  Person& person_;
+  Proof& proof_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  bool tried_forces_ = false;
+};
+
+[[noreturn]] inline void Unfit(const std::string& text) {
+  throw Error(ErrorKind::kFailedPrecondition, text);
+}
+
+}  // namespace palpate::cli
