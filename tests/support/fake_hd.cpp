@@ -4,7 +4,9 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <thread>
 
 using palpate::FakeHd;
@@ -37,6 +39,18 @@ void Note(const char* call) {
 
 void NeedFrame(const char* call) {
   if (!in_frame) fake.breaches.push_back(std::string(call) + " outside of a frame");
+}
+
+void FollowHandFile() {
+  static const char* const path = std::getenv("PALPATE_FAKE_HD_HAND");
+  if (path == nullptr || fake.frames % 8 != 0) return;
+  std::ifstream file(path);
+  std::array<double, 3> position{};
+  int buttons = 0;
+  if (file >> position[0] >> position[1] >> position[2] >> buttons) {
+    fake.position = position;
+    fake.buttons = buttons;
+  }
 }
 
 FakeHdDevice& Current() { return fake.devices[set_up[handle]]; }
@@ -104,6 +118,7 @@ void hdBeginFrame(unsigned int which) {
   if (in_frame) fake.breaches.emplace_back("hdBeginFrame in a frame");
   in_frame = true;
   ++fake.frames;
+  FollowHandFile();
   next_force = {};
 }
 

@@ -92,7 +92,7 @@ void FalconEmulator::Load(Bytes bytes) {
 void FalconEmulator::TakeCommand(const FalconCommand& command) {
   forces_.push_back(command);
   if (commands_without_answer-- > 0) return;
-  FalconReport report{.homed = kAllHomed};
+  FalconReport report{.buttons = buttons, .homed = kAllHomed};
   if (path_) report.encoders = path_(path_answers_++);
   const FalconFrame answer = EncodeFalconReport(report);
   from_device_.insert(from_device_.end(), answer.begin(), answer.end());

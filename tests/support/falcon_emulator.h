@@ -57,6 +57,7 @@ class FalconEmulator final : public EmulatedUsbDevice {
   std::atomic<bool> spoils_echo = false;  // of the firmware's later part
   std::atomic<bool> cannot_run = false;   // the firmware is not for it
   std::atomic<int> commands_without_answer = 0;
+  std::atomic<std::uint8_t> buttons = 0;  // of the grip, pressed now
 
  private:
   enum class Stage : std::uint8_t { kDumb, kGreeted, kLoading, kRunning };

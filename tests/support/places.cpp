@@ -3,6 +3,7 @@
 namespace palpate::test {
 
 const char* const kPalpated = PALPATED;
+const char* const kPalpate = PALPATE;
 const char* const kPalpateImport = PALPATE_IMPORT;
 const char* const kPalpateLab = PALPATE_LAB;
 

@@ -5,6 +5,7 @@
 namespace palpate::test {
 
 extern const char* const kPalpated;
+extern const char* const kPalpate;
 extern const char* const kPalpateImport;
 extern const char* const kPalpateLab;
 

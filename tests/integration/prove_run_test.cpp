@@ -1,0 +1,261 @@
+// The real `palpate device prove` and palpated, each kind on its emulation: the test does what the
+// program says, as a person would. prove_test.cpp has each fault.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "common/files/descriptor.h"
+#include "server/device/falcon/kinematics.h"
+#include "tests/support/daemon.h"
+#include "tests/support/falcon_emulator.h"
+#include "tests/support/places.h"
+#include "tests/support/touch_emulator.h"
+#include "tests/support/usb_testbed.h"
+
+namespace palpate::test {
+namespace {
+
+// Whatever holds the stylus.
+struct Hand {
+  std::function<void(const Vec3& to_mm)> move;
+  std::function<void(std::uint32_t buttons)> press;
+  std::uint32_t button_count = 0;
+};
+
+class ProveRun : public ::testing::Test {
+ protected:
+  void Start(const std::string& device, const std::vector<std::string>& wrapper = {}) {
+    std::ofstream(folder_.path() / "device.toml") << "[device]\n" << device;
+    daemon_ = std::make_unique<Daemon>(
+        kPalpated,
+        std::vector<std::string>{"--volume", "builtin:sphere:16", "--config",
+                                 folder_.path() / "device.toml"},
+        wrapper, std::chrono::seconds(550));
+  }
+
+  // Starts the program with a pipe for what the person types.
+  void Prove(const std::vector<std::string>& options = {}) {
+    const std::string number = std::to_string(++runs_);
+    const std::string typed = folder_.path() / ("typed" + number);
+    out_ = folder_.path() / ("proof" + number);
+    ASSERT_EQ(mkfifo(typed.c_str(), 0600), 0);
+    keyboard_ = Descriptor(open(typed.c_str(), O_RDWR | O_CLOEXEC));
+    std::vector<std::string> command = {"/bin/sh",
+                                        "-c",
+                                        "exec \"$@\" < " + typed,
+                                        "sh",
+                                        kPalpate,
+                                        "--socket",
+                                        daemon_->socket(),
+                                        "device",
+                                        "prove",
+                                        "--out",
+                                        out_};
+    command.insert(command.end(), options.begin(), options.end());
+    palpate_ = std::make_unique<Process>(command, std::chrono::seconds(300));
+  }
+  // Types an answer where the program says this. Returns false if it ends before.
+  bool Answer(const std::string& said, const std::string& answer = "") {
+    if (!palpate_->WaitFor(said)) return false;
+    const std::string line = answer + "\n";
+    return write(keyboard_.get(), line.data(), line.size()) == std::ssize(line);
+  }
+
+  bool Read(const Hand& hand, const std::vector<Vec3>& places_mm) {
+    if (!Answer("readings  ")) return false;
+    const std::vector<std::string> ways = {"to the right, hold", "up, hold", "towards you, hold"};
+    for (std::size_t n = 0; n < ways.size(); ++n) {
+      if (!palpate_->WaitFor(ways[n])) return false;
+      hand.move(places_mm.at(n));
+      if (!Answer(ways[n])) return false;
+    }
+    if (!palpate_->WaitFor("buttons   ")) return false;
+    for (std::uint32_t n = 0; n < hand.button_count; ++n) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(200));
+      hand.press(1u << n);
+      if (!palpate_->WaitFor("button " + std::to_string(n))) return false;
+      hand.press(0);
+    }
+    return true;
+  }
+  bool Push() {
+    if (!Answer("enable    ")) return false;
+    for (const std::string way :
+         {"to the right", "to the left", "up", "down", "towards you", "away from you"}) {
+      if (!Answer("push is " + way + ",") || !Answer("push " + way + "?", "y")) return false;
+    }
+    return Answer("stop      ") && Answer("at once?", "y");
+  }
+
+  // Until the program has ended in order: a machine that stands still for some ms ends the forces,
+  // and the program then says so.
+  void ExpectProven(const std::string& kind, const Hand& hand, const Vec3& first_mm,
+                    const std::vector<Vec3>& places_mm, const Vec3& free_mm) {
+    ProcessResult end;
+    for (int tries = 0; tries < 8 && end.exit_code != 0; ++tries) {
+      hand.move(first_mm);
+      Prove({"--forces", kind});
+      if (Read(hand, places_mm)) {
+        hand.move(free_mm);
+        Push();
+      }
+      end = palpate_->Wait();
+      if (end.exit_code != 0) std::printf("%s%s\n", end.output.c_str(), end.error.c_str());
+    }
+    ASSERT_EQ(end.exit_code, 0) << end.error;
+    std::printf("%s\n", end.output.c_str());
+    EXPECT_EQ(ProofAt("proposed_level"), "force-verified");
+    EXPECT_TRUE(ProofAt("refusal").is_null());
+    EXPECT_EQ(Forces(), v1::FORCE_STATE_OFF);
+    EXPECT_GT(std::filesystem::file_size(out_ / "readings.csv"), 100000u);
+  }
+  void ExpectRefused(const std::string& step, const std::string& part) {
+    const ProcessResult end = palpate_->Wait();
+    std::printf("%s%s\n", end.output.c_str(), end.error.c_str());
+    EXPECT_NE(end.exit_code, 0);
+    EXPECT_NE(end.error.find("palpate: " + step + ": "), std::string::npos) << end.error;
+    EXPECT_NE(end.error.find(part), std::string::npos) << end.error;
+    EXPECT_EQ(ProofAt("ended_at"), step);
+  }
+
+  nlohmann::json ProofAt(const std::string& key) const {
+    return nlohmann::json::parse(std::ifstream(out_ / "proof.json"))[key];
+  }
+  v1::ForceState Forces() {
+    grpc::ClientContext context;
+    v1::GetDeviceResponse response;
+    EXPECT_TRUE(daemon_->device->GetDevice(&context, {}, &response).ok());
+    return response.forces().state();
+  }
+
+  TemporaryFolder folder_;
+  int runs_ = 0;
+  Descriptor keyboard_;
+  std::filesystem::path out_;
+  std::unique_ptr<Daemon> daemon_;
+  std::unique_ptr<Process> palpate_;
+};
+
+// An emulated Falcon moves by a step for each force that it gets.
+class FalconHand {
+ public:
+  explicit FalconHand(FalconEmulator& falcon) : falcon_(falcon) {}
+  void Move(const Vec3& to_mm) {
+    constexpr int kSteps = 300;
+    falcon_.SetPath([from_mm = at_mm_, to_mm](int step) {
+      const double share = std::min(1.0, static_cast<double>(step) / kSteps);
+      Vec3 angles_rad;
+      EXPECT_TRUE(FalconAnglesAt(from_mm + share * (to_mm - from_mm), angles_rad));
+      return FalconCountsFromAngles(angles_rad);
+    });
+    at_mm_ = to_mm;
+    const std::size_t before = falcon_.Forces().size();
+    EXPECT_TRUE(Eventually([&] { return falcon_.Forces().size() > before + 2 * kSteps; }));
+  }
+  Hand hand() {
+    return {[this](const Vec3& to_mm) { Move(to_mm); },
+            [this](std::uint32_t buttons) { falcon_.buttons = static_cast<std::uint8_t>(buttons); },
+            4};
+  }
+
+ private:
+  FalconEmulator& falcon_;
+  Vec3 at_mm_{0.0, -47.0, 0.0};
+};
+
+class FalconProveRun : public ProveRun {
+ protected:
+  FalconProveRun() {
+    std::ofstream(folder_.path() / "firmware.bin") << std::string(5000, 'x');
+    bus_.Plug("1-2", falcon_);
+    Start("kind = \"falcon\"\nfalcon_firmware = \"" + (folder_.path() / "firmware.bin").string() +
+              "\"\n",
+          bus_.wrapper());
+  }
+  ~FalconProveRun() override { daemon_.reset(); }
+
+  FalconEmulator falcon_;
+  UsbTestbed bus_;
+  FalconHand hand_{falcon_};
+};
+
+TEST_F(FalconProveRun, AFalconIsProven) {
+  ExpectProven("falcon", hand_.hand(), {-20, -40, -15},
+               {{15, -40, -15}, {15, -10, -15}, {15, -10, 15}}, {0, -47, 0});
+}
+
+TEST_F(FalconProveRun, AMirroredAxisAndAPulledPlugAreRefused) {
+  hand_.Move({15, -40, 0});
+  Prove({"--forces", "falcon"});
+  EXPECT_FALSE(Read(hand_.hand(), {{-15, -40, 0}}));
+  ExpectRefused("axes", "x is mirrored");
+  bus_.Unplug("1-2");
+  Prove();
+  ExpectRefused("find", "plug it in");
+}
+
+TEST_F(FalconProveRun, ASignalWhileForcesAreOnStopsThem) {
+  hand_.Move({-20, -40, -15});
+  Prove({"--forces", "falcon"});
+  ASSERT_TRUE(Read(hand_.hand(), {{15, -40, -15}, {15, -10, -15}, {15, -10, 15}}));
+  hand_.Move({0, -47, 0});
+  ASSERT_TRUE(Answer("enable    ") && Answer("push is to the right,"));
+  palpate_->Signal(SIGINT);
+  ExpectRefused("push", "cancelled");
+  EXPECT_EQ(Forces(), v1::FORCE_STATE_STOPPED);
+}
+
+TEST_F(ProveRun, ATouchOnUsbIsRefusedWithWhatToDo) {
+  TouchEmulator touch;
+  UsbTestbed bus;
+  bus.Plug("1-2", touch);
+  Start("kind = \"omni-usb\"\n", bus.wrapper());
+  Prove();
+  ExpectRefused("find", "EMULATED0001");
+  daemon_.reset();
+}
+
+// The library's hand follows a file.
+TEST_F(ProveRun, ATouchByTheVendorsLibraryIsProven) {
+  const std::filesystem::path file = folder_.path() / "hand";
+  Vec3 at_mm(0, -47, 0);
+  std::uint32_t pressed = 0;
+  const auto put = [&] {
+    std::ofstream(folder_.path() / "next")
+        << at_mm.x() << " " << at_mm.y() << " " << at_mm.z() << " " << pressed;
+    std::filesystem::rename(folder_.path() / "next", file);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  };
+  const Hand hand{[&](const Vec3& to_mm) {
+                    const Vec3 step_mm = (to_mm - at_mm) / 50;
+                    for (int n = 0; n < 50; ++n) {
+                      at_mm += step_mm;
+                      put();
+                    }
+                  },
+                  [&](std::uint32_t buttons) {
+                    pressed = buttons;
+                    put();
+                  },
+                  2};
+  put();
+  Start("kind = \"openhaptics\"\nopenhaptics_library = \"" + std::string(kFakeHd) + "\"\n",
+        {"/usr/bin/env", "PALPATE_FAKE_HD_HAND=" + file.string()});
+  ExpectProven("openhaptics", hand, {-20, -40, -15},
+               {{15, -40, -15}, {15, -10, -15}, {15, -10, 15}}, {0, -47, 0});
+}
+
+TEST_F(ProveRun, ASimulatedHandProvesNothing) {
+  Start("kind = \"simulated\"\n");
+  Prove();
+  Answer("readings  ");
+  ExpectRefused("readings", "still");
+  EXPECT_EQ(ProofAt("proposed_level"), "simulated");
+}
+
+}  // namespace
+}  // namespace palpate::test
