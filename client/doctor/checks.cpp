@@ -222,7 +222,8 @@ Finding CheckUsbDevices(const Workstation& machine) {
     }
     found += (found.empty() ? "" : ", ") + name;
   }
-  return {"usb", Verdict::kOk, found.empty() ? "no known device is plugged in" : found};
+  return {"usb", Verdict::kOk,
+          found.empty() ? "no known device is plugged in: no Touch, no Falcon" : found};
 }
 
 Finding CheckFireWire(const Workstation& machine) {
