@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/utsname.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -56,6 +57,8 @@ class PersonAtTerminal final : public Person {
  private:
   // A signal may come to another thread, so the read must not wait for long.
   std::string Line() {
+    // A second Enter must not start the next push.
+    if (isatty(STDIN_FILENO) == 1) tcflush(STDIN_FILENO, TCIFLUSH);
     while (typed_.find('\n') == std::string::npos) {
       ThrowIfInterrupted();
       pollfd input{STDIN_FILENO, POLLIN, 0};
@@ -138,7 +141,9 @@ void WriteFile(const fs::path& path, const std::string& text) {
 
 void WriteFolder(const fs::path& folder, const Proof& proof) {
   std::error_code error;
-  if (!fs::create_directory(folder, error)) throw CannotWrite(folder, error.value());
+  if (!fs::create_directory(folder, error)) {
+    throw CannotWrite(folder, error ? error.value() : EEXIST);
+  }
   WriteFile(folder / "proof.json", ToText(ToJson(proof, VersionsHere()), 2));
   WriteFile(folder / "readings.csv", TableOf(proof.readings));
 }

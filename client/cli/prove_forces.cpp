@@ -14,10 +14,10 @@ constexpr double kRampInS = 5.0, kPushS = 1.0, kStoppedPushS = 2.0, kStopAfterS 
 // What held the forces back at last; empty: nothing.
 std::string HeldBack(const std::vector<client::Pose>& poses) {
   const auto held = std::find_if(poses.rbegin(), poses.rend(), [](const client::Pose& pose) {
-    return pose.forces.state != client::ForceState::kOn &&
-           pose.forces.state != client::ForceState::kStopped;
+    return pose.forces.state == client::ForceState::kHeld ||
+           pose.forces.state == client::ForceState::kFault;
   });
-  return held == poses.rend() ? "" : "; forces were " + InWords(held->forces);
+  return held == poses.rend() ? "" : "; they were " + InWords(held->forces);
 }
 
 }  // namespace

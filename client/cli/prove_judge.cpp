@@ -16,6 +16,8 @@ constexpr double kForceToleranceN = 0.1 * kProvePushN;
 constexpr int kLeastPushTicks = 100;
 constexpr double kAgainstMm = 3.0;
 constexpr std::uint64_t kMostTicksLate = 2;
+// A stop call of a busy machine takes some ticks.
+constexpr std::uint64_t kShortly = 50;
 constexpr const char* kWhatToDo =
     "start again to be sure; if it stays so, send the folder, and do not enable forces";
 
@@ -105,7 +107,8 @@ StopFigures MeasureStop(const std::vector<client::Pose>& poses, const Direction&
                         std::uint64_t stop_tick) {
   StopFigures figures;
   for (const client::Pose& pose : poses) {
-    figures.pushed = figures.pushed || (pose.tick < stop_tick && IsAsked(pose, direction));
+    const bool is_shortly_before = pose.tick < stop_tick && pose.tick + kShortly >= stop_tick;
+    figures.pushed = figures.pushed || (is_shortly_before && IsAsked(pose, direction));
     const bool is_first_zero =
         !figures.ticks_late && pose.tick >= stop_tick && (pose.force_n.array() == 0.0).all();
     if (is_first_zero) figures.ticks_late = pose.tick - stop_tick;

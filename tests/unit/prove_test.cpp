@@ -40,7 +40,7 @@ class Rig final : public Person, public ProvedDaemon {
   bool forces_come = true, writes_after_stop = true;
   double written = 1.0;          // of the force
   Vec3 drags_mm = Vec3::Zero();  // in a tick with a push
-  std::uint64_t stops_late = 0;
+  std::uint64_t stops_late = 0, longest_push = 9999;
   std::string cancels_in{}, denies_in{};  // steps
   std::uint64_t calibrated_at = 0;        // a tick
 
@@ -84,7 +84,8 @@ class Rig final : public Person, public ProvedDaemon {
     ++pushed;
     EXPECT_LE(force_n.norm(), 0.5);
     push_n_ = written * force_n;
-    push_end_ = info.servo.ticks + static_cast<std::uint64_t>(1e3 * seconds);
+    const auto ticks = static_cast<std::uint64_t>(1e3 * seconds);
+    push_end_ = info.servo.ticks + std::min(ticks, longest_push);
     return info.servo.ticks;
   }
   void Follow() override {}
@@ -237,6 +238,8 @@ TEST(Prove, EachFaultIsRefusedInItsStep) {
       {"felt elsewhere", [](Rig& r) { r.denies_in = "push"; }, "push", Level::kStateRead},
       {"cancelled with forces", [](Rig& r) { r.cancels_in = "push"; }, "push", Level::kStateRead},
       {"stops late", [](Rig& r) { r.stops_late = 3; }, "stop", Level::kStateRead},
+      {"held back before the stop", [](Rig& r) { r.longest_push = 400; }, "stop", Level::kStateRead,
+       "start again"},
       {"stops never", [](Rig& r) { r.stops_late = 9999; }, "stop", Level::kStateRead},
       {"zero not written", [](Rig& r) { r.writes_after_stop = false; }, "stop", Level::kStateRead},
       {"felt after the stop", [](Rig& r) { r.denies_in = "stop"; }, "stop", Level::kStateRead},
