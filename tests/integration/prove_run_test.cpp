@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <atomic>
 #include <fstream>
 #include <functional>
+#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "common/files/descriptor.h"
@@ -25,6 +27,10 @@ struct Hand {
   std::function<void(std::uint32_t buttons)> press;
   std::uint32_t button_count = 0;
 };
+
+// Within reach of a Falcon: to the right, up and towards the user; away from the volume.
+const Vec3 kFirstMm(-20, -40, -15), kFreeMm(0, -47, 0);
+const std::vector<Vec3> kPlacesMm = {{15, -40, -15}, {15, -10, -15}, {15, -10, 15}};
 
 class ProveRun : public ::testing::Test {
  protected:
@@ -93,14 +99,14 @@ class ProveRun : public ::testing::Test {
 
   // Until the program has ended in order: a machine that stands still for some ms ends the forces,
   // and the program then says so.
-  void ExpectProven(const std::string& kind, const Hand& hand, const Vec3& first_mm,
-                    const std::vector<Vec3>& places_mm, const Vec3& free_mm) {
+  void ExpectProven(const std::string& kind, const Hand& hand,
+                    const std::string& level = "force-verified") {
     ProcessResult end;
     for (int tries = 0; tries < 8 && end.exit_code != 0; ++tries) {
-      hand.move(first_mm);
+      hand.move(kFirstMm);
       Prove({"--forces", kind});
-      if (Read(hand, places_mm)) {
-        hand.move(free_mm);
+      if (Read(hand, kPlacesMm)) {
+        hand.move(kFreeMm);
         Push();
       }
       end = palpate_->Wait();
@@ -108,7 +114,7 @@ class ProveRun : public ::testing::Test {
     }
     ASSERT_EQ(end.exit_code, 0) << end.error;
     std::printf("%s\n", end.output.c_str());
-    EXPECT_EQ(ProofAt("proposed_level"), "force-verified");
+    EXPECT_EQ(ProofAt("proposed_level"), level);
     EXPECT_TRUE(ProofAt("refusal").is_null());
     EXPECT_EQ(Forces(), v1::FORCE_STATE_OFF);
     EXPECT_GT(std::filesystem::file_size(out_ / "readings.csv"), 100000u);
@@ -183,10 +189,7 @@ class FalconProveRun : public ProveRun {
   FalconHand hand_{falcon_};
 };
 
-TEST_F(FalconProveRun, AFalconIsProven) {
-  ExpectProven("falcon", hand_.hand(), {-20, -40, -15},
-               {{15, -40, -15}, {15, -10, -15}, {15, -10, 15}}, {0, -47, 0});
-}
+TEST_F(FalconProveRun, AFalconIsProven) { ExpectProven("falcon", hand_.hand()); }
 
 TEST_F(FalconProveRun, AMirroredAxisAndAPulledPlugAreRefused) {
   hand_.Move({15, -40, 0});
@@ -199,10 +202,10 @@ TEST_F(FalconProveRun, AMirroredAxisAndAPulledPlugAreRefused) {
 }
 
 TEST_F(FalconProveRun, ASignalWhileForcesAreOnStopsThem) {
-  hand_.Move({-20, -40, -15});
+  hand_.Move(kFirstMm);
   Prove({"--forces", "falcon"});
-  ASSERT_TRUE(Read(hand_.hand(), {{15, -40, -15}, {15, -10, -15}, {15, -10, 15}}));
-  hand_.Move({0, -47, 0});
+  ASSERT_TRUE(Read(hand_.hand(), kPlacesMm));
+  hand_.Move(kFreeMm);
   ASSERT_TRUE(Answer("enable    ") && Answer("push is to the right,"));
   palpate_->Signal(SIGINT);
   ExpectRefused("push", "cancelled");
@@ -245,16 +248,68 @@ TEST_F(ProveRun, ATouchByTheVendorsLibraryIsProven) {
   put();
   Start("kind = \"openhaptics\"\nopenhaptics_library = \"" + std::string(kFakeHd) + "\"\n",
         {"/usr/bin/env", "PALPATE_FAKE_HD_HAND=" + file.string()});
-  ExpectProven("openhaptics", hand, {-20, -40, -15},
-               {{15, -40, -15}, {15, -10, -15}, {15, -10, 15}}, {0, -47, 0});
+  ExpectProven("openhaptics", hand);
 }
+
+// The simulated hand follows these targets.
+class LedHand {
+ public:
+  explicit LedHand(Daemon& daemon) : stream_(daemon.device->LeadHand(&context_)) {
+    Aim(kFirstMm);
+    thread_ = std::thread([this] {
+      while (!ends_) {
+        v1::LeadHandRequest request;
+        {
+          const std::scoped_lock lock(mutex_);
+          request = request_;
+        }
+        if (!stream_->Write(request)) return;
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      }
+    });
+  }
+  ~LedHand() {
+    ends_ = true;
+    thread_.join();
+    context_.TryCancel();
+    stream_->Finish();
+  }
+  Hand hand() {
+    return {[this](const Vec3& to_mm) {
+              Aim(to_mm);
+              std::this_thread::sleep_for(std::chrono::seconds(1));
+            },
+            [this](std::uint32_t buttons) {
+              const std::scoped_lock lock(mutex_);
+              request_.set_buttons(buttons);
+            },
+            2};
+  }
+
+ private:
+  void Aim(const Vec3& at_mm) {
+    const std::scoped_lock lock(mutex_);
+    request_.mutable_target_mm()->set_x(at_mm.x());
+    request_.mutable_target_mm()->set_y(at_mm.y());
+    request_.mutable_target_mm()->set_z(at_mm.z());
+  }
+
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::LeadHandRequest, v1::LeadHandResponse>> stream_;
+  std::mutex mutex_;
+  v1::LeadHandRequest request_;
+  std::atomic<bool> ends_ = false;
+  std::thread thread_;
+};
 
 TEST_F(ProveRun, ASimulatedHandProvesNothing) {
   Start("kind = \"simulated\"\n");
   Prove();
   Answer("readings  ");
-  ExpectRefused("readings", "still");
+  ExpectRefused("readings", "still");  // it explores by itself
   EXPECT_EQ(ProofAt("proposed_level"), "simulated");
+  LedHand led(*daemon_);
+  ExpectProven("simulated", led.hand(), "simulated");
 }
 
 }  // namespace
