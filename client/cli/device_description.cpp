@@ -142,7 +142,8 @@ std::string Describe(const std::vector<client::ListedDevice>& list) {
   if (list.empty()) return "no devices\n";
   std::vector<Row> rows = {{"device", "port", "verified", "state", "model"}};
   for (const client::ListedDevice& device : list) {
-    rows.push_back({OneLine(device.kind), device.port.empty() ? "-" : OneLine(device.port),
+    const std::string serial = device.serial.empty() ? "" : ", serial " + OneLine(device.serial);
+    rows.push_back({OneLine(device.kind), device.port.empty() ? "-" : OneLine(device.port) + serial,
                     Spaced(NameOf(device.verification_level)), StateOf(device),
                     OneLine(device.model)});
   }

@@ -178,7 +178,7 @@ void ProveSteps::Axes() {
 }
 
 void ProveSteps::Orientation() {
-  Begin("orientation");
+  Begin("pointing");
   if (!device().senses_orientation || proof_.rehearsal) return;
   for (const Direction& direction : {kDirections[5], kDirections[3], kDirections[0]}) {
     Say(fmt::format("Point the stylus {}, as well as it goes, and press Enter.", direction.words));

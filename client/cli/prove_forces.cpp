@@ -9,6 +9,8 @@
 namespace palpate::cli {
 namespace {
 
+// A machine that stood still for some ms holds a push back.
+constexpr int kPushTries = 3;
 constexpr double kRampInS = 5.0, kPushS = 1.0, kStoppedPushS = 2.0, kStopAfterS = 0.5;
 
 // What held the forces back at last; empty: nothing.
@@ -24,8 +26,8 @@ std::string HeldBack(const std::vector<client::Pose>& poses) {
 
 bool ProveSteps::MayTryForces(const std::string& forces_of) {
   if (device().max_force_n <= 0.0) {
-    Say("The daemon has no figures of this device's motors, so forces are not tried: see the "
-        "device guide.");
+    Say("The daemon has no figures of this device's motors ([device] motor_counts_per_n_mm), so "
+        "forces are not tried: see the device guide.");
     return false;
   }
   if (!forces_of.empty()) return true;
@@ -61,6 +63,12 @@ void ProveSteps::Enable(const std::string& kind) {
 
 void ProveSteps::Push(const Direction& direction) {
   Begin("push");
+  for (int tries = 1; !TryPush(direction, tries == kPushTries); ++tries) {
+  }
+}
+
+// Returns false if the push was held back, and may be tried again.
+bool ProveSteps::TryPush(const Direction& direction, bool is_last) {
   Say(fmt::format("The next push is {}, {:g} N for {:g} s. Press Enter.", direction.words,
                   kProvePushN, kPushS));
   person_.WaitForEnter();
@@ -78,8 +86,13 @@ void ProveSteps::Push(const Direction& direction) {
       problem.empty() && person_.AskYesNo(fmt::format("Did it push {}?", direction.words));
   if (problem.empty()) noted["felt"] = felt;
   Note(noted);
-  if (!problem.empty()) Unfit(problem + HeldBack(poses));
-  if (felt) return;
+  const std::string held = HeldBack(poses);
+  if (!problem.empty() && !held.empty() && !is_last) {
+    Say("The forces were held back for a moment. Once more.");
+    return false;
+  }
+  if (!problem.empty()) Unfit(problem + held);
+  if (felt) return true;
   Unfit(
       fmt::format("the push {} was not felt so: the motors' sign or axis {} is suspicious; "
                   "send the folder, and do not enable forces",

@@ -50,6 +50,7 @@ class ProveSteps {
   bool MayTryForces(const std::string& forces_of);
   void Enable(const std::string& kind);
   void Push(const Direction& direction);
+  bool TryPush(const Direction& direction, bool is_last);
   void Stop();
 
   ProvedDaemon& palpated_;

@@ -206,7 +206,7 @@ Setters DeviceSetters() {
   return {
       {"device.kind", [](E e, C c) { c.device.kind = e.Text(); }},
       {"device.pressed_buttons", [](E e, C c) { c.device.pressed_buttons = e.Integer(0, 3); }},
-      {"device.torque_n_mm", [](E e, C c) { c.device.torque_n_mm = e.NumberWithin(0.0, 500.0); }},
+      {"device.torque_n_mm", [](E e, C c) { c.device.torque_n_mm = e.NumberWithin(0.0, 50.0); }},
       {"device.serial", [](E e, C c) { c.device.serial = e.Text(); }},
       {"device.stop_buttons", [](E e, C c) { c.device.stop_buttons = e.Integer(0, 15); }},
       {"device.replay_file", [](E e, C c) { c.device.replay_file = e.Text(); }},

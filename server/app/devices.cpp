@@ -133,7 +133,10 @@ void AppendUsb(const DeviceDescription& spec, const std::vector<UsbMatch::Ids>& 
 
 void AppendOmniFirewire(const DeviceConfig& config, std::vector<ListedDevice>& devices) {
   ListedDevice listed = Listed(OmniFirewireSpec(config.motor_counts_per_n_mm.has_value()));
-  const std::vector<FwFound> found = FindFwNodes(kOmniVendor);
+  std::vector<FwFound> found = FindFwNodes(kOmniVendor);
+  // The configured one first: of several devices of a kind, the first that works is the daemon's.
+  std::ranges::stable_partition(
+      found, [&](const FwFound& one) { return OmniSerialOf(one.guid) == config.serial; });
   for (const FwFound& one : found) {
     listed.port = one.node;
     listed.serial = OmniSerialOf(one.guid);

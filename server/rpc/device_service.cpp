@@ -207,18 +207,26 @@ Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* 
         if (!(seconds > 0.0) || !(seconds <= kLongestPushS)) {
           throw Error(ErrorKind::kInvalidArgument, "seconds must be above 0 and at most 5");
         }
-        LogOfClient(LogLevel::kInfo, "forces, " + by.caller().name,
-                    "forces: a push of ({:.2f}, {:.2f}, {:.2f}) N for {:g} s, by {}", force_D_n.x(),
-                    force_D_n.y(), force_D_n.z(), seconds, by.Who());
-        servo_.pushes().Push(force_D_n,
-                             std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz)));
-        const std::uint64_t tick = FirstTickThatKnows(servo_);
-        const auto forces = forces_.WaitForTick(tick, kTickPatience);
-        if (!forces || !Act(forces->forces)) {
+        const auto refuse_unless_they_act = [&](const std::optional<ForceTick>& forces) {
+          if (forces && Act(ForcesOf(forces->forces, session_.forces_off()))) return;
+          servo_.pushes().Push(Vec3::Zero(), 0);
           throw Error(ErrorKind::kFailedPrecondition,
                       "the forces do not act: " + (forces ? InWords(forces->forces.reason)
                                                           : "the haptic loop does not tick"));
+        };
+        if (!(device_.spec().max_force_n > 0.0)) {
+          throw Error(ErrorKind::kFailedPrecondition, "the daemon cannot drive the motors of `" +
+                                                          device_.spec().kind +
+                                                          "`: its motor figures are missing");
         }
+        refuse_unless_they_act(forces_.newest());
+        servo_.pushes().Push(force_D_n,
+                             std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz)));
+        const std::uint64_t tick = FirstTickThatKnows(servo_);
+        refuse_unless_they_act(forces_.WaitForTick(tick, kTickPatience));
+        LogOfClient(LogLevel::kInfo, "forces, " + by.caller().name,
+                    "forces: a push of ({:.2f}, {:.2f}, {:.2f}) N for {:g} s, by {}", force_D_n.x(),
+                    force_D_n.y(), force_D_n.z(), seconds, by.Who());
         response->set_applied_tick(tick);
       });
 }

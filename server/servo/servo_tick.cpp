@@ -25,9 +25,11 @@ TickSample ServoTick::Run(const Scene& scene, const TickTime& time) noexcept {
   TickSample sample = computation_.Run(scene, input);
   sample.update_ns = MonotonicNowNs() - before_ns;
   sample.time_ns = time.started_ns;
-  forces_act_ = sample.force_state == ForceState::kRampIn || sample.force_state == ForceState::kOn;
+  const bool enabled =
+      sample.force_state == ForceState::kRampIn || sample.force_state == ForceState::kOn;
+  forces_act_ = enabled && !computation_.was_suspended();
   const Wrench wrench{Vec3(sample.force_n.data()), Vec3(sample.torque_n_mm.data())};
-  device_.Write({.wrench_M = wrench, .motors_on = forces_act_ || !wrench.is_zero()}, kTickPeriodS);
+  device_.Write({.wrench_M = wrench, .motors_on = enabled || !wrench.is_zero()}, kTickPeriodS);
   return sample;
 }
 

@@ -85,6 +85,7 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   const bool suspended = scene.forces_off || stylus.docked || !stylus.calibrated ||
                          (scene.settings.clutch_tool && (stylus.buttons & kClutchButton) != 0);
   const bool pushed = !std::isnan(input.push_D_n.x());
+  was_pushed_ = pushed && !suspended;
   HapticOutput output;
   if (suspended || pushed) {
     output = SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_);

@@ -57,6 +57,8 @@ class TickComputation {
 
   // The number of the next tick.
   std::uint64_t next_tick() const { return ticks_; }
+  // Nothing was felt in the last tick, for another reason than a push.
+  bool was_suspended() const { return safety_.memory().was_suspended && !was_pushed_; }
   ServoKeyframe Keyframe() const noexcept;
   // Continues from `keyframe`. If the next tick's volume has no place for the proxy, the proxy
   // starts anew. Returns false, and changes nothing, if the bytes are no keyframe of this version.
@@ -65,7 +67,8 @@ class TickComputation {
  private:
   Safety safety_;
   RendererState renderer_;
-  bool resumed_ = false;  // resumed, and no tick since
+  bool resumed_ = false;     // resumed, and no tick since
+  bool was_pushed_ = false;  // and nothing else suspended, in the last tick
   std::uint64_t ticks_ = 0;
   std::uint64_t missed_ticks_ = 0;
   std::uint64_t capped_ticks_ = 0;

@@ -332,6 +332,7 @@ TEST(DeviceDaemon, AnOmniThatWasFrozenOrKilledUnderKeepsItsForceUntilSomebodyIsT
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(50));  // what was under way
     const std::size_t frames = omni.CountFrames();
+    const std::size_t forces = omni.CountForces();
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     EXPECT_EQ(omni.CountFrames(), frames);
     EXPECT_TRUE(omni.IsPushed());  // as we assume of a device: nothing ends its force
@@ -341,7 +342,6 @@ TEST(DeviceDaemon, AnOmniThatWasFrozenOrKilledUnderKeepsItsForceUntilSomebodyIsT
       rig.Start(kOmni);
     }
     EXPECT_TRUE(Eventually([&] { return omni.CountFrames() > frames && !omni.IsPushed(); }));
-    const std::size_t forces = omni.CountForces();
     EXPECT_TRUE(rig.WaitForConnection(v1::DEVICE_CONNECTION_STREAMING));
     EXPECT_TRUE(omni.TakesFrames(100));
     EXPECT_EQ(omni.CountForces(), forces);
@@ -378,6 +378,35 @@ TEST(DeviceDaemon, AnOmniThatWasPulledOutWaitsForTheOperatorAndIsLetGoOfWithoutF
   EXPECT_EQ(last->bytes, Bytes{0});
   EXPECT_GE(last->time_ns, omni.emulator.Forces().back().time_ns);
   EXPECT_EQ(omni.emulator.Mistakes(), (std::map<std::string, int>{}));
+}
+
+// The machine may stop in some seconds.
+TEST(DeviceDaemon, AnOmniIsReadAndAnsweredAThousandTimesASecond) {
+  Omni omni;
+  FirewireDaemon rig;
+  rig.bus().Plug(omni.emulator);
+  rig.Start(kOmni);
+  ASSERT_TRUE(omni.Pushes(rig));
+  omni.Rest(rig);
+  std::uint64_t lost_readings = 0, lost_packets = 0, packets = 0;
+  std::size_t forces = 0;
+  for (int second = 0; second < 10; ++second) {
+    const v1::DeviceHealth health = rig.Get().health();
+    const std::uint64_t sent = omni.emulator.packets_sent();
+    const std::uint64_t lost = omni.emulator.Counts().lost;
+    const std::size_t frames = omni.CountFrames();
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    forces += omni.CountFrames() - frames;
+    packets += omni.emulator.packets_sent() - sent;
+    lost_packets += omni.emulator.Counts().lost - lost;
+    lost_readings += rig.Get().health().lost_readings() - health.lost_readings();
+  }
+  std::printf("%lu packets in 10 s, %lu not taken, %lu readings lost; %.4f forces for each\n",
+              packets, lost_packets, lost_readings,
+              static_cast<double>(forces) / static_cast<double>(packets));
+  EXPECT_GT(packets, 9000u);
+  EXPECT_LE(lost_packets + lost_readings, packets / 100);
+  EXPECT_GE(static_cast<double>(forces), 0.99 * static_cast<double>(packets));
 }
 
 }  // namespace

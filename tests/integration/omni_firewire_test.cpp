@@ -51,16 +51,12 @@ class OmniFirewireTest : public ::testing::Test {
     Make();
     ASSERT_TRUE(StreamsSoon());
   }
-  // Docks, and then holds the stylus there.
+  // Docks until it is calibrated, and holds the stylus there.
   void Hold(const Vec3& p_mm) {
-    if (!device_->health().calibrated) {
-      omni_.SetHand(OmniStand::Docked());
-      EXPECT_TRUE(Serve(Vec3::Zero(), [&] { return device_->health().calibrated; }));
-    }
-    omni_.SetHand(OmniStand::At(p_mm));
     EXPECT_TRUE(Serve(Vec3::Zero(), [&] {
-      return status_ == DeviceStatus::kOk && !state_.docked &&
-             (state_.p_MHip_mm - p_mm).norm() < 0.1;
+      const bool calibrated = status_ == DeviceStatus::kOk && state_.calibrated;
+      omni_.SetHand(calibrated ? OmniStand::At(p_mm) : OmniStand::Docked());
+      return calibrated && !state_.docked && (state_.p_MHip_mm - p_mm).norm() < 0.1;
     })) << state_.p_MHip_mm.transpose();
   }
   // Reads and writes, as the servo does, until it is so.
@@ -246,24 +242,64 @@ TEST_F(OmniFirewireTest, PassingAnswersAreAskedAgain) {
   device_.reset();
   omni_.AnswerNext(1'000'000, RCODE_BUSY);
   Make();
-  EXPECT_TRUE(HasProblem("does not answer"));
+  EXPECT_TRUE(HasProblem("stays busy"));
   omni_.AnswerNext(0, 0);
   EXPECT_TRUE(StreamsSoon());
 }
 
-TEST_F(OmniFirewireTest, ABusResetIsFollowedByItsRegistersAndForcesGoOn) {
+// The device is busy meanwhile. Where the machine stood still, it looked silent and was set up
+// anew: then once more.
+TEST_F(OmniFirewireTest, ABusResetIsFollowedByItsRegistersWhileForcesGoOn) {
+  Start();
+  for (const bool keeps : {true, false}) {
+    omni_.keeps_registers_at_reset = keeps;
+    bool went_on = false;
+    for (int tries = 0; tries < 20 && !went_on; ++tries) {
+      ASSERT_TRUE(StreamsSoon());
+      ASSERT_TRUE(Pushes());
+      const std::uint64_t connections = device_->health().connections;
+      const std::size_t writes = omni_.CountOf(Kind::kWrite), before = omni_.Forces().size();
+      omni_.AnswerNext(keeps ? 12 : 1, RCODE_BUSY);
+      bus_.BusReset();
+      const auto is_restored = [&] {
+        const std::vector<FirewireEvent> written = EventsOf(Kind::kWrite);
+        return written.size() >= writes + 4 && written.back().rcode == 0 &&
+               written.back().number == static_cast<std::int64_t>(Omni::kControl) &&
+               written.back().bytes == Bytes{Omni::kStreams};
+      };
+      EXPECT_TRUE(Serve(Vec3(0, 0, 1), is_restored));
+      EXPECT_TRUE(Pushes());
+      went_on = device_->health().connections == connections;
+      if (!went_on) continue;
+      std::vector<OmniForcePacket> forces = omni_.Forces();
+      forces.erase(forces.begin(), forces.begin() + static_cast<std::ptrdiff_t>(before) - 1);
+      std::uint64_t longest_gap = 0;
+      for (std::size_t n = 1; n < forces.size(); ++n) {
+        longest_gap = std::max(longest_gap, forces[n].cycle - forces[n - 1].cycle);
+      }
+      EXPECT_LT(longest_gap, 8u * 100u);
+      // No old force comes back at once: without force first.
+      EXPECT_TRUE(std::ranges::any_of(
+          forces, [](const OmniForcePacket& force) { return !force.force_enabled; }));
+    }
+    EXPECT_TRUE(went_on);
+  }
+}
+
+TEST_F(OmniFirewireTest, ChannelsThatAreLostAtABusResetEndItsForce) {
   Start();
   ASSERT_TRUE(Pushes());
-  const std::uint64_t connections = device_->health().connections;
-  for (const bool keeps : {false, true}) {
-    omni_.keeps_registers_at_reset = keeps;
-    const std::size_t writes = omni_.CountOf(Kind::kWrite);
-    bus_.BusReset();
-    EXPECT_TRUE(Serve(Vec3::Zero(), [&] { return omni_.CountOf(Kind::kWrite) >= writes + 4; }));
-    EXPECT_TRUE(Pushes());
-  }
-  // Where the machine stood still, the device looked silent.
-  if (device_->health().connections != connections) GTEST_SKIP() << "the machine stood still";
+  omni_.keeps_registers_at_reset = true;
+  bus_.SetFaults({.loses_channels_at_reset = true});
+  bus_.BusReset();
+  EXPECT_TRUE(Serve(Vec3(0, 0, 1), [&] { return status_ == DeviceStatus::kFault; }));
+  EXPECT_TRUE(HasProblem("took a channel back"));
+  EXPECT_TRUE(Eventually([&] {
+    return omni_.Register(Omni::kControl) == 0 && omni_.ForceOnHand() == std::array<int, 3>{};
+  }));
+  bus_.SetFaults({});
+  EXPECT_TRUE(StreamsSoon());
+  EXPECT_TRUE(Pushes());
 }
 
 TEST_F(OmniFirewireTest, UnpluggedOrSilentItIsAFaultAndComesBack) {
@@ -273,10 +309,9 @@ TEST_F(OmniFirewireTest, UnpluggedOrSilentItIsAFaultAndComesBack) {
     bus_.Unplug(omni_);
     EXPECT_TRUE(Serve(Vec3(0, 0, 1), [&] { return status_ == DeviceStatus::kFault; }));
     EXPECT_TRUE(HasProblem("unplugged") || HasProblem("not found"));
-    omni_.SetHand(OmniStand::Docked());
     bus_.Plug(omni_);
     ASSERT_TRUE(StreamsSoon());
-    EXPECT_FALSE(device_->health().calibrated && !device_->health().docked);
+    EXPECT_FALSE(device_->health().calibrated);  // its encoders count anew
   }
   ASSERT_TRUE(Pushes());
   omni_.SetStream({.silent = true});
@@ -298,8 +333,8 @@ TEST_F(OmniFirewireTest, PacketsOfEightAMillisecondAndOf64BytesAreRead) {
   const std::size_t forces = omni_.Forces().size();
   EXPECT_TRUE(
       Serve(Vec3(0, 0, 1), [&] { return device_->health().readings > before.readings + 8000; }));
-  // A force a millisecond, not one for each packet.
-  EXPECT_LT(omni_.Forces().size(), forces + 4000);
+  // The kernel tells of each eighth packet: about a force a millisecond.
+  EXPECT_LT(omni_.Forces().size(), forces + 2000);
   EXPECT_EQ(device_->health().corrupt_frames, 0u);
 }
 
@@ -316,26 +351,6 @@ TEST_F(OmniFirewireTest, PacketsThatAreNoneAreDropped) {
     omni_.SetStream({});
     ASSERT_TRUE(StreamsSoon());
   }
-}
-
-// Apart from the gate: it judges the clock.
-TEST_F(OmniFirewireTest, TenSecondsAtOneKilohertzTimes) {
-  Start();
-  ASSERT_TRUE(Pushes());
-  const DeviceHealth before = device_->health();
-  const std::uint64_t lost = omni_.Counts().lost;
-  const std::uint64_t sent = omni_.packets_sent();
-  std::vector<std::size_t> ms_with_force;
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
-  EXPECT_TRUE(Serve(Vec3(0, 0, 1), [&] { return std::chrono::steady_clock::now() > end; }));
-  const DeviceHealth after = device_->health();
-  const auto brought = static_cast<double>(omni_.packets_sent() - sent);
-  const auto forces = static_cast<double>(after.forces_written - before.forces_written);
-  std::printf("%.0f packets, %lu lost by the card, %lu by their numbers; forces %.4f of them\n",
-              brought, static_cast<unsigned long>(omni_.Counts().lost - lost),
-              static_cast<unsigned long>(after.lost_readings - before.lost_readings),
-              forces / brought);
-  EXPECT_GT(forces / brought, 0.99);
 }
 
 }  // namespace

@@ -14,6 +14,8 @@
 #include "server/device/falcon/kinematics.h"
 #include "tests/support/daemon.h"
 #include "tests/support/falcon_emulator.h"
+#include "tests/support/firewire_testbed.h"
+#include "tests/support/omni_stand.h"
 #include "tests/support/places.h"
 #include "tests/support/touch_emulator.h"
 #include "tests/support/usb_testbed.h"
@@ -26,6 +28,7 @@ struct Hand {
   std::function<void(const Vec3& to_mm)> move;
   std::function<void(std::uint32_t buttons)> press;
   std::uint32_t button_count = 0;
+  std::function<void(const std::string& way)> point{};  // none: its orientation is not measured
 };
 
 // Within reach of a Falcon: to the right, up and towards the user; away from the volume.
@@ -71,6 +74,16 @@ class ProveRun : public ::testing::Test {
     return write(keyboard_.get(), line.data(), line.size()) == std::ssize(line);
   }
 
+  // Points the stylus where the program says, if it does.
+  bool Point(const Hand& hand) {
+    if (!hand.point) return true;
+    for (const std::string way : {"away from you", "down", "to the right"}) {
+      if (!palpate_->WaitFor("stylus " + way + ",")) return false;
+      hand.point(way);
+      if (!Answer("stylus " + way + ",")) return false;
+    }
+    return true;
+  }
   bool Read(const Hand& hand, const std::vector<Vec3>& places_mm) {
     if (!Answer("readings  ")) return false;
     const std::vector<std::string> ways = {"to the right, hold", "up, hold", "towards you, hold"};
@@ -79,7 +92,7 @@ class ProveRun : public ::testing::Test {
       hand.move(places_mm.at(n));
       if (!Answer(ways[n])) return false;
     }
-    if (!palpate_->WaitFor("buttons   ")) return false;
+    if (!Point(hand) || !palpate_->WaitFor("buttons   ")) return false;
     for (std::uint32_t n = 0; n < hand.button_count; ++n) {
       std::this_thread::sleep_for(std::chrono::milliseconds(200));
       hand.press(1u << n);
@@ -131,12 +144,13 @@ class ProveRun : public ::testing::Test {
   nlohmann::json ProofAt(const std::string& key) const {
     return nlohmann::json::parse(std::ifstream(out_ / "proof.json"))[key];
   }
-  v1::ForceState Forces() {
+  v1::GetDeviceResponse Get() {
     grpc::ClientContext context;
     v1::GetDeviceResponse response;
     EXPECT_TRUE(daemon_->device->GetDevice(&context, {}, &response).ok());
-    return response.forces().state();
+    return response;
   }
+  v1::ForceState Forces() { return Get().forces().state(); }
 
   TemporaryFolder folder_;
   int runs_ = 0;
@@ -210,6 +224,73 @@ TEST_F(FalconProveRun, ASignalWhileForcesAreOnStopsThem) {
   palpate_->Signal(SIGINT);
   ExpectRefused("push", "cancelled");
   EXPECT_EQ(Forces(), v1::FORCE_STATE_STOPPED);
+}
+
+// Moves and turns as FalconHand does. The gimbal's zeros and signs are the driver's guess.
+class OmniArmHand {
+ public:
+  explicit OmniArmHand(OmniFirewireEmulator& omni) : omni_(omni) {}
+  void Move(const Vec3& to_mm) {
+    constexpr int kSteps = 300;
+    omni_.SetPath([=, from_mm = at_mm_, gimbal = gimbal_](int step) {
+      const double share = std::min(1.0, static_cast<double>(step) / kSteps);
+      OmniHand hand = OmniStand::At(from_mm + share * (to_mm - from_mm));
+      hand.gimbal = gimbal;
+      return hand;
+    });
+    at_mm_ = to_mm;
+    const std::size_t before = omni_.Forces().size();
+    EXPECT_TRUE(Eventually([&] { return omni_.Forces().size() > before + 2 * kSteps; }));
+  }
+  Hand hand() {
+    return {[this](const Vec3& to_mm) { Move(to_mm); },
+            [this](std::uint32_t buttons) {
+              OmniHand hand = OmniStand::At(at_mm_);
+              hand.pressed = buttons;
+              omni_.SetHand(hand);
+            },
+            2,
+            [this](const std::string& way) {
+              gimbal_ = {0.5, 0.5, 0.5};
+              if (way == "down") gimbal_[1] = 0.5 + M_PI / 2 / 5.28;
+              if (way == "to the right") gimbal_[0] = 0.5 - M_PI / 2 / 5.48;
+              Move(at_mm_);
+            }};
+  }
+
+ private:
+  OmniFirewireEmulator& omni_;
+  Vec3 at_mm_ = kFreeMm;
+  std::array<double, 3> gimbal_{0.5, 0.5, 0.5};
+};
+
+TEST_F(ProveRun, AnOmniOnFirewireIsProvenAndWithoutMotorFiguresUpToItsReadings) {
+  OmniFirewireEmulator omni;
+  FirewireTestbed bus;
+  OmniArmHand hand(omni);
+  bus.Plug(omni);
+  const std::string kind = "kind = \"omni-firewire\"\n";
+  for (const bool has_figures : {true, false}) {
+    omni.SetHand(OmniStand::Docked());
+    Start(kind + (has_figures ? "motor_counts_per_n_mm = [2.0, -3.0, 4.0]\n" : ""), bus.wrapper());
+    EXPECT_TRUE(Eventually([&] { return Get().health().calibrated(); }));
+    if (has_figures) {
+      ExpectProven("omni-firewire", hand.hand());
+    } else {
+      hand.Move(kFirstMm);
+      Prove({"--forces", "omni-firewire"});
+      EXPECT_TRUE(Read(hand.hand(), kPlacesMm));
+      EXPECT_EQ(palpate_->Wait().exit_code, 0);
+      EXPECT_EQ(ProofAt("proposed_level"), "state-read");
+    }
+    daemon_.reset();
+  }
+  omni.SetHand(OmniStand::Docked());
+  bus.SetMayOpen(omni, false);
+  Start(kind, bus.wrapper());
+  Prove();
+  ExpectRefused("find", "70-palpate.rules");
+  daemon_.reset();
 }
 
 TEST_F(ProveRun, ATouchOnUsbIsRefusedWithWhatToDo) {

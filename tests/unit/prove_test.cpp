@@ -54,7 +54,7 @@ class Rig final : public Person, public ProvedDaemon {
   void WaitForEnter() override {
     if (step_ == cancels_in) throw Error(ErrorKind::kCancelled, "cancelled");
     if (step_ == "axes") place_mm_ += ways_mm.at(axes_++);
-    if (step_ == "orientation") {
+    if (step_ == "pointing") {
       R_DS_ = Eigen::Quaterniond::FromTwoVectors(-Vec3::UnitZ(), points.at(pointings_++));
     }
   }
@@ -162,8 +162,8 @@ TEST(Prove, WithoutForcesItEndsAfterTheReadings) {
     EXPECT_EQ(rig->enabled, 0);
     EXPECT_EQ(rig->info.forces.state, State::kOff);
   }
-  EXPECT_EQ(no_motors.said["orientation"], 3);
-  EXPECT_EQ(not_asked.said["orientation"], 0);
+  EXPECT_EQ(no_motors.said["pointing"], 3);
+  EXPECT_EQ(not_asked.said["pointing"], 0);
 }
 
 TEST(Prove, ARehearsalProvesNothing) {
@@ -226,7 +226,7 @@ TEST(Prove, EachFaultIsRefusedInItsStep) {
          r.info.device.senses_orientation = true;
          r.points[1] = {0, 1, 0};
        },
-       "orientation"},
+       "pointing"},
       {"a dead button", [](Rig& r) { r.working_buttons = 1; }, "buttons", Level::kIdentified,
        "button 1 "},
       {"cancelled before forces", [](Rig& r) { r.cancels_in = "readings"; }, "readings"},

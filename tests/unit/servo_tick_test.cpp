@@ -100,6 +100,16 @@ TEST_F(HardwareTick, APushIsAllThatIsFeltForItsTicksAndIsReplayed) {
     ASSERT_TRUE(testing::SameSample(computed, sample)) << sample.tick;
   }
 
+  // A clutch ends it, and what follows comes by a ramp.
+  scene_.forces_off = true;
+  pushes_.Push(Vec3(0, 0.3, 0), 100);
+  Force(10);
+  scene_.forces_off = false;
+  EXPECT_LT(Force(), 0.05);
+  EXPECT_FALSE(Tick().is_pushed());
+  EXPECT_EQ(Tick().force_state, ForceState::kRampIn);
+  Force(600);
+
   pushes_.Push(Vec3(0, 0.3, 0), 100);
   Tick();
   forces_.Set(ForceCommand::kStop);

@@ -33,13 +33,13 @@ Vec3 AnkleFromHip(std::size_t arm, const Vec3& p_M_mm) {
           p_M_mm.z() + kFalconBaseToOriginMm};
 }
 
-// Turns a direction from the arm's frame into D.
+// Turns a direction from the arm's frame into M.
 Vec3 FromArm(std::size_t arm, const Vec3& v) {
   const double c = kArmCos[arm], s = kArmSin[arm];
   return {c * v.x() - s * v.y(), s * v.x() + c * v.y(), v.z()};
 }
 
-// The torus of an arm. `miss` is 0 on the torus. The derivatives of `miss` are by the position in D
+// The torus of an arm. `miss` is 0 on the torus. The derivatives of `miss` are by the position in M
 // and by the angle.
 struct Torus {
   double miss = 0.0;

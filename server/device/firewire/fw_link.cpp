@@ -26,24 +26,36 @@ bool IsPassing(std::uint32_t rcode) {
 
 }  // namespace
 
+FwNode::Request FwLink::NextRequest(std::uint64_t address) {
+  rcode_.reset();
+  asked_ = Clock::now();
+  return {.number = ++request_, .address = address, .generation = generation_};
+}
+
+void FwLink::BeginWrite(std::uint64_t address, std::span<const std::uint8_t> data) {
+  receiver_.AskToWrite(NextRequest(address), data);
+}
+
+FwLink::Answer FwLink::answer() const {
+  if (!rcode_) return Clock::now() > asked_ + kAnswerTime ? Answer::kAgain : Answer::kNone;
+  if (*rcode_ == RCODE_COMPLETE) return Answer::kDone;
+  if (IsPassing(*rcode_)) return Answer::kAgain;
+  throw BusError(BusFault::kUnsuitable,
+                 "the device refuses a register, with answer " + std::to_string(*rcode_));
+}
+
 template <class Ask>
-std::vector<std::uint8_t> FwLink::Transact(Ask ask, std::uint64_t address, const char* what,
-                                           const std::atomic<bool>& stop, milliseconds longest) {
+std::vector<std::uint8_t> FwLink::Transact(Ask ask, const char* what, const std::atomic<bool>& stop,
+                                           milliseconds longest) {
   const Clock::time_point end = Clock::now() + longest;
   for (;; ++retries_) {
-    rcode_.reset();
-    ask(FwNode::Request{++request_, address, generation_});
-    const Clock::time_point now = Clock::now();
-    const bool answered =
-        WaitUntil([this] { return rcode_.has_value(); }, std::min(now + kAnswerTime, end), stop);
-    if (answered && *rcode_ == RCODE_COMPLETE) return data_;
-    const std::string of = answered ? ": it answers " + std::to_string(*rcode_) : "";
-    if (answered && !IsPassing(*rcode_)) {
-      throw BusError(BusFault::kUnsuitable, std::string(what) + " is refused" + of);
-    }
+    ask();
+    WaitUntil([this] { return answer() != Answer::kNone; }, end, stop);
+    if (answer() == Answer::kDone) return data_;
     if (stop || Clock::now() + kPause >= end) {
-      throw BusError(BusFault::kTimeout, "the device does not answer when " + std::string(what) +
-                                             " is asked for" + of + "; check its power and cable");
+      throw BusError(BusFault::kTimeout,
+                     std::string("the device ") + (rcode_ ? "stays busy" : "does not answer") +
+                         " when " + what + " is asked for; check its power and cable");
     }
     WaitUntil([] { return false; }, Clock::now() + kPause, stop);
   }
@@ -52,8 +64,8 @@ std::vector<std::uint8_t> FwLink::Transact(Ask ask, std::uint64_t address, const
 std::vector<std::uint8_t> FwLink::Read(std::uint64_t address, std::size_t bytes,
                                        const std::atomic<bool>& stop, milliseconds longest) {
   std::vector<std::uint8_t> data =
-      Transact([&](const FwNode::Request& request) { receiver_.AskToRead(request, bytes); },
-               address, "reading a register", stop, longest);
+      Transact([&] { receiver_.AskToRead(NextRequest(address), bytes); }, "reading a register",
+               stop, longest);
   if (data.size() != bytes) {
     throw BusError(BusFault::kCorrupt, "a register has another size than it should");
   }
@@ -62,8 +74,7 @@ std::vector<std::uint8_t> FwLink::Read(std::uint64_t address, std::size_t bytes,
 
 void FwLink::Write(std::uint64_t address, std::span<const std::uint8_t> data,
                    const std::atomic<bool>& stop, milliseconds longest) {
-  Transact([&](const FwNode::Request& request) { receiver_.AskToWrite(request, data); }, address,
-           "writing a register", stop, longest);
+  Transact([&] { BeginWrite(address, data); }, "writing a register", stop, longest);
 }
 
 std::optional<int> FwLink::AllocateChannel(std::uint64_t channels, std::size_t packet_bytes,
@@ -81,7 +92,6 @@ void FwLink::StartStream(int receive_channel, int send_channel, Receiver receive
   receive_ = std::move(receive);
   receiver_.CreateReceiver(receive_channel);
   sender_.CreateSender(send_channel);
-  streams_ = true;
   QueueSlots(kReceiveSlots);
   newest_sent_ = Clock::now();
   TrySend(first);  // the kernel starts no empty queue
@@ -98,27 +108,34 @@ void FwLink::QueueSlots(std::size_t count) {
     controls[n] = FW_CDEV_ISO_HEADER_LENGTH(static_cast<std::uint32_t>(kFwPacketHeaderBytes)) |
                   (tells ? FW_CDEV_ISO_INTERRUPT : 0u);
   }
-  receiver_.Queue(std::span(controls).first(count));
+  receiver_.Queue(std::span(controls).first(count), static_cast<int>(count));
 }
 
 // Each sent packet tells its end: else the kernel never frees it.
 bool FwLink::TrySend(std::span<const std::uint8_t, kSentBytes> packet) {
-  if (under_way_ >= kMostUnderWay) {
-    if (Clock::now() - newest_sent_ > kSendTime) {
-      throw BusError(BusFault::kTimeout, "no force leaves the FireWire controller");
-    }
-    return false;
-  }
+  if (under_way_ >= kMostUnderWay) return false;
   std::array<std::uint32_t, 1 + kSentBytes / 4> queued{
       FW_CDEV_ISO_HEADER_LENGTH(static_cast<std::uint32_t>(kSentBytes)) | FW_CDEV_ISO_INTERRUPT};
   std::memcpy(&queued[1], packet.data(), packet.size());
-  sender_.Queue(queued);
+  sender_.Queue(queued, 1);
   ++under_way_;
   newest_sent_ = Clock::now();
   return true;
 }
 
-void FwLink::Wait(microseconds longest) { Poll(longest); }
+bool FwLink::is_stuck() const {
+  return under_way_ >= kMostUnderWay && Clock::now() - newest_sent_ > kSendTime;
+}
+
+void FwLink::StopStream() noexcept {
+  sender_.Stop();
+  receiver_.Stop();
+}
+
+// After a pause of this thread many events wait. Old readings must not pass for new ones.
+void FwLink::Wait(microseconds longest) {
+  for (std::size_t n = 0; n < kReceiveSlots && Poll(longest); ++n) longest = microseconds(0);
+}
 
 bool FwLink::WaitUntil(const std::function<bool()>& is_so, Clock::time_point end,
                        const std::atomic<bool>& stop) {
@@ -130,17 +147,19 @@ bool FwLink::WaitUntil(const std::function<bool()>& is_so, Clock::time_point end
   return true;
 }
 
-void FwLink::Poll(microseconds longest) {
+// Takes an event of each descriptor. Returns false if there was none.
+bool FwLink::Poll(microseconds longest) {
   std::array<pollfd, 2> polled{pollfd{receiver_.descriptor(), POLLIN, 0},
                                pollfd{sender_.descriptor(), POLLIN, 0}};
   constexpr std::int64_t kNsPerUs = 1000;
   const timespec time{.tv_sec = 0, .tv_nsec = longest.count() * kNsPerUs};
-  if (ppoll(polled.data(), polled.size(), &time, nullptr) <= 0) return;
+  if (ppoll(polled.data(), polled.size(), &time, nullptr) <= 0) return false;
   if ((polled[0].revents & POLLIN) != 0) Take(receiver_);
   if ((polled[1].revents & POLLIN) != 0) Take(sender_);
   for (const pollfd& one : polled) {
     if ((one.revents & (POLLHUP | POLLERR)) != 0) throw BusError(BusFault::kAbsent, "unplugged");
   }
+  return true;
 }
 
 void FwLink::Take(FwNode& node) {
@@ -156,10 +175,11 @@ void FwLink::Take(FwNode& node) {
     rcode_ = response->rcode;
     data_.assign(response->data.begin(), response->data.end());
   } else if (const auto* resource = std::get_if<FwResource>(&*event)) {
-    if (!resource->allocated) {
-      throw BusError(BusFault::kBroken, "the FireWire bus took a channel back after a bus reset");
+    if (resource->allocated) {
+      channel_ = resource->channel;
+    } else {
+      has_lost_a_channel_ = true;
     }
-    channel_ = resource->channel;
   } else if (const auto* packets = std::get_if<FwPackets>(&*event)) {
     constexpr int kTimeBytes = 4;  // of each sent packet
     if (&node == &receiver_) {

@@ -45,6 +45,13 @@ class FwLink {
     sender_.GetInfo();
   }
 
+  // Begins to write a register, of which answer tells. For one request at a time, and while a
+  // stream may not stand still.
+  enum class Answer : std::uint8_t { kNone, kDone, kAgain };  // kAgain: it is to be asked again
+  void BeginWrite(std::uint64_t address, std::span<const std::uint8_t> data);
+  // Throws if the device refuses.
+  Answer answer() const;
+
   // Waits for the answer; gives up soon after `stop` becomes true. One at a time. Packets that come
   // meanwhile go to the stream's receiver.
   std::vector<std::uint8_t> Read(std::uint64_t address, std::size_t bytes,
@@ -62,10 +69,16 @@ class FwLink {
                    std::span<const std::uint8_t, kSentBytes> first);
   // The kernel tells of each so manieth packet.
   void SetPacketsPerEvent(int packets) { packets_per_event_ = packets; }
-  // Handles what is due, for at most this long. Throws what ended the stream.
+  // Ends both contexts. The kernel stops them anyway when the link is closed.
+  void StopStream() noexcept;
+  // Handles what is due, for at most this long.
   void Wait(std::chrono::microseconds longest);
   // Returns false if too many packets are under way.
   bool TrySend(std::span<const std::uint8_t, kSentBytes> packet);
+  // No packet has left for kSendTime, though some are under way.
+  bool is_stuck() const;
+  // The bus has taken a channel back after a reset.
+  bool has_lost_a_channel() const { return has_lost_a_channel_; }
   bool has_sent_all() const { return under_way_ == 0; }
   // True once after each bus reset.
   bool TakeBusReset() { return std::exchange(bus_was_reset_, false); }
@@ -76,12 +89,12 @@ class FwLink {
   using Clock = std::chrono::steady_clock;
 
   template <class Ask>
-  std::vector<std::uint8_t> Transact(Ask ask, std::uint64_t address, const char* what,
-                                     const std::atomic<bool>& stop,
+  std::vector<std::uint8_t> Transact(Ask ask, const char* what, const std::atomic<bool>& stop,
                                      std::chrono::milliseconds longest);
   bool WaitUntil(const std::function<bool()>& is_so, Clock::time_point end,
                  const std::atomic<bool>& stop);
-  void Poll(std::chrono::microseconds longest);
+  FwNode::Request NextRequest(std::uint64_t address);
+  bool Poll(std::chrono::microseconds longest);
   void Take(FwNode& node);
   void TakePackets(std::span<const std::uint8_t> headers);
   void QueueSlots(std::size_t count);
@@ -91,10 +104,11 @@ class FwLink {
   std::uint32_t generation_ = 0;
   bool bus_was_reset_ = false;
   std::uint64_t request_ = 0;           // number of the newest request
+  Clock::time_point asked_{};           // its time
   std::optional<std::uint32_t> rcode_;  // of its response
   std::vector<std::uint8_t> data_;      // of its response
   std::optional<int> channel_;          // of the newest allocation
-  bool streams_ = false;
+  bool has_lost_a_channel_ = false;
   Receiver receive_;
   int packets_per_event_ = 1;
   std::size_t slots_queued_ = 0;

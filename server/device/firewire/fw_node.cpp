@@ -40,12 +40,13 @@ FwNode::FwNode(const std::string& path) : descriptor_(open(path.c_str(), O_RDWR 
 
 FwNode::~FwNode() { close(descriptor_); }
 
-void FwNode::Call(unsigned long request, void* argument, const char* what) {
+int FwNode::Call(unsigned long request, void* argument, const char* what) {
   int result = 0;
   do {
     result = ioctl(descriptor_, request, argument);
   } while (result < 0 && errno == EINTR);
   if (result < 0) ThrowErrno(what);
+  return result;
 }
 
 std::uint32_t FwNode::GetInfo() {
@@ -105,12 +106,15 @@ void FwNode::CreateReceiver(int channel) {
 
 void FwNode::CreateSender(int channel) { Create(FW_CDEV_ISO_CONTEXT_TRANSMIT, 0, channel); }
 
-void FwNode::Queue(std::span<const std::uint32_t> controls) {
+void FwNode::Queue(std::span<const std::uint32_t> controls, int packets) {
   fw_cdev_queue_iso queue{};
   queue.packets = PointerTo(controls.data());
   queue.size = static_cast<std::uint32_t>(controls.size_bytes());
   queue.handle = context_;
-  Call(FW_CDEV_IOC_QUEUE_ISO, &queue, "queueing packets");
+  // If something within is wrong, the kernel takes fewer and says no more.
+  if (Call(FW_CDEV_IOC_QUEUE_ISO, &queue, "queueing packets") != packets) {
+    throw BusError(BusFault::kBroken, "the kernel does not take all packets");
+  }
 }
 
 void FwNode::Start() {

@@ -44,8 +44,8 @@ class FwNode {
 
   void CreateReceiver(int channel);
   void CreateSender(int channel);
-  // `controls`: a word for each packet, for a sender followed by its payload.
-  void Queue(std::span<const std::uint32_t> controls);
+  // `controls`: a word for each of the packets, for a sender followed by its payload.
+  void Queue(std::span<const std::uint32_t> controls, int packets);
   void Start();
   void Stop() noexcept;
 
@@ -53,7 +53,7 @@ class FwNode {
   std::size_t Read(std::span<std::uint8_t> event);
 
  private:
-  void Call(unsigned long request, void* argument, const char* what);
+  int Call(unsigned long request, void* argument, const char* what);
   void Ask(const Request& request, std::uint32_t tcode, std::size_t bytes, const void* data);
   void Create(std::uint32_t type, std::uint32_t header_bytes, int channel);
 

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// Position of the crossing of the base's and the shoulder's axes, from D's origin.
+// Position of the crossing of the base's and the shoulder's axes, from M's origin.
 constexpr double kRiseMm = 23.35;
 constexpr double kBackMm = 168.35;
 

@@ -30,14 +30,14 @@ struct OmniJoints {
 // How far the joints have turned while the encoders counted so. The second encoder counts down.
 OmniJoints OmniJointsFromCounts(const std::array<std::int16_t, 3>& counts);
 
-// Position of the gimbal in D. D's origin is about the middle of the stylus's reach: 168 mm in
+// Position of the gimbal in M. M's origin is about the middle of the stylus's reach: 168 mm in
 // front of the base's axis, 23 mm below the shoulder.
 Vec3 OmniPosition(const OmniJoints& joints);
 
-// Orientation of the stylus in D. The stylus's z axis runs from the tip along the barrel. The
+// Orientation of the stylus in M. The stylus's z axis runs from the tip along the barrel. The
 // gimbal's angles turn, in this order: about the second link, about the axis across link and
 // barrel, about the barrel. With the three gimbal angles at 0, the barrel is perpendicular to the
-// link and in the arm's plane. With all six angles at 0, the orientation is that of D.
+// link and in the arm's plane. With all six angles at 0, the orientation is that of M.
 // The order, signs and zeros of the gimbal's angles are our guess: no source has them.
 Eigen::Quaterniond OmniOrientation(const OmniJoints& joints,
                                    const std::array<double, 3>& gimbal_rad);

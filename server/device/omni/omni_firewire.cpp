@@ -11,6 +11,7 @@
 #include "server/device/firewire/fw_link.h"
 #include "server/device/omni/firewire_frames.h"
 #include "server/device/omni/omni_serial.h"
+#include "server/realtime/tick_timer.h"
 
 namespace palpate {
 namespace {
@@ -35,12 +36,17 @@ constexpr std::uint64_t kAllChannels = ~std::uint64_t{0};
 constexpr std::size_t kMeasuredPackets = 64;
 constexpr int kCyclesPerMs = 8;
 constexpr milliseconds kFirstPacketsTime{500};
-constexpr milliseconds kEndTime{50};     // for the last force
-constexpr milliseconds kResetTime{100};  // for each register while forces are on
+constexpr milliseconds kEndTime{50};  // for the last force, and for the stop
 constexpr std::chrono::microseconds kLook{1000};
 
+using Clock = std::chrono::steady_clock;
 using Frame = std::array<std::uint8_t, FwLink::kSentBytes>;
 static_assert(kOmniForceBytes == FwLink::kSentBytes);
+
+struct Register {
+  std::uint64_t address = 0;
+  std::vector<std::uint8_t> value{};
+};
 
 std::uint32_t Quadlet(const std::vector<std::uint8_t>& bytes) {
   std::uint32_t value = 0;
@@ -50,9 +56,8 @@ std::uint32_t Quadlet(const std::vector<std::uint8_t>& bytes) {
 
 class OmniFirewireSession final : public StreamSession {
  public:
-  // alone: there is no other such device on the buses.
-  OmniFirewireSession(OmniArm& arm, const FwFound& found, bool alone)
-      : arm_(arm), found_(found), alone_(alone), link_(found.node) {}
+  OmniFirewireSession(OmniArm& arm, const FwFound& found)
+      : arm_(arm), found_(found), link_(found.node) {}
 
   std::string place() const override { return "FireWire, " + found_.node; }
   std::string identity() const override { return identity_; }
@@ -62,12 +67,12 @@ class OmniFirewireSession final : public StreamSession {
   void SetUp(const std::atomic<bool>& stop) override {
     arm_.Forget();
     CheckIdentity(stop);
-    const int talks_on = TakeChannels(stop);
-    Configure(stop);
+    TakeChannels(stop);
     link_.StartStream(
-        talks_on, listens_on_, [this](const FwPacket& packet) { Take(packet); },
+        talks_on_, listens_on_, [this](const FwPacket& packet) { Take(packet); },
         EncodeOmniForce({}));
-    Start(stop);
+    talks_ = true;
+    for (const Register& one : Registers()) link_.Write(one.address, one.value, stop);
     Measure(stop);
     streams_ = true;
   }
@@ -76,34 +81,39 @@ class OmniFirewireSession final : public StreamSession {
     received_ = {};
     state_ = &state;
     link_.Wait(longest);
-    state_ = nullptr;
-    if (link_.TakeBusReset()) {
-      // Packets and channels go on; the device may have forgotten its registers. No force is sent
-      // meanwhile, so this may not take long.
-      ask_time_ = kResetTime;
-      Configure(never_);
-      Start(never_);
+    if (link_.has_lost_a_channel()) {
+      throw BusError(BusFault::kBroken, "the FireWire bus took a channel back after a bus reset");
     }
+    Restore();
     return received_;
   }
 
   bool TrySend(const DeviceCommand& command) override {
+    if (link_.is_stuck()) {
+      throw BusError(BusFault::kTimeout, "no force leaves the FireWire controller");
+    }
     return link_.TrySend(
         EncodeOmniForce(arm_.ForceOf(command.wrench_M.force_n, command.motors_on)));
   }
 
+  // Each step is tried, whatever became of the one before: the second ends a force, too.
   bool LetGo() noexcept override {
-    bool sent = false;
+    state_ = nullptr;  // its owner may be gone
+    bool is_off = false;
     try {
-      sent = streams_ && SendLast();
-      if (has_started_) {
-        ask_time_ = kResetTime;
-        WriteByte(kStream, 0, never_);
+      is_off = streams_ && SendLast();
+    } catch (const BusError&) {
+    }
+    try {
+      if (talks_) {
+        link_.Write(kStream, std::array<std::uint8_t, 1>{0}, never_,
+                    is_off ? kEndTime : 4 * kEndTime);
+        is_off = true;
       }
     } catch (const BusError&) {
-      // Nobody is left to get the error.
     }
-    return sent;
+    link_.StopStream();
+    return is_off;
   }
 
  private:
@@ -120,16 +130,19 @@ class OmniFirewireSession final : public StreamSession {
     }
   }
 
-  // Returns the channel of the device's packets. A device that talks already was left so by a
-  // program that was killed, or another program uses it: then the channel is not free.
-  int TakeChannels(const std::atomic<bool>& stop) {
-    const bool talks = (link_.Read(kStream, 1, stop).front() & kStreams) != 0;
+  // A device that talks already was left so by a program that was killed, or another program uses
+  // it: then its channel is not free.
+  void TakeChannels(const std::atomic<bool>& stop) {
+    stream_value_ = link_.Read(kStream, 1, stop).front();
+    const bool talked = (stream_value_ & kStreams) != 0;
     const int old = link_.Read(kTalksOn, 1, stop).front() & 63;
-    const std::uint64_t wanted = talks ? std::uint64_t{1} << old : kAllChannels;
+    const std::uint64_t wanted = talked ? std::uint64_t{1} << old : kAllChannels;
     const std::optional<int> talks_on = link_.AllocateChannel(wanted, kFwPacketBytes, stop);
-    if (!talks_on && talks) {
-      throw BusError(BusFault::kBusy, "another program uses it: end that program");
+    if (!talks_on && talked) {
+      throw BusError(BusFault::kBusy,
+                     "another program uses it: end that program, or switch the device off and on");
     }
+    talks_ = talked && talks_on;  // nobody else ends its force
     const std::optional<int> listens_on =
         talks_on ? link_.AllocateChannel(kAllChannels, FwLink::kSentBytes, stop) : std::nullopt;
     if (!listens_on) {
@@ -139,29 +152,45 @@ class OmniFirewireSession final : public StreamSession {
     }
     listens_on_ = *listens_on;
     talks_on_ = *talks_on;
-    return *talks_on;
   }
 
-  void WriteByte(std::uint64_t address, int value, const std::atomic<bool>& stop) {
-    link_.Write(address, std::array{static_cast<std::uint8_t>(value)}, stop, ask_time_);
+  // What tells the device its channels and starts it, in this order.
+  std::vector<Register> Registers() const {
+    std::vector<Register> all = {{kListensOn, {static_cast<std::uint8_t>(listens_on_)}},
+                                 {kTalksOn, {static_cast<std::uint8_t>(talks_on_)}}};
+    if (FindFwNodes(kOmniVendor).size() == 1) {
+      all.push_back({kUnknown, {kUnknownValue.begin(), kUnknownValue.end()}});
+    }
+    all.push_back({kStream, {static_cast<std::uint8_t>(stream_value_ | kStreams)}});
+    return all;
   }
 
-  void Configure(const std::atomic<bool>& stop) {
-    WriteByte(kListensOn, listens_on_, stop);
-    WriteByte(kTalksOn, talks_on_, stop);
-    if (alone_) link_.Write(kUnknown, kUnknownValue, stop, ask_time_);
-  }
-
-  void Start(const std::atomic<bool>& stop) {
-    has_started_ = true;
-    WriteByte(kStream, link_.Read(kStream, 1, stop, ask_time_).front() | kStreams, stop);
+  // After a bus reset packets and channels go on, but the device may have forgotten its registers.
+  // Writes them again, while readings and forces go on.
+  void Restore() {
+    if (link_.TakeBusReset()) {
+      received_.restarted = true;
+      to_write_ = Registers();
+      restore_end_ = Clock::now() + FwLink::kAskTime;
+      link_.BeginWrite(to_write_.front().address, to_write_.front().value);
+    }
+    if (to_write_.empty()) return;
+    const FwLink::Answer answer = link_.answer();
+    if (answer == FwLink::Answer::kNone) return;
+    if (Clock::now() > restore_end_) {
+      throw BusError(BusFault::kTimeout, "it does not take its registers after a bus reset");
+    }
+    if (answer == FwLink::Answer::kDone) to_write_.erase(to_write_.begin());
+    if (!to_write_.empty()) {
+      link_.BeginWrite(to_write_.front().address, to_write_.front().value);
+    }
   }
 
   // Learns how often packets come.
   void Measure(const std::atomic<bool>& stop) {
-    const auto end = std::chrono::steady_clock::now() + kFirstPacketsTime;
+    const auto end = Clock::now() + kFirstPacketsTime;
     while (distances_.size() < kMeasuredPackets) {
-      if (stop || std::chrono::steady_clock::now() > end) {
+      if (stop || Clock::now() > end) {
         throw BusError(BusFault::kTimeout, "it sends no packets; switch it off and on again");
       }
       link_.Wait(kLook);
@@ -194,16 +223,17 @@ class OmniFirewireSession final : public StreamSession {
     const std::optional<std::uint32_t> lost = arm_.Take(*reading, *state_);
     if (!lost) return;
     received_.has_reading = true;
+    received_.time_ns = MonotonicNowNs();
     ++received_.readings;
     received_.lost_readings += *lost;
   }
 
   // Returns true once the last zero has left.
   bool SendLast() {
-    const auto end = std::chrono::steady_clock::now() + kEndTime;
+    const auto end = Clock::now() + kEndTime;
     const Frame zero = EncodeOmniForce({});
     bool sent = false;
-    while (std::chrono::steady_clock::now() < end) {
+    while (Clock::now() < end) {
       if (!sent) sent = link_.TrySend(zero);
       if (sent && link_.has_sent_all()) return true;
       link_.Wait(kLook);
@@ -213,16 +243,17 @@ class OmniFirewireSession final : public StreamSession {
 
   OmniArm& arm_;
   const FwFound found_;
-  const bool alone_;
   const std::atomic<bool> never_{false};
   FwLink link_;
   std::string identity_;
   std::string evidence_;
   int listens_on_ = 0;
   int talks_on_ = 0;
-  milliseconds ask_time_ = FwLink::kAskTime;
-  bool has_started_ = false;
+  std::uint8_t stream_value_ = 0;  // of kStream before it was started
+  bool talks_ = false;             // the device sends packets, or may
   bool streams_ = false;
+  std::vector<Register> to_write_;  // since a bus reset
+  Clock::time_point restore_end_{};
   std::size_t packet_bytes_ = 0;
   std::optional<int> last_cycle_;
   std::vector<int> distances_;  // between packets, in cycles, until they are measured
@@ -275,7 +306,7 @@ OmniFirewireBus::OmniFirewireBus(const OmniFirewireOptions& options)
 
 std::unique_ptr<StreamSession> OmniFirewireBus::Open() {
   const std::vector<FwFound> found = FindFwNodes(kOmniVendor);
-  return std::make_unique<OmniFirewireSession>(arm_, Choose(found, serial_), found.size() == 1);
+  return std::make_unique<OmniFirewireSession>(arm_, Choose(found, serial_));
 }
 
 std::string OmniFirewireBus::calibration_hint() const {

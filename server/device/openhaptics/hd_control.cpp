@@ -136,11 +136,12 @@ bool HdControl::StartFrames() {
 }
 
 void HdControl::Stream() {
-  retry_beside_ = Clock::now() + kRetryBeside;
+  pushed_at_ = Clock::now();
   while (!link_.Wait(kPoll)) {
     for (const auto& device : devices_) {
       TakeErrors(*device);
       if (device->is_alive) Watch(*device);
+      if (device->is_alive && device->servo.motors_on()) pushed_at_ = Clock::now();
     }
     if (ShallSetUpAgain()) return;
   }
@@ -162,9 +163,7 @@ bool HdControl::ShallSetUpAgain() const {
   const auto is_alive = [](const auto& device) { return device->is_alive; };
   if (std::ranges::all_of(devices_, is_alive)) return false;
   if (std::ranges::none_of(devices_, is_alive)) return true;
-  return Clock::now() > retry_beside_ && std::ranges::none_of(devices_, [](const auto& device) {
-           return device->is_alive && device->servo.motors_on();
-         });
+  return Clock::now() > pushed_at_ + kRetryBeside;
 }
 
 // Also ends a set-up that failed half-way. The library may refuse calls that have no effect; its
@@ -233,7 +232,8 @@ void HdControl::Fail(Device& device, const std::string& problem) {
   device.servo.seat.log().SetProblem(
       problem + (devices_.size() == 1 ? ""
                                       : "; it is set up again once the forces of the other "
-                                        "devices are off"));
+                                        "devices have been off for some seconds"),
+      Level::kError);
 }
 
 DeviceHealth HdControl::health(std::size_t n) const {

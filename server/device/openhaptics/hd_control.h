@@ -3,7 +3,7 @@
 //
 // The library has one scheduler for all devices. Whether a device may be set up while it runs is
 // not known. So a device that is missing or lost is left out, and all are set up again once the
-// forces of the others are off.
+// forces of the others have been off for kRetryBeside.
 //
 // Threads: Start and Stop on the main thread, all other functions on any ordinary thread. Of the
 // library's functions, those outside of frames are called on the link's thread alone.
@@ -27,8 +27,8 @@ namespace palpate {
 
 class HdControl : public std::enable_shared_from_this<HdControl> {
  public:
-  // While other devices stream. Else DeviceLink::kRetry.
-  static constexpr std::chrono::milliseconds kRetryBeside{2000};
+  // How long the forces of the others must have been off. Without others: DeviceLink::kRetry.
+  static constexpr std::chrono::milliseconds kRetryBeside{5000};
 
   // device_names: as in the vendor's set-up; "": its default device. max_force_n: the spec's limit.
   // If the library states a lower limit, that limit applies.
@@ -48,7 +48,8 @@ class HdControl : public std::enable_shared_from_this<HdControl> {
 
   struct Device {
     Device(const hd::Functions& functions, std::string its_name)
-        : name(std::move(its_name)), servo(functions, name.empty() ? "openhaptics" : name) {}
+        : name(std::move(its_name)),
+          servo(functions, name.empty() ? "openhaptics" : "openhaptics " + name) {}
 
     const std::string name;
     HdServo servo;
@@ -86,7 +87,7 @@ class HdControl : public std::enable_shared_from_this<HdControl> {
   HdLoop loop_;
   std::vector<std::unique_ptr<Device>> devices_;
   std::optional<hd::SchedulerHandle> callback_{};  // the link's thread's
-  Clock::time_point retry_beside_{};
+  Clock::time_point pushed_at_{};                  // the newest time when motors were on
   DeviceLink link_;
 };
 

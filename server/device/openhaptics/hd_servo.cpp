@@ -80,7 +80,7 @@ void HdServo::RunFrame() noexcept {
   const Vec3 force_M_n = next.value_or(Vec3::Zero());
   hd_.set_doublev(hd::kCurrentForce, force_M_n.data());
   hd_.end_frame(connection_.handle);
-  ++seat.counts.forces_written;
+  seat.CountSent();
   if (was_stopping) zero_frames_.fetch_add(1, std::memory_order_release);
 }
 
@@ -109,7 +109,7 @@ void HdServo::FinishFrame() noexcept {
     ++seat.counts.corrupt_frames;
     return;
   }
-  seat.Take(reading_);
+  seat.Take(reading_, frame_ns_.load(std::memory_order_relaxed));
   ++seat.counts.readings;
   has_reading_.store(true, std::memory_order_release);
 }

@@ -6,11 +6,11 @@ namespace palpate {
 
 DeviceLog::DeviceLog(std::string name) : name_(std::move(name)) {}
 
-void DeviceLog::SetProblem(const std::string& problem) {
+void DeviceLog::SetProblem(const std::string& problem, DeviceEvent::Level level) {
   const std::lock_guard lock(mutex_);
   if (problem == problem_) return;
   problem_ = problem;
-  if (!problem.empty()) Push(DeviceEvent::Level::kWarning, name_ + ": " + problem);
+  if (!problem.empty()) Push(level, name_ + ": " + problem);
 }
 
 void DeviceLog::SetConnected(const std::string& place, const std::string& identity) {

@@ -24,7 +24,8 @@ class DeviceLog {
   explicit DeviceLog(std::string name);
 
   // Sets the present problem and what to do; "": none. Adds a log line if the problem is new.
-  void SetProblem(const std::string& problem);
+  void SetProblem(const std::string& problem,
+                  DeviceEvent::Level level = DeviceEvent::Level::kWarning);
   // place: such as "USB port 1-2"; "": it has none.
   void SetConnected(const std::string& place, const std::string& identity);
   void Add(DeviceEvent::Level level, const std::string& text);

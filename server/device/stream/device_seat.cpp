@@ -24,26 +24,29 @@ void DeviceSeat::Write(const DeviceCommand& command) noexcept {
   commands_.Write({.command = command, .time_ns = MonotonicNowNs()});
 }
 
-void DeviceSeat::Take(const DeviceState& state) noexcept {
-  const std::int64_t now_ns = MonotonicNowNs();
+void DeviceSeat::Take(const DeviceState& state, std::int64_t time_ns) noexcept {
   docked_ = state.docked;
   calibrated_ = state.calibrated;
-  readings_.Write({.state = state, .time_ns = now_ns});
-  newest_ns_.store(now_ns, std::memory_order_release);
+  readings_.Write({.state = state, .time_ns = time_ns});
 }
 
 DeviceCommand DeviceSeat::Next() noexcept {
   const Command& newest = commands_.Read();
+  servo_is_silent_ =
+      newest.time_ns != 0 && MonotonicNowNs() - newest.time_ns > kServoSilentMs * kNsPerMs;
   if (newest.time_ns == 0) return {};
-  const bool is_silent = MonotonicNowNs() - newest.time_ns > kServoSilentMs * kNsPerMs;
-  if (is_silent) ++counts.watchdog_zeros;
-  if (is_silent || !newest.command.wrench_M.allFinite()) {
+  if (servo_is_silent_ || !newest.command.wrench_M.allFinite()) {
     watchdog_holds_ = true;
   } else if (newest.command.wrench_M.is_zero()) {
     watchdog_holds_ = false;
   }
   const bool may_push = !watchdog_holds_ && newest.command.motors_on;
   return may_push ? newest.command : DeviceCommand();
+}
+
+void DeviceSeat::CountSent() noexcept {
+  ++counts.forces_written;
+  if (servo_is_silent_) ++counts.watchdog_zeros;
 }
 
 void DeviceSeat::BeStreaming(const std::string& place, const std::string& identity) {

@@ -1,9 +1,9 @@
 // One device's seat at the thread that talks to it: the newest reading and the newest command,
 // which the servo and that thread exchange, and what is told of the device.
 //
-// If the servo does not write for kServoSilentMs, Next switches the motors off and Read returns
-// kStale. This lasts until the servo writes zero, so that an old force does not come back in one
-// step.
+// If the servo does not write for kServoSilentMs, or after Hold, Next switches the motors off and
+// Read returns kStale. This lasts until the servo writes zero, so that an old force does not come
+// back in one step.
 //
 // Threads: Read and Write on the servo thread. What says "I/O" on the thread that talks to the
 // device, which is a thread of a DeviceLink or of the vendor's library; one at a time. The rest on
@@ -49,14 +49,18 @@ class DeviceSeat {
   void Write(const DeviceCommand& command) noexcept;
 
   // --- I/O
-  void Take(const DeviceState& state) noexcept;
+  // time_ns: when the reading came, by MonotonicNowNs.
+  void Take(const DeviceState& state, std::int64_t time_ns) noexcept;
   // What the motors are to do now. Finite.
   DeviceCommand Next() noexcept;
+  // The last Next has gone to the device.
+  void CountSent() noexcept;
+  // As if the servo had been silent: no force until it has written zero.
+  void Hold() noexcept { watchdog_holds_ = true; }
   // `place`: where it is, such as "USB port 1-2". Call it after the first reading: before it, Read
   // returns kFault. Takes a lock.
   void BeStreaming(const std::string& place, const std::string& identity);
   void SetConnection(DeviceConnection connection) noexcept;
-  std::int64_t newest_reading_ns() const { return newest_ns_.load(std::memory_order_acquire); }
   bool is_streaming() const { return connection_ == DeviceConnection::kStreaming; }
 
   SeatCounts counts;
@@ -83,9 +87,9 @@ class DeviceSeat {
 
   LatestValue<Reading> readings_;
   LatestValue<Command> commands_;
-  std::atomic<std::int64_t> newest_ns_{0};
   std::atomic<DeviceConnection> connection_{DeviceConnection::kAbsent};
   std::atomic<bool> watchdog_holds_{false};
+  bool servo_is_silent_ = false;  // I/O's: at the last Next
   std::atomic<bool> docked_{false};
   std::atomic<bool> calibrated_{false};
 

@@ -28,7 +28,7 @@ struct StreamedDevice::Impl {
 
   milliseconds Connect();
   void Stream(StreamSession& session);
-  void BeginStreaming(const StreamSession& session);
+  void TellEvidence(const StreamSession& session);
   bool IsSendDue(std::int64_t now_ns) const;
   void Send(StreamSession& session, std::int64_t now_ns);
   void LetGo(StreamSession& session) noexcept;
@@ -39,6 +39,8 @@ struct StreamedDevice::Impl {
 
   // Used by the I/O thread only.
   bool wants_to_send = false;  // the last force was still under way
+  bool motors_on = false;      // by the last command that was sent
+  bool told_evidence = false;
   std::int64_t last_reading_ns = 0;
   std::int64_t last_send_ns = 0;
   std::uint64_t transfer_errors = 0;  // of earlier connections
@@ -54,7 +56,9 @@ milliseconds StreamedDevice::Impl::Connect() {
     is_open = true;
     seat.SetConnection(DeviceConnection::kConnecting);
     try {
+      motors_on = false;
       session->SetUp(link.stopping());
+      TellEvidence(*session);
       Stream(*session);
       LetGo(*session);
     } catch (...) {
@@ -83,11 +87,12 @@ void StreamedDevice::Impl::Stream(StreamSession& session) {
     seat.counts.corrupt_frames += received.corrupt_frames;
     seat.counts.transfer_errors = transfer_errors + session.transfer_errors();
     const std::int64_t now_ns = MonotonicNowNs();
+    if (received.restarted) seat.Hold();
     if (received.has_reading) {
-      seat.Take(state);
+      seat.Take(state, received.time_ns);
       last_reading_ns = now_ns;
       // Runs once, because it takes a lock and makes strings. Forces are off before it.
-      if (!seat.is_streaming()) BeginStreaming(session);
+      if (!seat.is_streaming()) seat.BeStreaming(session.place(), session.identity());
     }
     if (received.has_reading || IsSendDue(now_ns)) Send(session, now_ns);
     if (now_ns - last_reading_ns > DeviceSeat::kSilentMs * kMsNs) {
@@ -97,10 +102,11 @@ void StreamedDevice::Impl::Stream(StreamSession& session) {
   }
 }
 
-void StreamedDevice::Impl::BeginStreaming(const StreamSession& session) {
-  seat.BeStreaming(session.place(), session.identity());
+// Once: a device whose readings make no sense is set up again and again.
+void StreamedDevice::Impl::TellEvidence(const StreamSession& session) {
   const std::string evidence = session.evidence();
-  if (!evidence.empty()) seat.log().Add(DeviceEvent::Level::kInfo, evidence);
+  if (evidence.empty() || std::exchange(told_evidence, true)) return;
+  seat.log().Add(DeviceEvent::Level::kInfo, evidence);
 }
 
 bool StreamedDevice::Impl::IsSendDue(std::int64_t now_ns) const {
@@ -110,15 +116,23 @@ bool StreamedDevice::Impl::IsSendDue(std::int64_t now_ns) const {
 }
 
 void StreamedDevice::Impl::Send(StreamSession& session, std::int64_t now_ns) {
-  wants_to_send = !session.TrySend(seat.Next());
+  const DeviceCommand command = seat.Next();
+  wants_to_send = !session.TrySend(command);
   if (wants_to_send) return;
+  motors_on = command.motors_on;
   last_send_ns = now_ns;
-  ++seat.counts.forces_written;
+  seat.CountSent();
 }
 
 void StreamedDevice::Impl::LetGo(StreamSession& session) noexcept {
   seat.SetConnection(DeviceConnection::kConnecting);
-  if (session.LetGo()) ++seat.counts.forces_written;
+  if (session.LetGo()) {
+    ++seat.counts.forces_written;
+  } else if (motors_on) {
+    seat.log().Add(DeviceEvent::Level::kError,
+                   "no zero force could be sent: while the device has power, its motors may still "
+                   "push");
+  }
   transfer_errors += session.transfer_errors();
   seat.counts.transfer_errors = transfer_errors;
 }

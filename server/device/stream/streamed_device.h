@@ -33,6 +33,8 @@ struct StreamReceived {
   std::uint32_t readings = 0;  // whole, valid frames
   std::uint32_t lost_readings = 0;  // from gaps in their numbers
   std::uint32_t corrupt_frames = 0;
+  std::int64_t time_ns = 0;  // when the newest reading came, by MonotonicNowNs
+  bool restarted = false;    // the device may have begun anew: no old force may come back at once
 };
 
 // An opened device. The destructor closes it.
@@ -59,7 +61,7 @@ class StreamSession {
   virtual std::uint64_t transfer_errors() const = 0;
   // Switches the motors off and stops the device; waits for a bounded time. Tried even if the
   // device seems to be gone: motors that keep their last force are worse than a failed transfer.
-  // Returns true if the last zero force was sent.
+  // Returns true if a zero force or the stop has reached the device.
   virtual bool LetGo() noexcept = 0;
 };
 

@@ -1,4 +1,4 @@
-// Owners for libusb's objects, a list of its devices by port name, and its errors as UsbErrors.
+// Owners for libusb's objects, a list of its devices by port name, and its errors as BusErrors.
 // Private to this folder: code outside of it does not see libusb.
 //
 // Threads: as UsbLink.

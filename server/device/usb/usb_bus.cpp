@@ -3,6 +3,8 @@
 #include <array>
 #include <span>
 
+#include "server/realtime/tick_timer.h"
+
 namespace palpate {
 namespace {
 
@@ -50,6 +52,7 @@ class UsbSession final : public StreamSession {
  private:
   void Take(const StreamReceived& more) {
     received_.has_reading |= more.has_reading;
+    if (more.has_reading) received_.time_ns = MonotonicNowNs();
     received_.readings += more.readings;
     received_.lost_readings += more.lost_readings;
     received_.corrupt_frames += more.corrupt_frames;
