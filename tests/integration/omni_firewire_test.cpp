@@ -286,6 +286,61 @@ TEST_F(OmniFirewireTest, ABusResetIsFollowedByItsRegistersWhileForcesGoOn) {
   }
 }
 
+// What a device does not hear is no zero, and what it hears next is one.
+TEST_F(OmniFirewireTest, ADeviceThatIsDeafAfterABusResetHearsZeroFirst) {
+  Start();
+  omni_.goes_deaf_at_reset = true;
+  ASSERT_TRUE(Pushes());
+  std::size_t heard = 0;
+  const auto reset = [&] {
+    bus_.BusReset();
+    omni_.AnswerNext(1'000'000, RCODE_BUSY);
+    EXPECT_TRUE(Serve(Vec3(0, 0, 1), [&] {
+      return std::exchange(heard, omni_.Forces().size()) == omni_.Forces().size();
+    }));
+  };
+  reset();
+  const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(300);
+  EXPECT_TRUE(Serve(Vec3(0, 0, 1), [&] { return std::chrono::steady_clock::now() > end; }));
+  omni_.AnswerNext(0, 0);
+  EXPECT_TRUE(Serve(Vec3(0, 0, 1), [&] { return omni_.Forces().size() > heard; }));
+  EXPECT_FALSE(omni_.Forces()[heard].force_enabled);
+  // Let go of meanwhile, it is stopped by its register.
+  ASSERT_TRUE(Pushes());
+  reset();
+  omni_.AnswerNext(4, RCODE_BUSY);
+  device_->Stop();
+  EXPECT_EQ(omni_.ForceOnHand(), (std::array<int, 3>{}));
+}
+
+// The force of a program that was killed ends before anything is known of the device.
+TEST_F(OmniFirewireTest, AnOldForceEndsWhileADeviceIsSetUp) {
+  const std::string node = bus_.Plug(omni_);
+  {
+    FwLink killed(node);
+    std::array<std::uint8_t, 16> frame = {0xff, 0x07, 0xff, 0x07, 0xff, 0x07, 0xc0, 0x53};
+    killed.Write(Omni::kListenChannel, std::array<std::uint8_t, 1>{1}, kNever);
+    killed.Write(Omni::kTalkChannel, std::array<std::uint8_t, 1>{0}, kNever);
+    killed.Write(Omni::kControl, std::array<std::uint8_t, 1>{Omni::kStreams}, kNever);
+    killed.StartStream(
+        0, 1, [](const FwPacket&) {}, frame);
+    frame[0] = 0;
+    frame[6] = 0xc8;
+    EXPECT_TRUE(Eventually([&] {
+      killed.TrySend(frame);
+      killed.Wait(std::chrono::microseconds(1000));
+      return omni_.ForceOnHand()[0] != 0;
+    }));
+  }
+  omni_.SetStream({.silent = true});
+  const std::size_t heard = omni_.Forces().size();
+  Make();
+  EXPECT_TRUE(HasProblem("sends no packets"));
+  EXPECT_GT(omni_.Forces().size(), heard + 1);
+  EXPECT_FALSE(omni_.Forces()[heard].force_enabled);
+  EXPECT_EQ(omni_.ForceOnHand(), (std::array<int, 3>{}));
+}
+
 TEST_F(OmniFirewireTest, ChannelsThatAreLostAtABusResetEndItsForce) {
   Start();
   ASSERT_TRUE(Pushes());

@@ -328,6 +328,16 @@ TEST_F(UsbDeviceTest, MendsAStalledEndpoint) {
   EXPECT_EQ(TakeLines("stall"), 0u);
 }
 
+// Zero force was sent meanwhile: what was pushed before may not come back in one step.
+TEST_F(UsbDeviceTest, AMendedEndpointIsHeldUntilTheServoHasWrittenZero) {
+  StartStreaming();
+  for (int n = 0; n < 3; ++n) {
+    ASSERT_TRUE(ServeUntilOn(1.0));
+    stylus_.Stall(kPlainIn, false);
+    EXPECT_TRUE(Serve(1.0, [&] { return status_ != DeviceStatus::kOk; }));
+  }
+}
+
 TEST_F(UsbDeviceTest, GoesOnAfterAFewFailedTransfers) {
   StartStreaming();
   bool went_on = false;

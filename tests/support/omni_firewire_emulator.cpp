@@ -40,7 +40,11 @@ void OmniFirewireEmulator::OnPlugged() {
 }
 
 void OmniFirewireEmulator::OnBusReset() {
-  if (!keeps_registers_at_reset) OnPlugged();
+  if (goes_deaf_at_reset) {
+    written_[0] = false;
+  } else if (!keeps_registers_at_reset) {
+    OnPlugged();
+  }
 }
 
 std::uint32_t OmniFirewireEmulator::OnRead(std::uint64_t address, bool block,

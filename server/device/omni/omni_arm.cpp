@@ -46,6 +46,10 @@ void OmniArm::Forget() noexcept {
   counter_.reset();
 }
 
+bool OmniArm::Continues(const OmniState& reading) const noexcept {
+  return !counter_ || reading.counter - *counter_ <= kLongestGap;
+}
+
 std::optional<std::uint32_t> OmniArm::Take(const OmniState& reading, DeviceState& state) noexcept {
   if (reading.counter == counter_) return std::nullopt;
   // Wraps together with the counter.

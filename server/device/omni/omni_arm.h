@@ -43,6 +43,9 @@ class OmniArm {
   // Resets the state for a new connection.
   void Forget() noexcept;
 
+  // Whether the reading's counter follows that of the last one, within a second.
+  bool Continues(const OmniState& reading) const noexcept;
+
   // Returns how many readings were lost before this one. None, and `state` stays: it is the last
   // frame once more. That is no new reading: a device that hangs must become stale.
   std::optional<std::uint32_t> Take(const OmniState& reading, DeviceState& state) noexcept;

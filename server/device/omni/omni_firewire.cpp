@@ -71,8 +71,11 @@ class OmniFirewireSession final : public StreamSession {
     link_.StartStream(
         talks_on_, listens_on_, [this](const FwPacket& packet) { Take(packet); },
         EncodeOmniForce({}));
-    talks_ = true;
-    for (const Register& one : Registers()) link_.Write(one.address, one.value, stop);
+    talks_ = starts_ = true;
+    for (const Register& one : Registers()) {
+      link_.Write(one.address, one.value, stop);
+      link_.TrySend(EncodeOmniForce({}));  // the force of a program that was killed ends here
+    }
     Measure(stop);
     streams_ = true;
   }
@@ -101,7 +104,9 @@ class OmniFirewireSession final : public StreamSession {
     state_ = nullptr;  // its owner may be gone
     bool is_off = false;
     try {
-      is_off = streams_ && SendLast();
+      // A zero that the device does not hear is none.
+      const bool hears = streams_ && to_write_.empty();
+      is_off = starts_ && SendLast() && hears && !link_.TakeBusReset();
     } catch (const BusError&) {
     }
     try {
@@ -169,12 +174,13 @@ class OmniFirewireSession final : public StreamSession {
   // Writes them again, while readings and forces go on.
   void Restore() {
     if (link_.TakeBusReset()) {
-      received_.restarted = true;
+      checks_counter_ = true;
       to_write_ = Registers();
       restore_end_ = Clock::now() + FwLink::kAskTime;
       link_.BeginWrite(to_write_.front().address, to_write_.front().value);
     }
     if (to_write_.empty()) return;
+    received_.restarted = true;  // it may not hear what is sent
     const FwLink::Answer answer = link_.answer();
     if (answer == FwLink::Answer::kNone) return;
     if (Clock::now() > restore_end_) {
@@ -220,6 +226,8 @@ class OmniFirewireSession final : public StreamSession {
       ++received_.corrupt_frames;
       return;
     }
+    // Encoders of a device that began anew count from elsewhere.
+    if (std::exchange(checks_counter_, false) && !arm_.Continues(*reading)) arm_.Forget();
     const std::optional<std::uint32_t> lost = arm_.Take(*reading, *state_);
     if (!lost) return;
     received_.has_reading = true;
@@ -251,8 +259,9 @@ class OmniFirewireSession final : public StreamSession {
   int talks_on_ = 0;
   std::uint8_t stream_value_ = 0;  // of kStream before it was started
   bool talks_ = false;             // the device sends packets, or may
-  bool streams_ = false;
+  bool streams_ = false, starts_ = false;
   std::vector<Register> to_write_;  // since a bus reset
+  bool checks_counter_ = false;     // of the next reading
   Clock::time_point restore_end_{};
   std::size_t packet_bytes_ = 0;
   std::optional<int> last_cycle_;

@@ -132,6 +132,7 @@ bool HdServo::Calibrate() noexcept {
   calibration_requested_.store(false, std::memory_order_relaxed);
   hd_.update_calibration(style);
   ++calibrations_;
+  seat.Hold();
   return false;  // the position may jump
 }
 

@@ -77,6 +77,7 @@ milliseconds StreamedDevice::Impl::Connect() {
 
 void StreamedDevice::Impl::Stream(StreamSession& session) {
   DeviceState state;
+  bool was_calibrated = false;
   wants_to_send = false;
   last_send_ns = 0;  // asks a request-response device at once
   last_reading_ns = MonotonicNowNs();
@@ -87,7 +88,9 @@ void StreamedDevice::Impl::Stream(StreamSession& session) {
     seat.counts.corrupt_frames += received.corrupt_frames;
     seat.counts.transfer_errors = transfer_errors + session.transfer_errors();
     const std::int64_t now_ns = MonotonicNowNs();
-    if (received.restarted) seat.Hold();
+    const bool lost_its_place =
+        received.has_reading && std::exchange(was_calibrated, state.calibrated) && !was_calibrated;
+    if (received.restarted || lost_its_place) seat.Hold();
     if (received.has_reading) {
       seat.Take(state, received.time_ns);
       last_reading_ns = now_ns;

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <span>
+#include <utility>
 
 #include "server/realtime/tick_timer.h"
 
@@ -31,6 +32,7 @@ class UsbSession final : public StreamSession {
     received_ = {};
     state_ = &state;
     link_.Wait(longest);
+    received_.restarted = std::exchange(mends_, link_.mends()) != link_.mends();
     return received_;
   }
 
@@ -40,7 +42,7 @@ class UsbSession final : public StreamSession {
     bool sent = false;
     try {
       link_.EndStream();
-      if (streams_) link_.Send(FrameOf({}), kLastForceTime);
+      if (streams_) SendLast();
       sent = streams_;
     } catch (const BusError&) {
       // Nobody is left to get the error.
@@ -50,6 +52,15 @@ class UsbSession final : public StreamSession {
   }
 
  private:
+  // A stalled endpoint is cleared by the first try.
+  void SendLast() {
+    try {
+      link_.Send(FrameOf({}), kLastForceTime);
+    } catch (const BusError& error) {
+      if (error.fault() != BusFault::kStall) throw;
+      link_.Send(FrameOf({}), kLastForceTime);
+    }
+  }
   void Take(const StreamReceived& more) {
     received_.has_reading |= more.has_reading;
     if (more.has_reading) received_.time_ns = MonotonicNowNs();
@@ -65,6 +76,7 @@ class UsbSession final : public StreamSession {
   UsbLink link_;
   std::string identity_;
   bool streams_ = false;
+  std::uint64_t mends_ = 0;
   StreamReceived received_;  // in this Wait
   DeviceState* state_ = nullptr;
   std::array<std::uint8_t, UsbProtocol::kMaxFrameBytes> frame_{};

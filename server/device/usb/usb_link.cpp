@@ -244,6 +244,8 @@ void UsbLink::EndStream() noexcept {
   impl_->stream.reset();
 }
 
+std::uint64_t UsbLink::mends() const { return impl_->stream ? impl_->stream->mends() : 0; }
+
 std::uint64_t UsbLink::transfer_errors() const {
   return impl_->earlier_errors + (impl_->stream ? impl_->stream->transfer_errors() : 0);
 }

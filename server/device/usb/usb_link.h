@@ -87,6 +87,8 @@ class UsbLink {
   void EndStream() noexcept;
   // The number of transfers that failed and were tried again.
   std::uint64_t transfer_errors() const;
+  // How often the present stream has sent the safe frame and gone on.
+  std::uint64_t mends() const;
 
  private:
   struct Impl;

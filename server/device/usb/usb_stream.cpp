@@ -155,6 +155,7 @@ void UsbStream::Mend(Direction& direction) {
     Fail(BusFault::kStall, "endpoint stalled " + std::to_string(kMaxStalls) + " times");
     return;
   }
+  ++mends_;
   if (&direction == &in_) SendSafeFrame();
   if (&direction == &in_ && !BringBack(in_transfers_)) {
     Fail(BusFault::kBroken, "transfers do not end");

@@ -56,6 +56,8 @@ class UsbStream {
   // did not.
   bool End() noexcept;
   std::uint64_t transfer_errors() const { return transfer_errors_; }
+  // How often a stalled endpoint was cleared.
+  std::uint64_t mends() const { return mends_; }
 
  private:
   struct Transfer {
@@ -98,6 +100,7 @@ class UsbStream {
   bool ending_ = false;
   std::optional<BusError> failure_;
   std::uint64_t transfer_errors_ = 0;
+  std::uint64_t mends_ = 0;
 };
 
 }  // namespace palpate
