@@ -53,8 +53,7 @@ def _listed(fields: typing.Iterable[Field], values: dict[str, typing.Any]
         if field.type in values:
             stem = field.name.removesuffix("s")
             for name, path, part in _listed(values[field.type], values):
-                whole = name if "torque" in name else f"{stem}_{name}"
-                yield whole, f"{field.name}.{path}", part
+                yield f"{stem}_{name}", f"{field.name}.{path}", part
         else:
             yield field.name, field.name, field
 

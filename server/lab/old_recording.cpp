@@ -38,9 +38,9 @@ std::uint64_t Checksum(std::string_view bytes) { return XXH3_64bits(bytes.data()
 template <class Visit>
 void VisitOldFields(TickSample& sample, Visit&& visit) {
   VisitFields(sample, [&](std::string_view name, auto& field) {
-    constexpr std::array kLater = {"led_",          "series_",     "push_",
-                                   "torque_",       "refinement",  "layers_passed",
-                                   "contact_layer", "tool_radius", "hand"};
+    constexpr std::array kLater = {"led_",          "series_",    "push_",         "torque_",
+                                   "force_torque_", "refinement", "layers_passed", "contact_layer",
+                                   "tool_radius",   "hand"};
     if (std::ranges::none_of(kLater, [&](auto later) { return name.starts_with(later); })) {
       visit(field);
     }

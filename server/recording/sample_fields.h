@@ -60,7 +60,7 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   vector(sample.push_n, "push_x_n", "push_y_n", "push_z_n");
   visit("hand", sample.hand);
   vector(sample.torque_n_mm, "torque_x_n_mm", "torque_y_n_mm", "torque_z_n_mm");
-  visit("torque_limit_n_mm", sample.torque_limit_n_mm);
+  visit("force_torque_limit_n_mm", sample.torque_limit_n_mm);
 }
 
 // The list covers the whole sample except for `surface_place`, `replayed` and the padding at its

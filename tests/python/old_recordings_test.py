@@ -26,7 +26,7 @@ FIGURES = {
     "upload": (136, "b09fe257c75af030", 118, 2, 2)}
 # What ticks have had since.
 LATER = {"replayed", "led_target_mm", "series_position_frames", "refinement", "layers_passed",
-         "contact_layer", "tool_radius_mm", "hand", "torque_n_mm", "torque_limit_n_mm",
+         "contact_layer", "tool_radius_mm", "hand", "torque_n_mm", "force_torque_limit_n_mm",
          "push_n"}
 
 

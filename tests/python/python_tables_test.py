@@ -68,7 +68,7 @@ class Ticks(RecordingTest):
                                       column("unix_ns", int))
         self.assertEqual([int(row["tick"]) for row in rows if row["markers"]],
                          [marker.tick for marker in self.recording.markers])
-        for name in ("density", "isovalue", "force_limit_n", "torque_limit_n_mm", "series_position_frames"):
+        for name in ("density", "isovalue", "force_limit_n", "force_torque_limit_n_mm", "series_position_frames"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name), name)
         for name in ("contact", "input_rejected", "docked", "calibrated"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name, int) == 1, name)
