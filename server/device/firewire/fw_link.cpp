@@ -18,6 +18,7 @@ using std::chrono::milliseconds;
 constexpr milliseconds kAnswerTime{250};
 constexpr milliseconds kPause{20};
 constexpr microseconds kLook{20'000};  // whether to stop
+constexpr int kMostBehind = 4;
 
 bool IsPassing(std::uint32_t rcode) {
   return rcode == RCODE_BUSY || rcode == RCODE_GENERATION || rcode == RCODE_CANCELLED ||
@@ -132,9 +133,16 @@ void FwLink::StopStream() noexcept {
   receiver_.Stop();
 }
 
-// After a pause of this thread many events wait. Old readings must not pass for new ones.
+// Each reading is to be answered. After a pause of this thread many events wait: old readings must
+// not pass for new ones.
 void FwLink::Wait(microseconds longest) {
-  for (std::size_t n = 0; n < kReceiveSlots && Poll(longest); ++n) longest = microseconds(0);
+  if (!Poll(microseconds(0))) {
+    events_behind_ = 0;
+    Poll(longest);
+  } else if (++events_behind_ > kMostBehind) {
+    for (std::size_t n = 0; n < kReceiveSlots && Poll(microseconds(0)); ++n) {
+    }
+  }
 }
 
 bool FwLink::WaitUntil(const std::function<bool()>& is_so, Clock::time_point end,

@@ -113,6 +113,7 @@ class FwLink {
   int packets_per_event_ = 1;
   std::size_t slots_queued_ = 0;
   int under_way_ = 0;
+  int events_behind_ = 0;  // since this thread last had to wait for one
   Clock::time_point newest_sent_{};
   std::uint64_t retries_ = 0;
   std::array<std::uint8_t, kFwEventBytes> event_{};
