@@ -135,8 +135,9 @@ void AppendOmniFirewire(const DeviceConfig& config, std::vector<ListedDevice>& d
   ListedDevice listed = Listed(OmniFirewireSpec(config.motor_counts_per_n_mm.has_value()));
   std::vector<FwFound> found = FindFwNodes(kOmniVendor);
   // The configured one first: of several devices of a kind, the first that works is the daemon's.
-  std::ranges::stable_partition(
-      found, [&](const FwFound& one) { return OmniSerialOf(one.guid) == config.serial; });
+  std::stable_partition(found.begin(), found.end(), [&](const FwFound& one) {
+    return OmniSerialOf(one.guid) == config.serial;
+  });
   for (const FwFound& one : found) {
     listed.port = one.node;
     listed.serial = OmniSerialOf(one.guid);
