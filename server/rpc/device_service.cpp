@@ -209,7 +209,7 @@ Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* 
         }
         const auto refuse_unless_they_act = [&](const std::optional<ForceTick>& forces) {
           if (forces && Act(ForcesOf(forces->forces, session_.forces_off()))) return;
-          servo_.pushes().Push(Vec3::Zero(), 0);
+          Push(Vec3::Zero(), 0);
           throw Error(ErrorKind::kFailedPrecondition,
                       "the forces do not act: " + (forces ? InWords(forces->forces.reason)
                                                           : "the haptic loop does not tick"));
@@ -220,8 +220,7 @@ Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* 
                                                           "`: its motor figures are missing");
         }
         refuse_unless_they_act(forces_.newest());
-        servo_.pushes().Push(force_D_n,
-                             std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz)));
+        Push(force_D_n, std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz)));
         const std::uint64_t tick = FirstTickThatKnows(servo_);
         refuse_unless_they_act(forces_.WaitForTick(tick, kTickPatience));
         LogOfClient(LogLevel::kInfo, "forces, " + by.caller().name,
@@ -307,6 +306,11 @@ ForceTick DeviceService::Command(ForceCommand command) {
   const bool holds = command != ForceCommand::kEnable;
   if (!holds) servo_.forces().Withdraw(command);
   throw NoTick(command, holds);
+}
+
+void DeviceService::Push(const Vec3& force_D_n, int ticks) {
+  const std::lock_guard lock(mutex_);
+  servo_.pushes().Push(force_D_n, ticks);
 }
 
 void DeviceService::Note(ForceCommand command, const Admission& by) {

@@ -62,6 +62,7 @@ class DeviceService final : public v1::DeviceService::CallbackService {
  private:
   void CheckName(const std::string& name) const;
   ForceTick Command(ForceCommand command);
+  void Push(const Vec3& force_D_n, int ticks);
   // The command holds: remembers and logs its caller.
   void Note(ForceCommand command, const Admission& by);
   // Whose command made this state; empty: no client's.
@@ -79,7 +80,7 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   const ForceWatch& forces_;
   DeviceList list_;
 
-  mutable std::mutex mutex_;  // guards the members below
+  mutable std::mutex mutex_;  // guards the members below, and the servo's pushes
   std::string enabled_by_, disabled_by_, stopped_by_;
 };
 

@@ -1,13 +1,12 @@
-// A constant force for some ticks, to try the motors of a device. Any thread asks for it, the servo
-// takes it. A push waits for nothing: if the forces do not act, it is dropped.
+// A constant force for some ticks, to try the motors of a device. A push waits for nothing: if the
+// forces do not act, it is dropped.
 //
-// Frame D, N. Threads: Push on any ordinary thread; Next on the servo thread. Real-time: Next is
+// Frame D, N. Threads: Push on one ordinary thread at a time; Next on the servo thread. Real-time:
 // wait-free.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <mutex>
 
 #include "server/device/haptic_device.h"
 #include "server/realtime/latest_value.h"
@@ -16,9 +15,8 @@ namespace palpate {
 
 class HandPush {
  public:
-  // The newest push replaces the one before.
-  void Push(const Vec3& force_D_n, int ticks) {
-    const std::lock_guard lock(mutex_);
+  // The newest push replaces the one before; 0 ticks end it.
+  void Push(const Vec3& force_D_n, int ticks) noexcept {
     asked_.Write({++number_, {force_D_n.x(), force_D_n.y(), force_D_n.z()}, ticks});
   }
 
@@ -42,8 +40,7 @@ class HandPush {
     int ticks = 0;
   };
 
-  std::mutex mutex_;  // guards number_ and the writing of asked_
-  std::uint64_t number_ = 0;
+  std::uint64_t number_ = 0;  // of the thread that pushes
   LatestValue<Asked> asked_;
   // The servo thread's.
   std::uint64_t taken_ = 0;

@@ -36,7 +36,7 @@ class ServoLoop {
 
   // Takes the operator's commands. Any thread.
   ForceSwitch& forces() { return forces_; }
-  // Takes tries of the motors. Any thread.
+  // Takes tries of the motors. One thread at a time.
   HandPush& pushes() { return pushes_; }
 
   const RealtimeGrant& grant() const { return grant_; }
