@@ -313,6 +313,16 @@ TEST_F(OmniFirewireTest, ADeviceThatIsDeafAfterABusResetHearsZeroFirst) {
   EXPECT_EQ(omni_.ForceOnHand(), (std::array<int, 3>{}));
 }
 
+// Its encoders count from elsewhere.
+TEST_F(OmniFirewireTest, ADeviceThatBeganAnewAtABusResetIsNotCalibrated) {
+  Start();
+  omni_.begins_anew_at_reset = true;
+  Hold(OmniStand::kRest);
+  bus_.BusReset();
+  EXPECT_TRUE(Serve(Vec3::Zero(), [&] { return !state_.calibrated; }));
+  EXPECT_TRUE(Pushes());
+}
+
 // The force of a program that was killed ends before anything is known of the device.
 TEST_F(OmniFirewireTest, AnOldForceEndsWhileADeviceIsSetUp) {
   const std::string node = bus_.Plug(omni_);

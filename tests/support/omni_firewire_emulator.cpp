@@ -40,6 +40,7 @@ void OmniFirewireEmulator::OnPlugged() {
 }
 
 void OmniFirewireEmulator::OnBusReset() {
+  if (begins_anew_at_reset) counter_ = 0;
   if (goes_deaf_at_reset) {
     written_[0] = false;
   } else if (!keeps_registers_at_reset) {

@@ -97,7 +97,8 @@ class OmniFirewireEmulator final : public EmulatedFirewireDevice {
   }
 
   std::atomic<bool> keeps_registers_at_reset = false;
-  std::atomic<bool> goes_deaf_at_reset = false;  // forgets where it listens, and streams on
+  std::atomic<bool> goes_deaf_at_reset = false;    // forgets where it listens, and streams on
+  std::atomic<bool> begins_anew_at_reset = false;  // counts its packets from 0 again
   std::atomic<bool> needs_force_edge = true;
   std::atomic<std::uint32_t> vendor_quadlet = 0x000b9900;
 

@@ -1,8 +1,8 @@
 // The simplest force-feedback device on USB: an emulated device, and its protocol. For tests of the
 // code that all devices share. The device counts its readings and stores its forces.
 //
-// A reading is 5a, a number, x in 0.01 mm as int16. A force is a5, whether the motors are on, x in
-// 0.01 N as int16. Requests 1 and 2 start and end the readings.
+// A reading is 5a, or 5b if it is not calibrated, a number, x in 0.01 mm as int16. A force is a5,
+// whether the motors are on, x in 0.01 N as int16. Requests 1 and 2 start and end the readings.
 #pragma once
 
 #include <atomic>
@@ -39,6 +39,7 @@ class PlainStylus final : public EmulatedUsbDevice {
   std::atomic<bool> mute = false;  // no readings come; transfers still work
   // Sends each reading only after the force that answers the one before, or after 20 ms.
   std::atomic<bool> waits_for_forces = false;
+  std::atomic<bool> calibrated = true;
   std::atomic<bool> babbles = false;  // readings are longer than any transfer, so transfers fail
 
   std::vector<PlainForce> Forces() const {
@@ -79,8 +80,9 @@ class PlainStylus final : public EmulatedUsbDevice {
     if (!streams_ || mute) return;
     if (babbles) return QueueIn(kPlainIn, Bytes(1000));
     ++number_;
+    const std::uint8_t start = calibrated ? 0x5a : 0x5b;
     QueueIn(kPlainIn,
-            {0x5a, number_, static_cast<std::uint8_t>(x_), static_cast<std::uint8_t>(x_ >> 8)});
+            {start, number_, static_cast<std::uint8_t>(x_), static_cast<std::uint8_t>(x_ >> 8)});
     x_ = static_cast<std::int16_t>((x_ + 1) % 1000);
   }
 
@@ -110,7 +112,8 @@ class PlainProtocol final : public UsbProtocol {
   }
   StreamReceived Receive(std::span<const std::uint8_t> bytes,
                          DeviceState& state) noexcept override {
-    if (bytes.size() != 4 || bytes[0] != 0x5a) return {.corrupt_frames = 1};
+    if (bytes.size() != 4 || (bytes[0] | 1) != 0x5b) return {.corrupt_frames = 1};
+    state.calibrated = bytes[0] == 0x5a;
     state.p_MHip_mm.x() = static_cast<std::int16_t>(bytes[2] | bytes[3] << 8) / 100.0;
     const auto lost = static_cast<std::uint8_t>(bytes[1] - last_number_ - 1);
     last_number_ = bytes[1];

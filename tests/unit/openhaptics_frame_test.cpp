@@ -242,6 +242,16 @@ TEST_F(HdFrameTest, TheInkwellCalibratesByItselfAndAnEncoderResetIsTheOperatorsO
   EXPECT_TRUE(IsCalibrated());
 }
 
+// The position may jump: the old force waits for a zero of the servo.
+TEST_F(HdFrameTest, ACalibrationHoldsTheForce) {
+  EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3(1, 0, 0));
+  frame_library.calibration = hd::kCalibrationNeedsUpdate;
+  EXPECT_EQ(FrameWith(Vec3(1, 0, 0)), Vec3::Zero());
+  frame_library.calibration = hd::kCalibrationOk;
+  EXPECT_EQ(FrameWith(Vec3(1, 0, 0)), Vec3::Zero());
+  EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3(1, 0, 0));
+}
+
 TEST_F(HdFrameTest, TenBadFramesInARowAreTheLossOrOneOfABrokenDevice) {
   for (int round = 0; round < 2; ++round) {
     frame_library.error = 0x0302;
