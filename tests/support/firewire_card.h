@@ -12,6 +12,8 @@
 // rest on the test's. All run under the card's mutex, and take the device's after it.
 #pragma once
 
+#include <algorithm>
+#include <cstring>
 #include <deque>
 #include <list>
 #include <map>
@@ -28,6 +30,16 @@ struct fw_cdev_event_bus_reset;
 namespace palpate::test {
 
 class FirewireCard;
+
+constexpr std::size_t kPageBytes = 4096;
+
+// `bytes`: how much of it there is; data that follow may begin within the struct's padding.
+template <class T>
+Bytes EventBytes(const T& event, std::size_t bytes = sizeof(T)) {
+  Bytes all(bytes);
+  std::memcpy(all.data(), &event, std::min(bytes, sizeof(T)));
+  return all;
+}
 
 // A node of /dev, and all its open descriptors.
 class FirewireNode final : public UmockdevNode {

@@ -7,6 +7,7 @@
 
 #include <umockdev.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <list>
@@ -14,6 +15,8 @@
 #include <string>
 #include <thread>
 #include <vector>
+
+#include "tests/support/emulated.h"
 
 namespace palpate::test {
 
@@ -88,6 +91,22 @@ void SetArgument(UMockdevIoctlClient* client, const T& value) {
     std::memcpy(data->data, &value, sizeof(T));
     umockdev_ioctl_data_unref(data);
   }
+}
+
+// Copies all of `bytes` from, or to, the place that the pointer at `offset` names. Returns false if
+// there is none.
+inline bool CopyFrom(UMockdevIoctlData* data, std::size_t offset, Bytes& bytes) {
+  UMockdevIoctlData* there = umockdev_ioctl_data_resolve(data, offset, bytes.size(), nullptr);
+  if (!there) return false;
+  std::copy_n(there->data, bytes.size(), bytes.begin());
+  umockdev_ioctl_data_unref(there);
+  return true;
+}
+inline void CopyTo(UMockdevIoctlData* data, std::size_t offset, const Bytes& bytes) {
+  UMockdevIoctlData* there = umockdev_ioctl_data_resolve(data, offset, bytes.size(), nullptr);
+  if (!there) return;
+  std::copy(bytes.begin(), bytes.end(), there->data);
+  umockdev_ioctl_data_unref(there);
 }
 
 }  // namespace palpate::test
