@@ -4,9 +4,9 @@
 
 namespace palpate {
 
-void HapticDevice::Calibrate() {
+void RefuseCalibration(const std::string& kind) {
   throw Error(ErrorKind::kInvalidArgument,
-              "the device `" + spec().kind + "` needs no calibration: it has no place of rest");
+              "the device `" + kind + "` needs no calibration: it has no place of rest");
 }
 
 }  // namespace palpate

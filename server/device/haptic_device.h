@@ -55,6 +55,9 @@ struct DeviceEvent {
   std::string text{};
 };
 
+// Throws Error (kInvalidArgument): a device of this kind has no place of rest.
+[[noreturn]] void RefuseCalibration(const std::string& kind);
+
 class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
@@ -80,7 +83,7 @@ class HapticDevice {
   virtual std::optional<DeviceEvent> NextEvent() { return std::nullopt; }
   // Sets the stylus's place of rest: the present place if the stylus is docked, else the place of
   // the next docking. Throws Error (kInvalidArgument) if the device has no place of rest.
-  virtual void Calibrate();
+  virtual void Calibrate() { RefuseCalibration(spec().kind); }
 };
 
 }  // namespace palpate

@@ -122,6 +122,21 @@ void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) n
   SetPriority(options.priority, grant);
 }
 
+OrdinaryScheduling::OrdinaryScheduling() noexcept : policy_(sched_getscheduler(0)) {
+  sched_param parameters{};
+  sched_getparam(0, &parameters);
+  priority_ = parameters.sched_priority;
+  parameters.sched_priority = 0;
+  // The flag stays: only root may take it away.
+  sched_setscheduler(0, SCHED_OTHER | (policy_ & SCHED_RESET_ON_FORK), &parameters);
+}
+
+OrdinaryScheduling::~OrdinaryScheduling() {
+  sched_param parameters{};
+  parameters.sched_priority = priority_;
+  sched_setscheduler(0, policy_, &parameters);
+}
+
 void SetThreadNice(int nice) noexcept {
   // Linux keeps the value for each thread.
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), nice);

@@ -37,6 +37,20 @@ bool LockProcessMemory(std::vector<std::string>& warnings) noexcept;
 // may need, and the thread's name. Not real-time itself.
 void SetupRealtimeThread(const RealtimeOptions& options, RealtimeGrant& grant) noexcept;
 
+// While it lives, the calling thread has ordinary scheduling: for work that may take long, such as
+// calls into a vendor's library, for which LimitRTTIME= would end the process. Not real-time.
+class OrdinaryScheduling {
+ public:
+  OrdinaryScheduling() noexcept;
+  ~OrdinaryScheduling();
+  OrdinaryScheduling(const OrdinaryScheduling&) = delete;
+  OrdinaryScheduling& operator=(const OrdinaryScheduling&) = delete;
+
+ private:
+  const int policy_;
+  int priority_ = 0;
+};
+
 // Sets the priority of the calling thread among ordinary ones; threads that it starts inherit it.
 // Below 0 needs LimitNICE= (ulimit -e) or CAP_SYS_NICE: without, the thread keeps its priority.
 void SetThreadNice(int nice) noexcept;

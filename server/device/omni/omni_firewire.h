@@ -45,10 +45,7 @@ class OmniFirewireBus final : public StreamBus {
   const DeviceDescription& spec() const override { return spec_; }
   std::unique_ptr<StreamSession> Open() override;
   std::string calibration_hint() const override;
-  bool RequestCalibration() noexcept override {
-    arm_.RequestCalibration();
-    return true;
-  }
+  void RequestCalibration() override { arm_.RequestCalibration(); }
 
  private:
   const std::string serial_;

@@ -1,40 +1,14 @@
 #include "server/device/openhaptics/hd_library.h"
 
-#include <dlfcn.h>
-
-#include "common/error/error.h"
+#include "server/device/stream/vendor_library.h"
 
 namespace palpate {
-namespace {
-
-void* Open(const std::string& path) {
-  // NODELETE: threads of the library may still run its code after the last close.
-  void* library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
-  if (library != nullptr) return library;
-  const char* reason = dlerror();
-  throw Error(ErrorKind::kNotFound, "cannot load " + path + " (" +
-                                        (reason != nullptr ? reason : "no reason given") +
-                                        "): install the vendor's OpenHaptics and device driver, or "
-                                        "set [device] openhaptics_library");
-}
-
-template <class Function>
-void Resolve(void* library, const std::string& path, const char* name, Function& function) {
-  function = reinterpret_cast<Function>(dlsym(library, name));
-  if (function != nullptr) return;
-  throw Error(ErrorKind::kNotFound,
-              path + " has no function " + name +
-                  ": it is not the vendor's HD library, or too old a one; "
-                  "install OpenHaptics 3 or set [device] openhaptics_library");
-}
-
-}  // namespace
 
 HdLibrary::HdLibrary(const std::string& path) {
-  void* library = Open(path);
-  const auto resolve = [&](const char* name, auto& function) {
-    Resolve(library, path, name, function);
-  };
+  const VendorLibrary library(path, "the vendor's HD library",
+                              "install the vendor's OpenHaptics 3 and device driver, or set "
+                              "[device] openhaptics_library");
+  const auto resolve = [&](const char* name, auto& function) { library.Resolve(name, function); };
   resolve("hdInitDevice", functions_.init_device);
   resolve("hdDisableDevice", functions_.disable_device);
   resolve("hdMakeCurrentDevice", functions_.make_current);

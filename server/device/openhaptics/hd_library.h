@@ -1,9 +1,7 @@
-// Loads the vendor's HD library at run time. A build needs neither the library nor its headers.
+// Loads the vendor's HD library at run time.
 //
 // Threads: construct on one thread; the functions as the vendor says. Not real-time.
-// Ownership: the library stays in memory until the process ends, because its threads may outlive a
-// device.
-// Errors: Error (kNotFound) if the library or one of its functions is missing.
+// Ownership, errors: as VendorLibrary.
 #pragma once
 
 #include <string>

@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "server/device/stream/rotation.h"
 #include "server/realtime/tick_timer.h"
 
 namespace palpate {
@@ -16,14 +17,6 @@ constexpr std::int64_t kNsPerMs = 1'000'000;
 constexpr int kMostErrorsAFrame = 8;
 // The least time between two requests to calibrate, because a request may write to the device.
 constexpr int kCalibrationFrames = 100;
-// Rounding may leave this much of a rotation's columns. Beyond it the matrix is no rotation.
-constexpr double kRotationTolerance = 0.05;
-
-bool IsRotation(const Eigen::Matrix3d& matrix) noexcept {
-  if (!matrix.allFinite() || !(matrix.determinant() > 0.0)) return false;
-  const Eigen::Matrix3d left = matrix.transpose() * matrix - Eigen::Matrix3d::Identity();
-  return left.cwiseAbs().maxCoeff() < kRotationTolerance;
-}
 
 Vec3 Limited(const Vec3& force_n, double max_force_n) noexcept {
   const double size_n = force_n.stableNorm();

@@ -29,22 +29,11 @@ void DeviceLink::SetUpThread(DeviceLog& log) const {
   for (const std::string& warning : grant.warnings) log.Add(DeviceEvent::Level::kWarning, warning);
 }
 
-void DeviceLink::AskToStop() noexcept {
-  const std::lock_guard lock(mutex_);
-  stop_ = true;
-  wake_.notify_all();
-}
-
-void DeviceLink::Stop() noexcept {
-  if (!is_started()) return;
-  AskToStop();
-  thread_.join();
-}
-
 bool DeviceLink::Stop(std::chrono::milliseconds longest) noexcept {
   if (!is_started()) return true;
-  AskToStop();
   std::unique_lock lock(mutex_);
+  stop_ = true;
+  wake_.notify_all();
   const bool has_ended = wake_.wait_for(lock, longest, [this] { return done_; });
   lock.unlock();
   has_ended ? thread_.join() : thread_.detach();

@@ -29,9 +29,8 @@ class DeviceLink {
   // lets go of them, and returns the time until the next try. A second Start does nothing. Borrows
   // `log`, which gets what the kernel refused.
   void Start(DeviceLog& log, std::function<std::chrono::milliseconds()> connect);
-  // Ends the thread. The first waits for its end. The second returns false if the thread did not
-  // end in time: it then goes on by itself, and all that it uses, and this link, must stay.
-  void Stop() noexcept;
+  // Ends the thread. Returns false if it did not end in time: it then goes on by itself, and all
+  // that it uses, and this link, must stay.
   bool Stop(std::chrono::milliseconds longest) noexcept;
 
   bool is_started() const { return thread_.joinable(); }
@@ -41,7 +40,6 @@ class DeviceLink {
 
  private:
   void SetUpThread(DeviceLog& log) const;
-  void AskToStop() noexcept;
 
   const std::string name_;
   const int priority_;

@@ -77,7 +77,7 @@ milliseconds StreamedDevice::Impl::Connect() {
 
 void StreamedDevice::Impl::Stream(StreamSession& session) {
   DeviceState state;
-  bool was_calibrated = false;
+  bool is_calibrated = true;
   wants_to_send = false;
   last_send_ns = 0;  // asks a request-response device at once
   last_reading_ns = MonotonicNowNs();
@@ -88,14 +88,18 @@ void StreamedDevice::Impl::Stream(StreamSession& session) {
     seat.counts.corrupt_frames += received.corrupt_frames;
     seat.counts.transfer_errors = transfer_errors + session.transfer_errors();
     const std::int64_t now_ns = MonotonicNowNs();
+    if (!received.warning.empty()) {
+      seat.log().Add(DeviceEvent::Level::kWarning, received.warning);
+    }
     const bool lost_its_place =
-        received.has_reading && std::exchange(was_calibrated, state.calibrated) && !was_calibrated;
+        received.has_reading && std::exchange(is_calibrated, state.calibrated) && !is_calibrated;
     if (received.restarted || lost_its_place) seat.Hold();
     if (received.has_reading) {
       seat.Take(state, received.time_ns);
       last_reading_ns = now_ns;
       // Runs once, because it takes a lock and makes strings. Forces are off before it.
       if (!seat.is_streaming()) seat.BeStreaming(session.place(), session.identity());
+      if (lost_its_place) seat.log().Add(DeviceEvent::Level::kWarning, bus->calibration_hint());
     }
     if (received.has_reading || IsSendDue(now_ns)) Send(session, now_ns);
     if (now_ns - last_reading_ns > DeviceSeat::kSilentMs * kMsNs) {
@@ -157,17 +161,23 @@ void StreamedDevice::Impl::Explain(const BusError& error, bool was_open) {
 
 StreamedDevice::StreamedDevice(std::unique_ptr<StreamBus> bus, const std::string& thread_name,
                                int realtime_priority)
-    : impl_(std::make_unique<Impl>(std::move(bus), thread_name, realtime_priority)) {}
+    : impl_(std::make_shared<Impl>(std::move(bus), thread_name, realtime_priority)) {}
 
 StreamedDevice::~StreamedDevice() { Stop(); }
 
 const DeviceDescription& StreamedDevice::spec() const { return impl_->bus->spec(); }
 
 void StreamedDevice::Start() {
-  impl_->link.Start(impl_->seat.log(), [this] { return impl_->Connect(); });
+  impl_->link.Start(impl_->seat.log(), [impl = impl_] { return impl->Connect(); });
 }
 
-void StreamedDevice::Stop() noexcept { impl_->link.Stop(); }
+void StreamedDevice::Stop() noexcept {
+  if (impl_->link.Stop(kLongestStop)) return;
+  impl_->seat.SetConnection(DeviceConnection::kAbsent);
+  impl_->seat.log().Add(DeviceEvent::Level::kError,
+                        "its thread does not end, so that it may not have been let go of: unplug "
+                        "it and plug it in again before its next use");
+}
 
 DeviceStatus StreamedDevice::Read(DeviceState& state) noexcept { return impl_->seat.Read(state); }
 
@@ -181,8 +191,8 @@ DeviceHealth StreamedDevice::health() const {
 
 std::optional<DeviceEvent> StreamedDevice::NextEvent() { return impl_->seat.NextEvent(); }
 
-void StreamedDevice::Calibrate() {
-  if (!impl_->bus->RequestCalibration()) HapticDevice::Calibrate();
-}
+void StreamedDevice::Calibrate() { impl_->bus->RequestCalibration(); }
+
+void StreamBus::RequestCalibration() { RefuseCalibration(spec().kind); }
 
 }  // namespace palpate

@@ -35,6 +35,7 @@ struct StreamReceived {
   std::uint32_t corrupt_frames = 0;
   std::int64_t time_ns = 0;  // when the newest reading came, by MonotonicNowNs
   bool restarted = false;    // the device may have begun anew: no old force may come back at once
+  std::string warning{};     // a line for the log; "": none
 };
 
 // An opened device. The destructor closes it.
@@ -78,14 +79,15 @@ class StreamBus {
   virtual bool is_request_response() const { return false; }
   // What a person must do before the first calibrated reading, one line. Any thread.
   virtual std::string calibration_hint() const = 0;
-  // Makes the next docked reading the place of rest. Returns false if the device has none. Any
-  // thread.
-  virtual bool RequestCalibration() noexcept { return false; }
+  // As HapticDevice::Calibrate. Any thread.
+  virtual void RequestCalibration();
 };
 
 class StreamedDevice final : public HapticDevice {
  public:
   static constexpr std::chrono::milliseconds kUnsuitableRetry{5000};
+  // The longest that Stop waits. A vendor's library that hangs is left alone.
+  static constexpr std::chrono::milliseconds kLongestStop{5000};
 
   // thread_name, realtime_priority: the I/O thread's, as in DeviceLink.
   StreamedDevice(std::unique_ptr<StreamBus> bus, const std::string& thread_name,
@@ -103,7 +105,8 @@ class StreamedDevice final : public HapticDevice {
 
  private:
   struct Impl;
-  std::unique_ptr<Impl> impl_;
+  // Shared with the thread, which outlives this object if it hangs.
+  std::shared_ptr<Impl> impl_;
 };
 
 }  // namespace palpate

@@ -19,7 +19,9 @@ class UsbBus final : public StreamBus {
   std::unique_ptr<StreamSession> Open() override;
   bool is_request_response() const override { return protocol_->is_request_response(); }
   std::string calibration_hint() const override { return protocol_->calibration_hint(); }
-  bool RequestCalibration() noexcept override { return protocol_->RequestCalibration(); }
+  void RequestCalibration() override {
+    if (!protocol_->RequestCalibration()) StreamBus::RequestCalibration();
+  }
 
  private:
   const std::unique_ptr<UsbProtocol> protocol_;
