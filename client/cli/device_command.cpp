@@ -48,8 +48,8 @@ void PrintDevice(client::Calls& palpated, bool json) {
                          DescribeHand(info));
 }
 
-void Calibrate(client::Calls& palpated, bool json) {
-  const client::DeviceHealth health = palpated.CalibrateDevice();
+void Calibrate(client::Calls& palpated, const std::string& name, bool json) {
+  const client::DeviceHealth health = palpated.CalibrateDevice(name);
   WriteOutput(json ? ToText(ToJson(health)) : Describe(health));
 }
 
@@ -102,9 +102,15 @@ void AddInquiries(arguments::Command& device, Invocation& invocation) {
       "Shows the daemon's device: what it is, what was seen of it on hardware, how it is\n"
       "now, and what its forces do.",
       "Example: palpate device info --json | jq .health.problem", PrintDevice);
+  const auto name = std::make_shared<std::string>();
   Add(device, invocation, "calibrate",
-      "Calibrates the device in its place of rest, when the stylus is docked next.",
-      "Example: palpate device calibrate", Calibrate);
+      "Calibrates the device in its place of rest, when the stylus is docked next. Some\n"
+      "devices of Force Dimension move their arm by themselves: keep clear of it.",
+      "Example: palpate device calibrate",
+      [name](client::Calls& palpated, bool json) { Calibrate(palpated, *name, json); })
+      ->add_option("name", *name,
+                   "The device's kind, as `info` shows it. It must be given where the arm moves.")
+      ->option_text("[NAME]");
 }
 
 void AddForces(arguments::Command& device, Invocation& invocation) {

@@ -78,19 +78,31 @@ struct KnownDevice {
   const char* product;
   const char* name;
 };
-constexpr std::array<KnownDevice, 4> kKnownDevices = {{
+// "" as product: all of this vendor.
+constexpr std::array<KnownDevice, 5> kKnownDevices = {{
     {"2988", "0302", "Touch"},
     {"2988", "0304", "Touch (HID)"},
     {"0301", "2988", "Touch 3D Stylus"},
     {"0403", "cb48", "Novint Falcon"},
+    {"1451", "", "Force Dimension device"},
 }};
 
 // Returns null for a device that Palpate does not know.
 const KnownDevice* Known(const std::string& vendor, const std::string& product) {
   const auto known = std::find_if(kKnownDevices.begin(), kKnownDevices.end(), [&](const auto& d) {
-    return d.vendor == vendor && d.product == product;
+    return d.vendor == vendor && (d.product == product || *d.product == '\0');
   });
   return known == kKnownDevices.end() ? nullptr : &*known;
+}
+
+// The first of the files, by its folder; "": none is there.
+std::string LibraryAt(const Workstation& machine, const char* name) {
+  for (const char* folder : {"usr/lib", "usr/lib64", "usr/lib/x86_64-linux-gnu", "usr/local/lib"}) {
+    const fs::path library = fs::path(folder) / name;
+    std::error_code error;
+    if (fs::exists(machine.root / library, error)) return "/" + library.string();
+  }
+  return "";
 }
 
 }  // namespace
@@ -223,7 +235,9 @@ Finding CheckUsbDevices(const Workstation& machine) {
     found += (found.empty() ? "" : ", ") + name;
   }
   return {"usb", Verdict::kOk,
-          found.empty() ? "no known device is plugged in: no Touch, no Falcon" : found};
+          found.empty()
+              ? "no known device is plugged in: no Touch, no Falcon, none of Force Dimension"
+              : found};
 }
 
 Finding CheckFireWire(const Workstation& machine) {
@@ -252,14 +266,29 @@ Finding CheckFireWire(const Workstation& machine) {
 }
 
 Finding CheckOpenHaptics(const Workstation& machine) {
-  for (const char* folder : {"usr/lib", "usr/lib64", "usr/lib/x86_64-linux-gnu", "usr/local/lib"}) {
-    const fs::path library = fs::path(folder) / "libHD.so";
-    std::error_code error;
-    if (fs::exists(machine.root / library, error)) {
-      return {"libhd", Verdict::kOk, "/" + library.string()};
-    }
-  }
+  const std::string library = LibraryAt(machine, "libHD.so");
+  if (!library.empty()) return {"libhd", Verdict::kOk, library};
   return {"libhd", Verdict::kOk, "not installed: only the device kind `openhaptics` needs it"};
+}
+
+Finding CheckForceDimension(const Workstation& machine) {
+  const std::string library = LibraryAt(machine, "libdrd.so.3");
+  if (!library.empty()) return {"libdrd", Verdict::kOk, library};
+  for (const fs::path& file : Entries(machine.root / "usr/local/lib")) {
+    if (!file.filename().string().starts_with("libdrd.so.3.")) continue;
+    return {"libdrd", Verdict::kFail,
+            "/" + file.lexically_relative(machine.root).string() + " has no link libdrd.so.3",
+            "run ldconfig as root"};
+  }
+  return {"libdrd", Verdict::kOk, "not installed: only the device kind `forcedimension` needs it"};
+}
+
+Finding CheckHaply(const Workstation& machine) {
+  constexpr std::uint16_t kPort = 10001;
+  return {"haply", Verdict::kOk,
+          machine.answers("127.0.0.1", kPort)
+              ? "the port of Haply's service answers"
+              : "Haply's service does not run: only the device kind `haply` needs it"};
 }
 
 Finding CheckSpace(const Workstation& machine) {
@@ -289,7 +318,8 @@ std::vector<Finding> CheckWorkstation(const Workstation& machine) {
   return {CheckKernel(machine),        CheckRealtimeRights(machine), CheckLockedMemory(machine),
           CheckRealtimeShare(machine), CheckGovernor(machine),       CheckClock(machine),
           CheckUdevRule(machine),      CheckUsbDevices(machine),     CheckFireWire(machine),
-          CheckOpenHaptics(machine),   CheckSpace(machine)};
+          CheckOpenHaptics(machine),   CheckForceDimension(machine), CheckHaply(machine),
+          CheckSpace(machine)};
 }
 
 }  // namespace palpate::doctor

@@ -45,8 +45,10 @@ Finding CheckUdevRule(const Workstation& machine);
 Finding CheckUsbDevices(const Workstation& machine);
 // Looks for a Phantom Omni on FireWire. Most machines have no FireWire, and need none.
 Finding CheckFireWire(const Workstation& machine);
-// Looks for the vendor's library, which only the kind `openhaptics` needs.
+// Look for what a vendor must have installed, which only the kind of this vendor needs.
 Finding CheckOpenHaptics(const Workstation& machine);
+Finding CheckForceDimension(const Workstation& machine);
+Finding CheckHaply(const Workstation& machine);
 Finding CheckSpace(const Workstation& machine);
 // Checks that the socket exists and that this user may use it.
 Finding CheckSocket(const Workstation& machine, const std::filesystem::path& socket);

@@ -111,9 +111,10 @@ ForceResult Calls::StopForces() {
   return ForceResultOf(link_->Call<Device>(&Device::Stub::StopForces, v1::StopForcesRequest()));
 }
 
-DeviceHealth Calls::CalibrateDevice() {
-  return FromProto(
-      link_->Call<Device>(&Device::Stub::CalibrateDevice, v1::CalibrateDeviceRequest()).health());
+DeviceHealth Calls::CalibrateDevice(const std::string& device) {
+  v1::CalibrateDeviceRequest request;
+  request.set_device(device);
+  return FromProto(link_->Call<Device>(&Device::Stub::CalibrateDevice, request).health());
 }
 
 std::uint64_t Calls::PushHand(const Vec3& force_n, double seconds) {

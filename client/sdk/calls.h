@@ -154,10 +154,11 @@ class Calls {
   ForceResult DisableForces();
   // Emergency stop: zero force within one tick, until forces are enabled again.
   ForceResult StopForces();
-  // Calibrates the device in its place of rest, when the stylus is docked next. Errors:
-  // kInvalidArgument (the device has no place of rest), kFailedPrecondition (the stylus is not
-  // there).
-  DeviceHealth CalibrateDevice();
+  // Calibrates the device in its place of rest, when the stylus is docked next; some devices by
+  // moving their arm. `device`: its configuration name, needed if its arm moves. Errors:
+  // kInvalidArgument (the device has no calibration, or is not named), kFailedPrecondition (it is
+  // not there, or its forces are on).
+  DeviceHealth CalibrateDevice(const std::string& device = {});
   // Puts a force of at most 0.5 N on the hand for at most 5 s, to try the motors. Returns the first
   // tick with it. Errors: kInvalidArgument, kFailedPrecondition (the forces do not act).
   std::uint64_t PushHand(const Vec3& force_n, double seconds);

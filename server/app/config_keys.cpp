@@ -202,6 +202,8 @@ Setters HapticsSetters() {
   return setters;
 }
 
+std::uint16_t Port(E e) { return static_cast<std::uint16_t>(e.Integer(1, 65535)); }
+
 Setters DeviceSetters() {
   return {
       {"device.kind", [](E e, C c) { c.device.kind = e.Text(); }},
@@ -225,6 +227,17 @@ Setters DeviceSetters() {
       {"device.falcon_firmware", [](E e, C c) { c.device.falcon_firmware = e.Text(); }},
       {"device.openhaptics_library", [](E e, C c) { c.device.openhaptics_library = e.Text(); }},
       {"device.openhaptics_name", [](E e, C c) { c.device.openhaptics_name = e.Text(); }},
+      {"device.forcedimension_library",
+       [](E e, C c) { c.device.forcedimension.library = e.Text(); }},
+      {"device.forcedimension_model", [](E e, C c) { c.device.forcedimension.model = e.Text(); }},
+      {"device.forcedimension_gripper_button",
+       [](E e, C c) { c.device.forcedimension.gripper_button = e.Flag(); }},
+      {"device.forcedimension_without_watchdog",
+       [](E e, C c) { c.device.forcedimension.without_watchdog = e.Flag(); }},
+      {"device.haply_model", [](E e, C c) { c.device.haply.model = e.Text(); }},
+      {"device.haply_grip", [](E e, C c) { c.device.haply.grip = e.Text(); }},
+      {"device.haply_port", [](E e, C c) { c.device.haply.port = Port(e); }},
+      {"device.haply_events_port", [](E e, C c) { c.device.haply.events_port = Port(e); }},
       {"realtime.priority", [](E e, C c) { c.realtime.priority = e.Integer(1, 99); }},
       {"realtime.cpu", [](E e, C c) { c.realtime.cpu = e.Integer(-1, 1023); }},
       {"realtime.lock_memory", [](E e, C c) { c.realtime.lock_memory = e.Flag(); }},

@@ -8,6 +8,9 @@
 #include <optional>
 #include <string>
 
+#include "server/device/forcedimension/forcedimension_bus.h"
+#include "server/device/haply/haply_bus.h"
+
 namespace palpate {
 
 struct DeviceConfig {
@@ -18,13 +21,15 @@ struct DeviceConfig {
   // Buttons that stop the forces while all of them are held. Absent: both buttons of hardware, and
   // no buttons of a simulated device.
   std::optional<std::uint32_t> stop_buttons;
-  std::string replay_file;          // for `replay`: a recording
-  std::string usb_port;             // for example "1-2"; "": the only device
-  std::string falcon_firmware;      // for `falcon`: a file
+  std::string replay_file;      // for `replay`: a recording
+  std::string usb_port;         // for example "1-2"; "": the only device
+  std::string falcon_firmware;  // for `falcon`: a file
   // For `omni-firewire`, see OmniArm. Absent: its motors stay off.
   std::optional<std::array<double, 3>> motor_counts_per_n_mm;
-  std::string openhaptics_library;  // for `openhaptics`; "": the system searches for libHD.so
-  std::string openhaptics_name;     // as in the vendor's set-up; "": the vendor's default
+  std::string openhaptics_library;       // for `openhaptics`; "": the system searches for libHD.so
+  std::string openhaptics_name;          // as in the vendor's set-up; "": the vendor's default
+  ForceDimensionOptions forcedimension;  // without its serial number
+  HaplyOptions haply;                    // without its serial number
 };
 
 }  // namespace palpate

@@ -1,6 +1,7 @@
 #include "server/app/devices.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <mutex>
 
@@ -24,7 +25,7 @@ namespace palpate {
 namespace {
 
 constexpr std::string_view kKinds =
-    "simulated, replay, omni-firewire, omni-usb, falcon or openhaptics";
+    "simulated, replay, omni-firewire, omni-usb, falcon, openhaptics, forcedimension or haply";
 
 std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config, HandInboxes& inboxes) {
   constexpr std::uint64_t kSeed = 1;
@@ -76,6 +77,20 @@ OpenHapticsOptions OpenHapticsOptionsOf(const DeviceConfig& config) {
   return options;
 }
 
+std::unique_ptr<HapticDevice> MakeForceDimension(const DeviceConfig& config, int priority) {
+  ForceDimensionOptions options = config.forcedimension;
+  options.serial = config.serial;
+  return std::make_unique<StreamedDevice>(std::make_unique<ForceDimensionBus>(options),
+                                          "palpate-fd", priority);
+}
+
+std::unique_ptr<HapticDevice> MakeHaply(const DeviceConfig& config, int priority) {
+  HaplyOptions options = config.haply;
+  options.serial = config.serial;
+  return std::make_unique<StreamedDevice>(std::make_unique<HaplyBus>(options), "palpate-haply",
+                                          priority);
+}
+
 ListedDevice Listed(const DeviceDescription& spec) {
   return {.kind = spec.kind,
           .model = spec.model,
@@ -103,6 +118,45 @@ ListedDevice ListedOpenHaptics(const DeviceConfig& config) {
     listed.usable = false;
   }
   return listed;
+}
+
+// Opens none: the library tells serial numbers of opened devices only.
+ListedDevice ListedForceDimension(const DeviceConfig& config) {
+  ListedDevice listed = Listed(FdSpec(FdModelOf(config.forcedimension.model)));
+  const FdPlugged plugged = FindPluggedFd();
+  try {
+    const FdLibrary library(config.forcedimension.library);
+    if (plugged.count == 0) listed.problem = "not found: plug it in and switch it on";
+    if (!plugged.may_open) listed.problem = kUsbPermissionHint;
+  } catch (const Error& error) {
+    listed.problem = error.what();
+  }
+  listed.usable = listed.problem.empty();
+  return listed;
+}
+
+void AppendHaply(const DeviceConfig& config, std::vector<ListedDevice>& devices) {
+  ListedDevice listed = Listed(HaplySpec(config.haply.model));
+  std::vector<InverseArm> found;
+  listed.problem = "not found: plug it in and switch it on";
+  try {
+    found = FindInverseArms(config.haply.port);
+  } catch (const BusError& error) {
+    listed.problem = error.what();
+  }
+  if (found.empty()) {
+    listed.usable = false;
+    devices.push_back(listed);
+  }
+  for (const InverseArm& arm : found) {
+    listed.serial = arm.id;
+    listed.port = "Haply's service";
+    listed.problem = arm.type.value_or(config.haply.model) == config.haply.model
+                         ? ""
+                         : "set [device] haply_model to \"" + *arm.type + "\"";
+    listed.usable = listed.problem.empty();
+    devices.push_back(listed);
+  }
 }
 
 // Appends one entry for each device that is plugged in, or one entry that says that there is none.
@@ -156,9 +210,13 @@ void AppendOmniFirewire(const DeviceConfig& config, std::vector<ListedDevice>& d
 
 std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtime_priority,
                                          HandInboxes& hand) {
-  if (!config.serial.empty() && config.kind != "omni-firewire") {
+  constexpr std::array<std::string_view, 3> kHaveSerials = {"omni-firewire", "forcedimension",
+                                                            "haply"};
+  if (!config.serial.empty() &&
+      std::ranges::find(kHaveSerials, config.kind) == kHaveSerials.end()) {
     throw Error(ErrorKind::kInvalidArgument,
-                "[device] serial chooses among devices of kind omni-firewire only");
+                "[device] serial chooses among devices of kind omni-firewire, forcedimension or "
+                "haply only");
   }
   if (config.kind == "omni-firewire") return MakeOmniFirewire(config, realtime_priority);
   if (config.kind == "simulated") return MakeSimulated(config, hand);
@@ -172,6 +230,8 @@ std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtim
   if (config.kind == "openhaptics") {
     return std::make_unique<OpenHapticsDevice>(OpenHapticsOptionsOf(config));
   }
+  if (config.kind == "forcedimension") return MakeForceDimension(config, realtime_priority);
+  if (config.kind == "haply") return MakeHaply(config, realtime_priority);
   throw Error(ErrorKind::kInvalidArgument,
               "unknown device " + config.kind + ": give " + std::string(kKinds));
 }
@@ -184,6 +244,8 @@ std::vector<ListedDevice> ListDevices(const DeviceConfig& config) {
   const auto none = [](const UsbMatch::Ids&) { return std::string(); };
   AppendUsb(falcon.spec(), falcon.match().ids, none, devices);
   devices.push_back(ListedOpenHaptics(config));
+  devices.push_back(ListedForceDimension(config));
+  AppendHaply(config, devices);
   return devices;
 }
 

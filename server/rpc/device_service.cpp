@@ -245,6 +245,7 @@ Reply* DeviceService::CalibrateDevice(CallContext* context,
                                                                    : health.problem));
                          }
                          CheckForcesAreOff();
+                         CheckCalibrated(request->device());
                          device_.Calibrate();
                          *response->mutable_health() = ToProto(device_.health());
                        });
@@ -293,6 +294,17 @@ void DeviceService::CheckName(const std::string& name) const {
                     "enable them by its name, with 'palpate device enable " +
                     spec.kind + "'");
   }
+}
+
+void DeviceService::CheckCalibrated(const std::string& name) const {
+  const DeviceDescription& spec = device_.spec();
+  if (name.empty() ? !spec.calibration_moves_arm : name == spec.kind) return;
+  throw Error(ErrorKind::kInvalidArgument,
+              "the daemon's device is `" + spec.kind +
+                  (spec.calibration_moves_arm
+                       ? "`, whose arm moves by itself: keep clear of it, and give its name, with "
+                       : "`, not the one named: give its name, with ") +
+                  "'palpate device calibrate " + spec.kind + "'");
 }
 
 // Gives the command and returns a tick that certainly knows it. Another command may have come in
@@ -350,7 +362,9 @@ std::string DeviceService::SetBy(const ForceTick& forces) const {
 void DeviceService::CheckForcesAreOff() const {
   const std::optional<ForceTick> forces = forces_.newest();
   if (!forces || !IsHardware(device_.spec())) return;
-  if (!Act(forces->forces)) return;
+  const bool would_come_back =
+      forces->forces.state == ForceState::kHeld && device_.spec().calibration_moves_arm;
+  if (!Act(forces->forces) && !would_come_back) return;
   throw Error(ErrorKind::kFailedPrecondition,
               "forces are on: disable them first, with 'palpate device disable'");
 }

@@ -69,6 +69,7 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   std::string SetBy(const ForceTick& forces) const;
   ServoDescription Servo() const;
   void CheckForcesAreOff() const;
+  void CheckCalibrated(const std::string& name) const;
   void CheckEnabled(const ForceStatus& forces) const;
 
   Calls& calls_;

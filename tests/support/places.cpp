@@ -13,6 +13,10 @@ const char* const kVdbTool = VDB_TOOL;
 
 const char* const kFakeHd = FAKE_LIBHD;
 const char* const kFakeHdMissing = FAKE_LIBHD_MISSING;
+const char* const kFakeDrd = FAKE_LIBDRD;
+const char* const kFakeDrdMissing = FAKE_LIBDRD_MISSING;
+const char* const kFakeDrdOld = FAKE_LIBDRD_OLD;
+const char* const kHaplyServiceScript = PALPATE_TESTS "/support/haply_service.py";
 
 const char* const kCaptures = PALPATE_TESTS "/data/captures";
 const char* const kPatientLetters = PALPATE_TESTS "/web/patient_letters.txt";

@@ -18,6 +18,11 @@ extern const char* const kVdbTool;
 // Our own HD libraries: complete, and with one function missing.
 extern const char* const kFakeHd;
 extern const char* const kFakeHdMissing;
+// Our own libdrd: complete, with one function missing, and too old.
+extern const char* const kFakeDrd;
+extern const char* const kFakeDrdMissing;
+extern const char* const kFakeDrdOld;
+extern const char* const kHaplyServiceScript;
 
 // Folders of this project.
 extern const char* const kCaptures;

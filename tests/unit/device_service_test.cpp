@@ -49,6 +49,7 @@ class FakeDevice : public HapticDevice {
     const std::lock_guard lock(mutex_);
     health_.calibrated = true;
   }
+  void MoveArmToCalibrate() { spec_.calibration_moves_arm = true; }
   void SetHealth(const DeviceHealth& health) {
     const std::lock_guard lock(mutex_);
     health_ = health;
@@ -106,8 +107,10 @@ class DeviceServiceRig {
   grpc::Status List(v1::ListDevicesResponse& response) {
     return Call(&Stub::ListDevices, v1::ListDevicesRequest(), response);
   }
-  grpc::Status Calibrate(v1::CalibrateDeviceResponse& response) {
-    return Call(&Stub::CalibrateDevice, v1::CalibrateDeviceRequest(), response);
+  grpc::Status Calibrate(v1::CalibrateDeviceResponse& response, const std::string& name = "") {
+    v1::CalibrateDeviceRequest request;
+    request.set_device(name);
+    return Call(&Stub::CalibrateDevice, request, response);
   }
   v1::GetDeviceResponse Get() {
     v1::GetDeviceResponse response;
@@ -407,8 +410,26 @@ TEST(DeviceService, CalibratesOnlyWhatIsThere) {
   status = rig.Calibrate(response);
   EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
   rig.device.SetHealth({.connection = DeviceConnection::kStreaming});
+  EXPECT_EQ(rig.Calibrate(response, "falcon").error_code(), StatusCode::INVALID_ARGUMENT);
   ASSERT_TRUE(rig.Calibrate(response).ok());
   EXPECT_TRUE(response.health().calibrated());
+  ASSERT_TRUE(rig.Calibrate(response, "fake-usb").ok());
+}
+
+TEST(DeviceService, AnArmThatMovesByItselfIsNamedAndItsForcesAreOff) {
+  DeviceServiceRig rig;
+  v1::CalibrateDeviceResponse response;
+  rig.device.MoveArmToCalibrate();
+  const grpc::Status status = rig.Calibrate(response);
+  EXPECT_EQ(status.error_code(), StatusCode::INVALID_ARGUMENT);
+  EXPECT_TRUE(Has(status, "calibrate fake-usb")) << status.error_message();
+  EXPECT_EQ(rig.Calibrate(response, "falcon").error_code(), StatusCode::INVALID_ARGUMENT);
+  EXPECT_TRUE(rig.Calibrate(response, "fake-usb").ok());
+  // Held forces would come back once it is calibrated.
+  rig.device.docked = true;
+  ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_HELD));
+  EXPECT_EQ(rig.Calibrate(response, "fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
 }
 
 }  // namespace

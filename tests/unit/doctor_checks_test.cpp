@@ -80,7 +80,7 @@ TEST_F(DoctorTest, AGoodMachineIsOk) {
   PutTouch();
   writable_ = {"dev/bus/usb/001/007"};
   const std::vector<Finding> findings = CheckWorkstation(machine_);
-  EXPECT_EQ(findings.size(), 11u);
+  EXPECT_EQ(findings.size(), 13u);
   for (const Finding& finding : findings) ExpectAdvice(finding, Verdict::kOk);
 }
 
@@ -188,6 +188,9 @@ TEST_F(DoctorTest, ADeviceThatMayNotBeOpenedFails) {
   ExpectAdvice(CheckUsbDevices(machine_), Verdict::kOk);
   PutTouch("9999");
   ExpectAdvice(CheckUsbDevices(machine_), Verdict::kOk, "no known device");
+  PutTouch("0402");
+  Put("sys/bus/usb/devices/1-2/idVendor", "1451");
+  ExpectAdvice(CheckUsbDevices(machine_), Verdict::kOk, "Force Dimension");
 }
 
 TEST_F(DoctorTest, AnOmniOnFireWireMustBeOpened) {
@@ -207,10 +210,16 @@ TEST_F(DoctorTest, AnOmniOnFireWireMustBeOpened) {
   ExpectAdvice(CheckFireWire(machine_), Verdict::kOk, "fw2");
 }
 
-TEST_F(DoctorTest, TheVendorsLibraryIsOptional) {
+TEST_F(DoctorTest, WhatVendorsInstallIsOptional) {
   ExpectAdvice(CheckOpenHaptics(machine_), Verdict::kOk, "not installed");
   Put("usr/lib/libHD.so", "");
   ExpectAdvice(CheckOpenHaptics(machine_), Verdict::kOk, "/usr/lib/libHD.so");
+  ExpectAdvice(CheckForceDimension(machine_), Verdict::kOk, "not installed");
+  Put("usr/local/lib/libdrd.so.3.17.5", "");
+  ExpectAdvice(CheckForceDimension(machine_), Verdict::kFail, "no link");
+  Put("usr/local/lib/libdrd.so.3", "");
+  ExpectAdvice(CheckForceDimension(machine_), Verdict::kOk, "/usr/local/lib/libdrd.so.3");
+  ExpectAdvice(CheckHaply(machine_), Verdict::kOk, "does not run");
 }
 
 TEST_F(DoctorTest, SpaceRunsOutInSteps) {

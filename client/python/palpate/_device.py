@@ -101,14 +101,17 @@ class Device:
         """
         return self._force_call(self._stub.StopForces, device_pb2.StopForcesRequest())
 
-    def calibrate(self) -> DeviceInfo:
+    def calibrate(self, kind: str = "") -> DeviceInfo:
         """Calibrates the device in its place of rest, when the stylus is docked next.
 
-        Errors: InvalidArgument (the device has no place of rest), FailedPrecondition (the device
-        is not there), Unavailable.
+        kind: configuration name of the device. Needed if calibration_moves_arm: its arm then
+        moves by itself, 3 s later. Keep clear of it.
+        Errors: InvalidArgument (the device has no calibration, or is not named),
+        FailedPrecondition (the device is not there, or its forces are on), Unavailable.
         Example: conn.device.calibrate()
         """
-        self._link.call(self._stub.CalibrateDevice, device_pb2.CalibrateDeviceRequest())
+        self._link.call(self._stub.CalibrateDevice,
+                        device_pb2.CalibrateDeviceRequest(device=text_of("kind", kind or "")))
         return self.info()
 
     def push(self, force_n: Triple, seconds: float = 0.5) -> int:

@@ -1,0 +1,273 @@
+#include "server/device/forcedimension/fd_session.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "server/device/stream/rotation.h"
+#include "server/realtime/thread_setup.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::int64_t kMsNs = 1'000'000;
+constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / ForceDimensionBus::kRateHz};
+constexpr int kWatchTicks = ForceDimensionBus::kRateHz / 20;
+constexpr std::int64_t kWatchdogStepNs = 125'000;
+constexpr auto kWatchdogSteps =
+    static_cast<unsigned char>(ForceDimensionBus::kWatchdogMs * 1e6 / kWatchdogStepNs);
+constexpr int kLostCalls = 10;
+// The device may take this long until its status says that its motors are on.
+constexpr std::int64_t kMotorsOnNs = 100 * kMsNs;
+constexpr std::int64_t kSaturatedNs = 100 * kMsNs, kTellAgainNs = 10'000 * kMsNs;
+constexpr int kLastZeros = 3;
+constexpr double kMotorTorqueNm = 0.2;  // of sigma.7 and lambda.7, by CHAI3D's driver
+
+constexpr const char* kNoPower = "no power: plug in the device's power supply and switch it on";
+constexpr const char* kNoWatchdog =
+    "no forces: this device does not brake by itself when palpated is killed or frozen (firmware "
+    "before 3.0); to have forces all the same, set [device] forcedimension_without_watchdog = true";
+constexpr const char* kCalibrates = "being calibrated: the arm moves by itself, keep clear of it";
+
+const char* WhyOff(int cause) {
+  switch (cause) {
+    case fd::kOffByButton:
+      return "its force button was pressed";
+    case fd::kOffByVelocity:
+      return "it moved faster than the device allows";
+    case fd::kOffByWatchdog:
+      return "its watchdog braked it, as no command came in time";
+    case fd::kOffByDeadMan:
+      return "no hand was on its handle";
+    default:
+      return "it has not switched its motors on: press its force button, if it has one, and look "
+             "at "
+             "its lights";
+  }
+}
+
+std::string EndedBy(int cause) {
+  return fmt::format("the device ended its forces: {}", WhyOff(cause));
+}
+
+}  // namespace
+
+FdSession::FdSession(const FdLibrary& library, char id, const FdModel& model,
+                     const ForceDimensionOptions& options, ForceDimensionBus::Exchange& exchange)
+    : library_(library),
+      fd_(library.functions()),
+      id_(id),
+      model_(model),
+      options_(options),
+      exchange_(exchange),
+      timer_(kPeriod, std::chrono::nanoseconds(0)) {}
+
+FdSession::~FdSession() {
+  if (is_open_) fd_.close(id_);
+}
+
+FdAbilities FdSession::Abilities() const {
+  const char* name = fd_.system_name(id_);
+  return {.system_name = name != nullptr ? name : "a device without a name",
+          .has_wrist = fd_.has_wrist(id_),
+          .has_torque = fd_.has_active_wrist(id_),
+          .has_gripper = fd_.has_gripper(id_),
+          .is_left_handed = fd_.is_left_handed(id_)};
+}
+
+void FdSession::SetUp(const std::atomic<bool>& /*stop*/) {
+  const OrdinaryScheduling ordinary;
+  const FdAbilities its = Abilities();
+  const FdModel* const known = FdModelWith(its);
+  if (known != &model_) {
+    throw BusError(BusFault::kUnsuitable,
+                   fmt::format("the device is \"{}\", and [device] forcedimension_model is \"{}\": "
+                               "set it to {}, and start palpated again",
+                               its.system_name, model_.name,
+                               known != nullptr ? fmt::format("\"{}\"", known->name)
+                                                : "the one of " + FdModelNames() + " that it is"));
+  }
+  centre_m_ = FdCentre(model_, its.is_left_handed);
+  Switch(false);
+  fd_.set_brakes(1, id_);
+  const bool holds_weight = fd_.set_gravity_compensation(1, id_) >= 0;
+  // Whether this limit includes the arm's weight is not written. A lower one might drop the arm.
+  fd_.set_max_force(model_.motor_force_n, id_);
+  if (model_.has_torque) fd_.set_max_torque(kMotorTorqueNm, id_);
+  if (model_.has_gripper) fd_.set_max_gripper_force(0.0, id_);
+  if (options_.gripper_button) fd_.emulate_button(1, id_);
+  brakes_itself_ = SetWatchdog();
+  unsigned short serial = 0;  // NOLINT(google-runtime-int): as in C
+  fd_.serial_number(&serial, id_);
+  double firmware = 0.0;
+  fd_.firmware_version(&firmware, id_);
+  identity_ = fmt::format(
+      "{}{}, serial number {}, firmware {:g}, SDK {}; gravity compensation {}, {}", its.system_name,
+      its.is_left_handed ? " (left-handed)" : "", serial, firmware, library_.version(),
+      holds_weight ? "on" : "not possible",
+      brakes_itself_
+          ? fmt::format("brakes {:g} ms after the last command", ForceDimensionBus::kWatchdogMs)
+          : "does not brake by itself");
+}
+
+bool FdSession::SetWatchdog() {
+  unsigned char steps = 0;
+  fd_.enable_expert_mode();
+  fd_.set_watchdog(kWatchdogSteps, id_);
+  const bool is_told = fd_.get_watchdog(&steps, id_) >= 0;
+  fd_.disable_expert_mode();
+  return is_told && steps == kWatchdogSteps;
+}
+
+StreamReceived FdSession::Wait(std::chrono::microseconds /*longest*/, DeviceState& state) {
+  StreamReceived received;
+  const TickTime tick = timer_.WaitForNext();
+  received.lost_readings =
+      static_cast<std::uint32_t>(tick.missed - std::exchange(missed_, tick.missed));
+  if (ticks_++ % kWatchTicks == 0) Watch(received);
+  TakeReading(received, state);
+  return received;
+}
+
+void FdSession::TakeReading(StreamReceived& received, DeviceState& state) {
+  Vec3 p_m = Vec3::Zero();
+  double rows[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  const int result = model_.has_wrist
+                         ? fd_.position_and_frame(&p_m.x(), &p_m.y(), &p_m.z(), rows, id_)
+                         : fd_.position(&p_m.x(), &p_m.y(), &p_m.z(), id_);
+  if (!Check(result, "dhdGetPosition", bad_readings_) || result == fd::kTimeGuard) return;
+  const Eigen::Matrix3d handle =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&rows[0][0]);
+  if (!p_m.allFinite() || !IsRotation(handle)) {
+    ++received.corrupt_frames;
+    return;
+  }
+  state.buttons = fd_.buttons(id_) & 1u;  // the first; what others are is not written
+  state.p_MHip_mm = 1000.0 * FdToM(p_m - centre_m_);
+  state.R_MS = FdHandleToM(handle);
+  state.docked = false;
+  state.calibrated = is_calibrated_;
+  received.time_ns = MonotonicNowNs();
+  received.has_reading = true;
+  received.readings = 1;
+}
+
+void FdSession::Watch(StreamReceived& received) {
+  std::array<int, fd::kStatusRoom> status{};
+  status.fill(-1);  // what an older library does not write
+  if (!Check(fd_.status(status.data(), id_), "dhdGetStatus", bad_readings_)) return;
+  CheckMotors(status.data());
+  const char* const hint = HintOf(status.data());
+  exchange_.hint = hint;
+  is_calibrated_ = *hint == '\0';
+  const std::int64_t now_ns = MonotonicNowNs();
+  if (saturated_since_ns_ != 0 && now_ns - saturated_since_ns_ > kSaturatedNs &&
+      now_ns - saturation_told_ns_ > kTellAgainNs) {
+    saturation_told_ns_ = now_ns;
+    received.warning = "its motors cannot give the whole force at this place; it is scaled down";
+  }
+  if (exchange_.calibration_wanted.exchange(false)) {
+    calibrates_at_ns_ =
+        now_ns + std::chrono::nanoseconds(ForceDimensionBus::kCalibrationWarning).count();
+    received.warning = fmt::format("its arm moves by itself in {} s: keep clear of it",
+                                   ForceDimensionBus::kCalibrationWarning.count());
+  } else if (calibrates_at_ns_ != 0 && now_ns >= calibrates_at_ns_) {
+    calibrates_at_ns_ = 0;
+    Calibrate(received);
+  }
+}
+
+const char* FdSession::HintOf(const int* status) {
+  if (status[fd::kStatusPower] == 0) return kNoPower;
+  const bool is_known = !fd_.knows_calibration(id_) || fd_.is_calibrated(id_);
+  if (status[fd::kStatusReset] == 1 || !is_known) return model_.calibration_hint;
+  return brakes_itself_ || options_.without_watchdog ? "" : kNoWatchdog;
+}
+
+void FdSession::CheckMotors(const int* status) const {
+  const bool is_due = motors_on_ && MonotonicNowNs() - switched_ns_ > kMotorsOnNs;
+  if (!is_due || status[fd::kStatusForce] != 0) return;
+  throw BusError(BusFault::kBroken, EndedBy(status[fd::kStatusForceOffCause]));
+}
+
+void FdSession::Calibrate(StreamReceived& received) {
+  if (motors_on_) {
+    received.warning = "not calibrated: its forces are on; disable them first";
+    return;
+  }
+  exchange_.hint = kCalibrates;
+  const OrdinaryScheduling ordinary;
+  const bool is_done = fd_.calibrate(id_) >= 0;
+  const std::string error = is_done ? "" : library_.LastError();
+  fd_.end_calibration(true, id_);
+  fd_.enable_force(0, id_);
+  received.warning =
+      is_done ? "it has calibrated itself" : "it could not calibrate itself: " + error;
+  timer_ = TickTimer(kPeriod, std::chrono::nanoseconds(0));
+  missed_ = 0;
+  received.restarted = true;
+}
+
+bool FdSession::TrySend(const DeviceCommand& command) {
+  const std::int64_t now_ns = MonotonicNowNs();
+  const bool has_braked =
+      motors_on_ && brakes_itself_ && now_ns - commanded_ns_ > kWatchdogSteps * kWatchdogStepNs;
+  if (has_braked) throw BusError(BusFault::kBroken, EndedBy(fd::kOffByWatchdog));
+  const bool on = command.motors_on && is_calibrated_;
+  if (on != motors_on_) Switch(on);
+  if (!motors_on_) return true;  // braked: there is nothing to send
+  const int result = SetWrench(command.wrench_M);
+  if (!Check(result, "dhdSetForceAndTorqueAndGripperForce", bad_forces_)) return true;
+  if (result != fd::kSaturated) {
+    saturated_since_ns_ = 0;
+  } else if (saturated_since_ns_ == 0) {
+    saturated_since_ns_ = MonotonicNowNs();
+  }
+  return true;
+}
+
+void FdSession::Switch(bool on) {
+  if (motors_on_) SetWrench({});
+  if (!Check(fd_.enable_force(on ? 1 : 0, id_), "dhdEnableForce", bad_forces_)) return;
+  motors_on_ = on;
+  switched_ns_ = commanded_ns_ = MonotonicNowNs();
+  saturated_since_ns_ = 0;
+}
+
+int FdSession::SetWrench(const Wrench& wrench_M) {
+  commanded_ns_ = MonotonicNowNs();
+  const Vec3 force_n = FdFromM(wrench_M.force_n);
+  const Vec3 torque_n_m = 0.001 * FdFromM(wrench_M.torque_n_mm);
+  return fd_.set_force(force_n.x(), force_n.y(), force_n.z(), torque_n_m.x(), torque_n_m.y(),
+                       torque_n_m.z(), 0.0, id_);
+}
+
+bool FdSession::Check(int result, const char* call, int& errors_in_a_row) {
+  if (result >= 0) {
+    errors_in_a_row = 0;
+    return true;
+  }
+  ++errors_;
+  const int error = fd_.last_error();
+  if (error == fd::kErrorNoDevice) throw BusError(BusFault::kAbsent, "the device is gone");
+  if (++errors_in_a_row < kLostCalls) return false;
+  const std::string text = library_.LastError();
+  std::array<int, fd::kStatusRoom> status{};
+  status.fill(-1);
+  if (fd_.status(status.data(), id_) >= 0) CheckMotors(status.data());
+  throw BusError(BusFault::kBroken, fmt::format("{} fails: {}", call, text));
+}
+
+bool FdSession::LetGo() noexcept {
+  const OrdinaryScheduling ordinary;
+  bool is_off = !motors_on_;
+  for (int n = 0; motors_on_ && n < kLastZeros; ++n) is_off |= SetWrench({}) >= 0;
+  is_off |= fd_.enable_force(0, id_) >= 0;
+  fd_.close(id_);
+  is_open_ = false;
+  return is_off;
+}
+
+}  // namespace palpate

@@ -1,0 +1,80 @@
+// Force Dimension's devices (delta, omega, sigma, lambda) by the vendor's library, which is loaded
+// at run time.
+//
+// The library has no loop of its own: the I/O thread reads and writes 2000 times a second. Each
+// call talks to the device and takes as long as that takes. The device's own watchdog is set to
+// kWatchdogMs: when no command comes, as after a crash, the device brakes by itself. A device whose
+// watchdog does not read back as set gets no force, unless an option says that it may.
+//
+// Motors off means braked: the arm sinks slowly. Motors on means that the library also holds the
+// arm's weight (gravity compensation), which it adds to each force.
+// A device that ends its forces by itself (its force button, its limit of velocity, its watchdog,
+// its dead man's switch) is a fault.
+//
+// Frame M: its middle is that of the workspace; see fd_models.h. Torques are about that point of
+// the wrist whose position is read.
+// Threads, errors: as StreamBus. The library's functions are called on the I/O thread only.
+// Verification level: none; we have not seen a device, and not run the vendor's library.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "server/device/forcedimension/fd_library.h"
+#include "server/device/forcedimension/fd_models.h"
+#include "server/device/stream/streamed_device.h"
+
+namespace palpate {
+
+struct ForceDimensionOptions {
+  std::string library = FdLibrary::kDefaultPath;
+  std::string model = "omega.3";  // see FdModelNames
+  std::string serial{};           // "": the only device
+  bool gripper_button = false;    // closing the gripper is the button
+  bool without_watchdog = false;  // forces also from a device that cannot brake by itself
+};
+
+// How many of Force Dimension's devices are plugged in, by the kernel, and whether this user may
+// open them. Any thread.
+struct FdPlugged {
+  int count = 0;
+  bool may_open = true;
+};
+FdPlugged FindPluggedFd();
+
+class ForceDimensionBus final : public StreamBus {
+ public:
+  static constexpr int kRateHz = 2000;
+  static constexpr double kWatchdogMs = 20.0;
+
+  // Throws Error (kInvalidArgument) for a model that is none.
+  explicit ForceDimensionBus(ForceDimensionOptions options);
+
+  const DeviceDescription& spec() const override { return spec_; }
+  std::unique_ptr<StreamSession> Open() override;
+  std::string calibration_hint() const override { return exchange_.hint.load(); }
+  // The arm then moves by itself, after a warning and kCalibrationWarning.
+  void RequestCalibration() override;
+
+  static constexpr std::chrono::seconds kCalibrationWarning{3};
+
+  // What any thread tells the session, and it them.
+  struct Exchange {
+    std::atomic<bool> calibration_wanted{false};
+    std::atomic<const char*> hint{""};  // why it is not calibrated, or why it gets no force
+  };
+
+ private:
+  // Opens the device, or throws BusError. Returns its ID.
+  char Choose() const;
+
+  const ForceDimensionOptions options_;
+  const FdModel& model_;
+  const DeviceDescription spec_;
+  std::optional<FdLibrary> library_{};
+  Exchange exchange_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,68 @@
+// Haply's Inverse3, Inverse3x and Minverse by the vendor's service on this machine.
+//
+// The service answers each message with one state of the devices, and sends nothing unasked. So the
+// I/O thread asks at most 2000 times a second, and never again before the answer: but for a zero
+// force when the answer is late. With motors on each message commands a force, else none.
+// A session ends with its connection, and its force with it. How long the service keeps the last
+// force of a palpated that is frozen, its documents do not say.
+//
+// Others may change what a session has set. A mount, basis, scale or damping that is not ours, or a
+// global factor on forces, means that what is shown is not what is felt: the device then counts as
+// not calibrated, and gets no force. The service weakens forces by filters of its own.
+//
+// Frame M: its middle is that of the workspace.
+// Threads, errors: as StreamBus. The service is talked to on the I/O thread.
+// Verification level: none; we have not seen a device, and not run the vendor's service.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/device/haply/inverse_messages.h"
+#include "server/device/stream/streamed_device.h"
+
+namespace palpate {
+
+inline constexpr VerificationLevel kHaplyVerification = VerificationLevel::kNone;
+
+struct HaplyOptions {
+  std::string model = "inverse3";  // or "inverse3x" or "minverse"
+  std::string serial{};            // the arm's device_id; "": the only one
+  std::string grip{};              // the handle's device_id; "": the only one, or none
+  std::uint16_t port = 10001;
+  std::uint16_t events_port = 10020;
+};
+
+// Throws Error (kInvalidArgument) for a model that is none.
+DeviceDescription HaplySpec(const std::string& model);
+
+// The arms of a running service. Throws BusError if there is none. Any thread.
+std::vector<InverseArm> FindInverseArms(std::uint16_t port);
+
+// The service's frame, in m, and M, in mm.
+Vec3 InverseToM(const Vec3& p_m);
+Vec3 InverseFromM(const Vec3& force_n);
+// The handle points along its y: that is the stylus's -z.
+Eigen::Quaterniond InverseGripToM(const Eigen::Quaterniond& orientation);
+
+class HaplyBus final : public StreamBus {
+ public:
+  static constexpr int kRateHz = 2000;
+
+  explicit HaplyBus(HaplyOptions options);
+
+  const DeviceDescription& spec() const override { return spec_; }
+  std::unique_ptr<StreamSession> Open() override;
+  bool is_request_response() const override { return true; }
+  std::string calibration_hint() const override { return hint_.load(); }
+
+ private:
+  const HaplyOptions options_;
+  const DeviceDescription spec_;
+  std::atomic<const char*> hint_{""};
+};
+
+}  // namespace palpate

@@ -1,0 +1,284 @@
+#include "server/device/haply/haply_session.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "server/realtime/tick_timer.h"
+
+namespace palpate {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+
+constexpr std::int64_t kMsNs = 1'000'000;
+constexpr std::int64_t kPeriodNs = 1'000'000'000 / HaplyBus::kRateHz;
+constexpr milliseconds kConnectTime{2000}, kEndTime{50};
+constexpr std::int64_t kLateNs = 4 * kMsNs;
+constexpr std::int64_t kLostNs = 100 * kMsNs;
+constexpr std::int64_t kFullStateNs = 1000 * kMsNs;
+constexpr double kFeltN = 0.2;
+constexpr std::int64_t kUnfeltNs = 100 * kMsNs, kTellAgainNs = 10'000 * kMsNs;
+constexpr int kLastZeros = 3;
+
+constexpr const char* kScaled =
+    "no forces: the service multiplies all forces by a factor, so that what is shown is not what "
+    "is "
+    "felt: set the force scale to 1 in Haply Hub, and start palpated again";
+constexpr const char* kForeign =
+    "no forces: the session's basis, mount, scale or damping is not as palpated set it: another "
+    "program (Haply Hub, a browser) has changed it; end that program, and start palpated again";
+
+const char* HintOfFlag(const std::string& flag) {
+  if (flag == "power_supply") return "no power: plug in the device's power supply";
+  if (flag == "started") return "the service has not started the device: see Haply Hub";
+  if (flag == "ready") return "the device is not ready: see Haply Hub";
+  return "not calibrated: calibrate it, as Haply Hub shows";
+}
+
+std::string NamesOf(const auto& devices) {
+  std::string names;
+  for (const auto& device : devices) names += (names.empty() ? "" : ", ") + device.id;
+  return names;
+}
+
+}  // namespace
+
+HaplySession::HaplySession(const HaplyOptions& options, std::atomic<const char*>& hint)
+    : options_(options), hint_(hint), link_(options.port, kConnectTime, never_) {
+  Choose(Await(kConnectTime, never_));
+}
+
+InverseReply HaplySession::Await(milliseconds longest, const std::atomic<bool>& stop) {
+  const auto end = std::chrono::steady_clock::now() + longest;
+  while (!stop && std::chrono::steady_clock::now() < end) {
+    link_.Wait(milliseconds(20));
+    const std::optional<InverseLink::Message> message = link_.TakeMessage();
+    if (!message) continue;
+    if (std::optional<InverseReply> reply = ParseInverse(message->text)) return *reply;
+    throw BusError(BusFault::kCorrupt,
+                   "what answers there is not Haply's service, or one that is not known");
+  }
+  throw BusError(BusFault::kTimeout, "Haply's service does not answer");
+}
+
+void HaplySession::Choose(const InverseReply& inventory) {
+  const InverseArm* chosen = nullptr;
+  for (const InverseArm& arm : inventory.arms) {
+    if (options_.serial.empty() || arm.id == options_.serial) chosen = &arm;
+  }
+  if (inventory.arms.empty()) {
+    throw BusError(BusFault::kAbsent,
+                   "Haply's service runs, and has no device: plug it in and switch it on");
+  }
+  if (chosen == nullptr) {
+    throw BusError(BusFault::kAbsent, "not found with device_id " + options_.serial +
+                                          ": the service has " + NamesOf(inventory.arms));
+  }
+  if (options_.serial.empty() && inventory.arms.size() > 1) {
+    throw BusError(BusFault::kAmbiguous,
+                   "the service has several devices: set [device] serial to "
+                   "one of " +
+                       NamesOf(inventory.arms));
+  }
+  if (chosen->type && *chosen->type != options_.model) {
+    throw BusError(BusFault::kUnsuitable,
+                   fmt::format("the device is an \"{0}\", and [device] haply_model is \"{1}\": set "
+                               "it to \"{0}\", and start palpated again",
+                               *chosen->type, options_.model));
+  }
+  CheckIsFree(*chosen);
+  ChooseGrip(inventory);
+  arm_ = chosen->id;
+  writer_.emplace(arm_, grip_);
+  identity_ = chosen->type.value_or(options_.model) + " " + arm_ +
+              (chosen->about.empty() ? "" : ", " + chosen->about) +
+              (grip_.id.empty() ? ", no grip" : ", grip " + grip_.id);
+}
+
+void HaplySession::ChooseGrip(const InverseReply& inventory) {
+  const auto named = std::ranges::find(inventory.grips, options_.grip, &InverseGrip::id);
+  if (named != inventory.grips.end()) {
+    grip_ = *named;
+  } else if (!options_.grip.empty()) {
+    throw BusError(BusFault::kAbsent,
+                   "not found: the grip " + options_.grip + ": the service has " +
+                       (inventory.grips.empty() ? std::string("none") : NamesOf(inventory.grips)));
+  } else if (inventory.grips.size() > 1) {
+    throw BusError(BusFault::kAmbiguous,
+                   "the service has several grips: set [device] haply_grip to one of " +
+                       NamesOf(inventory.grips));
+  } else if (!inventory.grips.empty()) {
+    grip_ = inventory.grips.front();
+  }
+  had_grip_ = !grip_.id.empty();
+}
+
+void HaplySession::CheckIsFree(const InverseArm& arm) const {
+  if (!arm.is_in_use && (arm.mode.empty() || arm.mode == "idle")) return;
+  throw BusError(BusFault::kBusy, "another program uses the device: end it");
+}
+
+void HaplySession::SetUp(const std::atomic<bool>& stop) {
+  const std::optional<std::string> version =
+      GetFromInverse(options_.port, "/version", kConnectTime, stop);
+  const auto number = version ? ParseInverseVersion(*version) : std::nullopt;
+  is_before_3_5_ = !number || *number < std::array<int, 2>{3, 5};
+  const std::optional<std::string> scale =
+      GetFromInverse(options_.port, "/settings/devices/force_scale", kConnectTime, stop);
+  const std::optional<double> factor = scale ? ParseInverseForceScale(*scale) : std::nullopt;
+  is_scaled_ = factor && std::abs(*factor - 1.0) > 1e-6;
+  identity_ += number ? fmt::format(", service {}.{}", (*number)[0], (*number)[1])
+                      : std::string(", service of unknown version");
+  if (!factor) identity_ += ", force scale not told";
+  if (!link_.ListenToEvents(options_.events_port, kConnectTime, stop)) identity_ += ", no events";
+  link_.TrySend(InverseSetUp(arm_));
+  const InverseReply reply = Await(kConnectTime, stop);
+  const auto arm = std::ranges::find(reply.arms, arm_, &InverseArm::id);
+  is_configured_ = arm != reply.arms.end() && arm->placing.is_native;
+  full_state_ns_ = MonotonicNowNs() + kFullStateNs;
+}
+
+StreamReceived HaplySession::Wait(microseconds longest, DeviceState& state) {
+  StreamReceived received;
+  if (unanswered_ == 0) {
+    const std::int64_t left_ns = std::max<std::int64_t>(due_ns_ - MonotonicNowNs(), 0);
+    longest = std::min(longest, microseconds((left_ns + 999) / 1000));
+  }
+  link_.Wait(longest);
+  // Also if an answer comes at last: nobody knows what the service did with the last force.
+  if (unanswered_ > 0 && MonotonicNowNs() - sent_ns_ > kLostNs) {
+    throw BusError(BusFault::kTimeout, "Haply's service has not answered for 100 ms");
+  }
+  TakeEvents(received);
+  while (const std::optional<InverseLink::Message> message = link_.TakeMessage()) {
+    if (unanswered_ > 0) {
+      --unanswered_;
+      Take(*message, received, state);
+    } else {
+      ++received.corrupt_frames;  // nobody asked
+    }
+  }
+  return received;
+}
+
+void HaplySession::Take(const InverseLink::Message& message, StreamReceived& received,
+                        DeviceState& state) {
+  const std::optional<InverseReply> reply = ParseInverse(message.text);
+  if (!reply) {
+    ++received.corrupt_frames;
+    return;
+  }
+  const auto arm = std::ranges::find(reply->arms, arm_, &InverseArm::id);
+  if (arm == reply->arms.end()) {
+    throw BusError(BusFault::kAbsent, "Haply's service has lost the device");
+  }
+  if (arm->type) is_configured_ = arm->placing.is_native;
+  const char* const hint = HintOf(*arm);
+  hint_ = hint;
+  is_calibrated_ = *hint == '\0';
+  CheckFelt(*arm, received);
+  TakeGrip(*reply, received, state);
+  state.p_MHip_mm = InverseToM(arm->cursor_m);
+  state.docked = false;
+  state.calibrated = is_calibrated_;
+  received.time_ns = message.time_ns;
+  received.has_reading = true;
+  ++received.readings;
+}
+
+const char* HaplySession::HintOf(const InverseArm& arm) const {
+  if (!arm.missing.empty()) return HintOfFlag(arm.missing);
+  if (!is_configured_ || !arm.placing.is_native) return kForeign;
+  return is_scaled_ ? kScaled : "";
+}
+
+void HaplySession::TakeGrip(const InverseReply& reply, StreamReceived& received,
+                            DeviceState& state) {
+  const auto grip = std::ranges::find(reply.grips, grip_.id, &InverseGrip::id);
+  const bool has_grip = grip != reply.grips.end() && grip->is_awake;
+  state.R_MS = has_grip ? InverseGripToM(grip->orientation) : Eigen::Quaterniond::Identity();
+  state.buttons = has_grip ? grip->buttons : 0;
+  if (std::exchange(had_grip_, has_grip) && !has_grip) {
+    received.warning =
+        "its grip " + grip_.id + " sleeps or is gone: its turning and buttons are missing";
+  }
+}
+
+// A service that takes a message and does not know its words says nothing.
+void HaplySession::CheckFelt(const InverseArm& arm, StreamReceived& received) {
+  const std::int64_t now_ns = MonotonicNowNs();
+  const bool is_unfelt = arm.felt_n && arm.felt_n->isZero() && sent_n_.norm() >= kFeltN;
+  if (!is_unfelt) {
+    unfelt_since_ns_ = 0;
+  } else if (unfelt_since_ns_ == 0) {
+    unfelt_since_ns_ = now_ns;
+  } else if (now_ns - unfelt_since_ns_ > kUnfeltNs && now_ns > unfelt_told_ns_) {
+    unfelt_told_ns_ = now_ns + kTellAgainNs;
+    received.warning =
+        "the service ignores our forces: its version may want other words; tell us its version";
+  }
+}
+
+void HaplySession::TakeEvents(StreamReceived& received) {
+  while (const std::optional<std::string> text = link_.TakeEvent()) {
+    const std::optional<InverseEvent> event = ParseInverseEvent(*text);
+    if (!event) continue;
+    if (event->ends_force) {
+      throw BusError(BusFault::kBroken, "the device ended its forces: " + event->text);
+    }
+    if (!event->text.empty()) received.warning = event->text;
+  }
+}
+
+bool HaplySession::TrySend(const DeviceCommand& command) {
+  const bool on = command.motors_on && is_calibrated_;
+  const Vec3 force_n = on ? InverseFromM(command.wrench_M.force_n) : Vec3(Vec3::Zero());
+  const std::int64_t now_ns = MonotonicNowNs();
+  const bool ends_force = force_n.isZero() && !sent_n_.isZero();
+  const bool is_late = unanswered_ == 1 && now_ns - sent_ns_ > kLateNs;
+  const bool may_send = unanswered_ == 0 ? now_ns >= due_ns_ : ends_force && is_late;
+  if (!may_send) return false;
+  // A zero ends a force; then nothing is commanded.
+  return on || ends_force ? Send(force_n) : Send(std::nullopt);
+}
+
+bool HaplySession::Send(const std::optional<Vec3>& force_n) {
+  const std::int64_t now_ns = MonotonicNowNs();
+  const bool wants_full_state = now_ns >= full_state_ns_;
+  const std::string_view text = writer_->Write(
+      {.force_n = force_n, .wants_full_state = wants_full_state, .is_before_3_5 = is_before_3_5_});
+  if (!link_.TrySend(text)) return false;
+  if (wants_full_state) full_state_ns_ = now_ns + kFullStateNs;
+  ++unanswered_;
+  sent_ns_ = now_ns;
+  due_ns_ = std::max(due_ns_ + kPeriodNs, now_ns + kPeriodNs / 2);
+  sent_n_ = force_n.value_or(Vec3::Zero());
+  return true;
+}
+
+bool HaplySession::LetGo() noexcept {
+  int zeros = 0;
+  bool has_pushed = !sent_n_.isZero();
+  try {
+    const std::int64_t end_ns = MonotonicNowNs() + kEndTime.count() * kMsNs;
+    int answered = 0;
+    while (writer_ && has_pushed && answered < kLastZeros && MonotonicNowNs() < end_ns) {
+      if (unanswered_ == 0 || zeros == 0) zeros += Send(Vec3(Vec3::Zero())) ? 1 : 0;
+      link_.Wait(milliseconds(1));
+      while (link_.TakeMessage()) {
+        unanswered_ = std::max(unanswered_ - 1, 0);
+        ++answered;
+      }
+    }
+  } catch (const std::exception&) {
+    // The session has ended, and its force with it.
+  }
+  link_.Close(kEndTime);
+  return !has_pushed || zeros > 0;
+}
+
+}  // namespace palpate

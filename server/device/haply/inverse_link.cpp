@@ -1,0 +1,229 @@
+#include "server/device/haply/inverse_link.h"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <deque>
+#include <utility>
+
+#include "server/realtime/tick_timer.h"
+
+namespace palpate {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using ErrorCode = boost::system::error_code;
+using WebSocket = beast::websocket::stream<beast::tcp_stream>;
+
+constexpr milliseconds kLook{20};
+
+asio::ip::tcp::endpoint Loopback(std::uint16_t port) {
+  return {asio::ip::address_v4::loopback(), port};
+}
+
+// Runs an operation that was begun until it has ended. Returns false at `longest` or `stop`.
+bool Finish(asio::io_context& context, const bool& is_done, milliseconds longest,
+            const std::atomic<bool>& stop) {
+  const auto end = std::chrono::steady_clock::now() + longest;
+  context.restart();
+  while (!is_done && !stop && std::chrono::steady_clock::now() < end) {
+    context.run_one_for(kLook);
+    context.restart();
+  }
+  return is_done;
+}
+
+// A connected WebSocket, which collects its messages.
+class Line {
+ public:
+  explicit Line(asio::io_context& context) : context_(context), socket_(context) {}
+
+  // "": connected. Else why not.
+  std::string Connect(std::uint16_t port, milliseconds longest, const std::atomic<bool>& stop) {
+    bool is_done = false;
+    ErrorCode error;
+    const auto end = [&](ErrorCode code) {
+      error = code;
+      is_done = true;
+    };
+    beast::get_lowest_layer(socket_).async_connect(Loopback(port), end);
+    if (!Finish(context_, is_done, longest, stop)) return Abandon("no answer in time");
+    if (error) return error.message();
+    beast::get_lowest_layer(socket_).socket().set_option(asio::ip::tcp::no_delay(true), error);
+    socket_.read_message_max(InverseLink::kMostBytes);
+    is_done = false;
+    socket_.async_handshake("127.0.0.1:" + std::to_string(port), "/", end);
+    if (!Finish(context_, is_done, longest, stop)) return Abandon("no answer in time");
+    if (error) return error.message();
+    Read();
+    return "";
+  }
+
+  bool TrySend(std::string_view text) {
+    if (is_writing_) return false;
+    is_writing_ = true;
+    sent_.assign(text);
+    socket_.text(true);
+    socket_.async_write(asio::buffer(sent_), [this](ErrorCode error, std::size_t) {
+      is_writing_ = false;
+      if (error && !error_) error_ = error;
+    });
+    return true;
+  }
+
+  void Close(milliseconds longest) {
+    static const std::atomic<bool> kNever{false};
+    bool is_done = error_.failed();
+    if (!is_done)
+      socket_.async_close(beast::websocket::close_code::normal, [&](ErrorCode) { is_done = true; });
+    if (!Finish(context_, is_done, longest, kNever)) Abandon("");
+  }
+
+  int handle() { return beast::get_lowest_layer(socket_).socket().native_handle(); }
+  const ErrorCode& error() const { return error_; }
+  std::deque<InverseLink::Message> messages;
+
+ private:
+  // Ends what is under way: its handlers run before this returns.
+  std::string Abandon(std::string reason) {
+    beast::get_lowest_layer(socket_).close();
+    context_.restart();
+    context_.poll();
+    return reason;
+  }
+
+  void Read() {
+    socket_.async_read(buffer_, [this](ErrorCode error, std::size_t) {
+      if (error) {
+        error_ = error;
+        return;
+      }
+      messages.push_back(
+          {.text = socket_.got_text() ? beast::buffers_to_string(buffer_.cdata()) : std::string(),
+           .time_ns = MonotonicNowNs()});
+      buffer_.consume(buffer_.size());
+      Read();
+    });
+  }
+
+  asio::io_context& context_;
+  WebSocket socket_;
+  beast::flat_buffer buffer_;
+  std::string sent_;
+  bool is_writing_ = false;
+  ErrorCode error_{};
+};
+
+}  // namespace
+
+struct InverseLink::Impl {
+  asio::io_context context{1};
+  std::optional<Line> line{};
+  std::optional<Line> events{};
+};
+
+InverseLink::InverseLink(std::uint16_t port, milliseconds longest, const std::atomic<bool>& stop)
+    : impl_(std::make_unique<Impl>()) {
+  const std::string problem = impl_->line.emplace(impl_->context).Connect(port, longest, stop);
+  if (problem.empty()) return;
+  throw BusError(BusFault::kAbsent, "no service at 127.0.0.1:" + std::to_string(port) + " (" +
+                                        problem +
+                                        "): install Haply's Inverse service and start it "
+                                        "(systemctl start haply-inverse-service), or set [device] "
+                                        "haply_port");
+}
+
+InverseLink::~InverseLink() = default;
+
+bool InverseLink::ListenToEvents(std::uint16_t port, milliseconds longest,
+                                 const std::atomic<bool>& stop) {
+  if (impl_->events.emplace(impl_->context).Connect(port, longest, stop).empty()) return true;
+  impl_->events.reset();
+  return false;
+}
+
+// The context's own wait has steps of whole ms.
+void InverseLink::Wait(microseconds longest) {
+  Impl& impl = *impl_;
+  impl.context.restart();
+  if (impl.context.poll() == 0 && longest.count() > 0) {
+    std::array<pollfd, 2> sockets{};
+    sockets[0] = {.fd = impl.line->handle(), .events = POLLIN, .revents = 0};
+    sockets[1] = {.fd = impl.events ? impl.events->handle() : -1, .events = POLLIN, .revents = 0};
+    const timespec time{.tv_sec = longest.count() / 1'000'000,
+                        .tv_nsec = longest.count() % 1'000'000 * 1000};
+    ppoll(sockets.data(), sockets.size(), &time, nullptr);
+    impl.context.poll();
+  }
+  if (impl.events && impl.events->error()) impl.events.reset();
+  if (!impl.line->error() || !impl.line->messages.empty()) return;
+  throw BusError(BusFault::kBroken,
+                 "Haply's service ended the connection (" + impl.line->error().message() + ")");
+}
+
+std::optional<InverseLink::Message> InverseLink::TakeMessage() {
+  std::deque<Message>& messages = impl_->line->messages;
+  if (messages.empty()) return std::nullopt;
+  Message message = std::move(messages.front());
+  messages.pop_front();
+  return message;
+}
+
+std::optional<std::string> InverseLink::TakeEvent() {
+  if (!impl_->events || impl_->events->messages.empty()) return std::nullopt;
+  std::string text = std::move(impl_->events->messages.front().text);
+  impl_->events->messages.pop_front();
+  return text;
+}
+
+bool InverseLink::TrySend(std::string_view text) { return impl_->line->TrySend(text); }
+
+void InverseLink::Close(milliseconds longest) noexcept {
+  try {
+    impl_->line->Close(longest);
+  } catch (const std::exception&) {
+  }
+}
+
+std::optional<std::string> GetFromInverse(std::uint16_t port, const std::string& path,
+                                          milliseconds longest, const std::atomic<bool>& stop) {
+  asio::io_context context{1};
+  beast::tcp_stream stream(context);
+  bool is_done = false;
+  ErrorCode error;
+  const auto end = [&](ErrorCode code, auto&&...) {
+    error = code;
+    is_done = true;
+  };
+  const auto goes_well = [&] {
+    const bool is_in_time = Finish(context, is_done, longest, stop);
+    is_done = false;
+    return is_in_time && !error;
+  };
+  const auto get = [&]() -> std::optional<std::string> {
+    stream.async_connect(Loopback(port), end);
+    if (!goes_well()) return std::nullopt;
+    http::request<http::empty_body> request{http::verb::get, path, 11};
+    request.set(http::field::host, "127.0.0.1:" + std::to_string(port));
+    http::async_write(stream, request, end);
+    if (!goes_well()) return std::nullopt;
+    beast::flat_buffer buffer(InverseLink::kMostBytes);
+    http::response<http::string_body> response;
+    http::async_read(stream, buffer, response, end);
+    if (!goes_well() || response.result() != http::status::ok) return std::nullopt;
+    return response.body();
+  };
+  return get();
+}
+
+}  // namespace palpate

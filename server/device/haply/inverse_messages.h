@@ -1,0 +1,88 @@
+// The messages of Haply's service, which are JSON texts, as values.
+//
+// Units: m, N. Frame: the service's, right-handed: x right, y away from the user, z up.
+// Threads: pure functions. Not real-time: ParseInverse allocates.
+// Source: the vendor's documents of service 3.5, and programs that others published for 3.1 to 3.4.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/geometry/geometry.h"
+
+namespace palpate {
+
+// What a session has set, or somebody else.
+struct InversePlacing {
+  bool is_native = true;  // basis XYZ, mount and transform identity, damping 0
+  std::string what{};     // which is not; "" if native
+};
+
+// An arm.
+struct InverseArm {
+  std::string id{};
+  Vec3 cursor_m = Vec3::Zero();
+  std::optional<Vec3> felt_n{};  // the force that the service says it gives
+  std::string mode{};            // "idle", "force", ...; "": not told
+  std::string missing{};         // the flag of its status that is not as it must be; "": none
+  bool is_in_use = false;
+  InversePlacing placing{};
+  // Only in the first reply, and in those that were asked for the full state.
+  std::optional<std::string> type{};  // "inverse3", ...
+  std::string about{};                // firmware and what it reports of itself, for people
+};
+
+// A handle.
+struct InverseGrip {
+  std::string id{};
+  std::string family{};  // "wireless_verse_grip", ...
+  bool is_awake = true;
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
+  std::uint32_t buttons = 0;
+};
+
+struct InverseReply {
+  std::vector<InverseArm> arms{};
+  std::vector<InverseGrip> grips{};
+};
+
+// None: not a reply of the service: no JSON, a value of a wrong type, or a number that is none.
+std::optional<InverseReply> ParseInverse(std::string_view text);
+// The service's version, from its answer to GET /version: {3, 5}.
+std::optional<std::array<int, 2>> ParseInverseVersion(std::string_view text);
+// From its answer to GET /settings/devices/force_scale.
+std::optional<double> ParseInverseForceScale(std::string_view text);
+
+// An event of the service.
+struct InverseEvent {
+  std::string text{};       // for people; "": none
+  bool ends_force = false;  // its brake or a stalled motor: the device is locked
+};
+std::optional<InverseEvent> ParseInverseEvent(std::string_view text);
+
+// Sets the session up. `arm`: its id.
+std::string InverseSetUp(std::string_view arm);
+// Commands a force, or nothing; asks for one reply.
+struct InverseCommand {
+  std::optional<Vec3> force_n{};
+  bool wants_full_state = false;
+  bool is_before_3_5 = false;
+};
+// The text stays valid until the next call.
+class InverseWriter {
+ public:
+  // grip: "" as its id: there is none.
+  InverseWriter(std::string arm, const InverseGrip& grip)
+      : arm_(std::move(arm)), grip_(grip.id), grip_family_(grip.family) {}
+  std::string_view Write(const InverseCommand& command) noexcept;
+
+ private:
+  const std::string arm_, grip_, grip_family_;
+  std::array<char, 512> text_{};
+};
+
+}  // namespace palpate

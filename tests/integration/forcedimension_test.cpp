@@ -1,0 +1,401 @@
+// Force Dimension's devices over a library of our own, in this process: set-up, axes and signs, and
+// each fault. device_daemon_test.cpp has the whole daemon, killed and frozen. What a real device
+// does is not shown here.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/device/forcedimension/forcedimension_bus.h"
+#include "tests/support/fake_drd.h"
+#include "tests/support/places.h"
+#include "tests/support/refusal.h"
+#include "tests/support/served_device.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/vendor_hands.h"
+
+namespace palpate::test {
+namespace forcedimension {
+
+const Wrench kPush{.force_n = Vec3(0.5, -0.25, 1.0)};
+
+class ForceDimensionTest : public ::testing::Test {
+ protected:
+  ForceDimensionTest() { fake().watchdog_slack_ms = 60'000; }  // this machine may stop for long
+  ~ForceDimensionTest() override {
+    device_.reset();
+    EXPECT_EQ(drd_.Breaches(), std::vector<std::string>{});
+  }
+
+  FakeDrdDevice& fake(int n = 0) { return drd_.device(n); }
+  void Make(ForceDimensionOptions options = {}) {
+    if (options.library == FdLibrary::kDefaultPath) options.library = kFakeDrd;
+    device_.reset();
+    device_ = std::make_unique<ServedDevice>(std::make_unique<ForceDimensionBus>(options));
+  }
+  void MakeSigma() {
+    std::snprintf(fake().system_name, sizeof fake().system_name, "sigma.7");
+    fake().has_wrist = fake().has_active_wrist = fake().has_gripper = true;
+    Make({.model = "sigma.7"});
+  }
+  Vec3 Felt_M_n() { return hand_.Felt_n(); }
+  bool Pushes() {
+    return device_->Serve(kPush, [&] { return Felt_M_n().isApprox(kPush.force_n); });
+  }
+  bool PushesSoon() { return device_->Streams() && Pushes(); }
+  // The device is lost, says why, and pushes again once it is well.
+  void ExpectLost(const std::string& line, const std::function<void()>& mend) {
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
+    EXPECT_TRUE(device_->Logs(line, kPush)) << device_->log();
+    EXPECT_TRUE(Eventually([&] { return Felt_M_n().isZero(); }));
+    mend();
+    EXPECT_TRUE(Pushes());
+  }
+
+  TemporaryFolder folder_;
+  FakeDrd drd_{folder_.path()};
+  ForceDimensionHand hand_{drd_.device()};
+  std::unique_ptr<ServedDevice> device_;
+};
+
+TEST_F(ForceDimensionTest, ALibraryThatIsMissingOldOrNotWholeIsNamed) {
+  const std::pair<std::string, std::string> cases[] = {
+      {"libdrd-not-there.so", "ldconfig"},
+      {kFakeDrdMissing, "dhdSetForceAndTorqueAndGripperForce"},
+      {kFakeDrdOld, "3.9.0"}};
+  for (const auto& [library, part] : cases) {
+    Make({.library = library});
+    EXPECT_TRUE(device_->HasProblem(part)) << (*device_)->health().problem;
+    EXPECT_TRUE(device_->HasProblem("forcedimension_library"));
+    EXPECT_TRUE(device_->ServeUntil(DeviceStatus::kFault));
+  }
+}
+
+TEST_F(ForceDimensionTest, IsSetUpWithItsWatchdogAndLetGoOfBraked) {
+  struct sigaction before {
+  }, after{};
+  sigaction(SIGINT, nullptr, &before);
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  sigaction(SIGINT, nullptr, &after);
+  EXPECT_EQ(before.sa_handler, after.sa_handler);
+  EXPECT_EQ(fake().watchdog_steps, 160);  // 20 ms
+  EXPECT_TRUE(fake().brakes_on);
+  EXPECT_EQ(fake().gravity_sets, 1);
+  EXPECT_TRUE(fake().gravity_compensation);
+  EXPECT_EQ(fake().max_force, 12.0);
+  EXPECT_FALSE(drd_.record().expert_mode);
+  EXPECT_EQ(fake().enable_ons, 0);
+  EXPECT_TRUE(device_->Logs("brakes 20 ms after the last command"));
+  for (const char* part : {"omega.3", "12345", "firmware 3.1", "SDK 3.17.5", "compensation on"}) {
+    EXPECT_NE((*device_)->health().identity.find(part), std::string::npos) << part;
+  }
+  EXPECT_TRUE(Pushes());
+  const int sent = fake().forces_set;
+  (*device_)->Stop();
+  EXPECT_GE(fake().forces_set, sent + 3);
+  EXPECT_EQ(fake().force[0], 0.0);
+  EXPECT_TRUE(fake().IsBraked(FakeDrdNowNs()));
+  EXPECT_FALSE(fake().opened);
+}
+
+// A plane on each side of the middle, 1 mm away, of 0.5 N/mm: the hand goes 2 mm into it.
+TEST_F(ForceDimensionTest, EachAxisIsReadAndPushedTheRightWay) {
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  for (int n = 0; n < 6; ++n) {
+    Vec3 into = Vec3::Zero();
+    into[n / 2] = n % 2 == 0 ? 1.0 : -1.0;
+    hand_.Place(3.0 * into);
+    const auto plane = [&](const DeviceState& state) {
+      const double depth_mm = state.p_MHip_mm.dot(into) - 1.0;
+      return Wrench{.force_n = -0.5 * std::max(depth_mm, 0.0) * into};
+    };
+    EXPECT_TRUE(device_->Serve(plane, [&] { return (Felt_M_n() + into).norm() < 1e-9; }))
+        << into.transpose() << ", felt " << Felt_M_n().transpose();
+  }
+}
+
+// As an Omni's stylus: -z is where the handle points, x is right, y is up.
+TEST_F(ForceDimensionTest, TheHandleTurnsAsAStylusAndTorqueTurnsItBack) {
+  fake().left_handed = true;
+  fake().position[1] = -0.02;
+  fake().position[0] = -0.01;
+  MakeSigma();
+  ASSERT_TRUE(device_->Streams());
+  const Vec3 vendors_right(0, 1, 0), vendors_up(0, 0, 1), away(-1, 0, 0);
+  const struct {
+    Vec3 axis, points_M, up_M;
+  } turns[] = {{Vec3::Zero(), -Vec3::UnitZ(), Vec3::UnitY()},
+               {-vendors_up, Vec3::UnitX(), Vec3::UnitY()},       // to the user's right
+               {-vendors_right, -Vec3::UnitY(), -Vec3::UnitZ()},  // down
+               {away, -Vec3::UnitZ(), Vec3::UnitX()}};            // rolled clockwise
+  for (const auto& turn : turns) {
+    hand_.Turn(turn.axis.isZero() ? 0.0 : M_PI / 2, turn.axis);
+    EXPECT_TRUE(device_->Serve(Wrench{}, [&] {
+      const Eigen::Quaterniond& R_MS = device_->state().R_MS;
+      return (R_MS * -Vec3::UnitZ() - turn.points_M).norm() < 1e-9 &&
+             (R_MS * Vec3::UnitY() - turn.up_M).norm() < 1e-9;
+    })) << turn.axis.transpose();
+  }
+  EXPECT_LT(device_->state().p_MHip_mm.norm(), 1e-9);  // the middle, on the left
+  const Wrench turn{.torque_n_mm = Vec3(10, 20, 30)};  // about right, up, towards the user
+  EXPECT_TRUE(device_->Serve(turn, [&] {
+    return std::abs(fake().torque[0] - 0.03) + std::abs(fake().torque[1] - 0.01) +
+               std::abs(fake().torque[2] - 0.02) <
+           1e-12;
+  }));
+  EXPECT_EQ(fake().max_torque, 0.2);
+  EXPECT_EQ(fake().max_gripper_force, 0.0);
+}
+
+TEST_F(ForceDimensionTest, WhatCannotBeOpenedIsExplained) {
+  const struct {
+    std::function<void()> change;
+    std::string serial, part;
+  } cases[] = {{[&] { fake().present = false; }, "", "plug it in"},
+               {[&] { fake().used_by_another = true; }, "", "another program"},
+               {[&] { fake(1).present = true; }, "", "12345, 54321"},
+               {[] {}, "777", "12345"},
+               {[&] { fake().has_gripper = fake().has_wrist = true; }, "", "\"omega.7\""},
+               {[&] { std::snprintf(fake().system_name, 32, "novelty"); }, "", "delta.3"}};
+  for (const auto& one : cases) {
+    one.change();
+    Make({.serial = one.serial});
+    EXPECT_TRUE(device_->HasProblem(one.part)) << (*device_)->health().problem;
+    EXPECT_TRUE(device_->ServeUntil(DeviceStatus::kFault));
+    device_.reset();
+    EXPECT_FALSE(fake().opened);
+    fake().present = true;
+    fake().used_by_another = fake(1).present = fake().has_gripper = fake().has_wrist = false;
+  }
+  EXPECT_EQ(palpate::testing::Refusal([&] { Make({.model = "omega"}); }),
+            ErrorKind::kInvalidArgument);
+}
+
+TEST_F(ForceDimensionTest, TheSerialNumberChoosesAmongTwo) {
+  fake(1).present = true;
+  Make({.serial = "54321"});
+  ASSERT_TRUE(device_->Streams());
+  EXPECT_NE((*device_)->health().identity.find("54321"), std::string::npos);
+  EXPECT_FALSE(fake(0).opened);
+  EXPECT_TRUE(fake(1).opened);
+}
+
+// No force, and its motors stay off, until it is as it must be.
+TEST_F(ForceDimensionTest, WithoutCalibrationPowerOrWatchdogThereIsNoForce) {
+  const struct {
+    std::function<void(bool wrong)> make;
+    std::string part;
+  } cases[] = {{[&](bool wrong) { fake().initialized = !wrong; }, "calibration pole"},
+               {[&](bool wrong) { fake().is_reset = wrong; }, "calibration pole"},
+               {[&](bool wrong) { fake().powered = !wrong; }, "power supply"}};
+  for (const auto& one : cases) {
+    one.make(true);
+    Make();
+    ASSERT_TRUE(device_->Streams());
+    const int enabled = fake().enable_ons;
+    EXPECT_TRUE(device_->Logs(one.part, kPush)) << device_->log();
+    EXPECT_TRUE(device_->HasProblem(one.part));
+    EXPECT_FALSE(device_->state().calibrated);
+    EXPECT_EQ(fake().enable_ons, enabled);
+    one.make(false);
+    EXPECT_TRUE(Pushes());
+    one.make(true);
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return !fake().forces_enabled; }));
+    one.make(false);
+    EXPECT_TRUE(Pushes());
+  }
+  const auto no_watchdog = {std::function<void()>([&] { fake().watchdog_settable = false; }),
+                            std::function<void()>([&] {
+                              fake().watchdog_settable = true;
+                              fake().watchdog_reads_back = 0;
+                            })};
+  for (const std::function<void()>& change : no_watchdog) {
+    fake().watchdog_steps = 0;
+    change();
+    Make();
+    ASSERT_TRUE(device_->Streams());
+    const int enabled = fake().enable_ons;
+    EXPECT_TRUE(device_->Logs("forcedimension_without_watchdog", kPush));
+    EXPECT_EQ(fake().enable_ons, enabled);
+    Make({.without_watchdog = true});
+    EXPECT_TRUE(PushesSoon());
+  }
+}
+
+TEST_F(ForceDimensionTest, AStatusOfAnyLengthIsUnderstood) {
+  for (const int length : {15, 16, 17, 32}) {
+    fake().status_length = length;
+    Make();
+    EXPECT_TRUE(PushesSoon()) << length;
+  }
+}
+
+TEST_F(ForceDimensionTest, ManyFailedCallsLoseTheDeviceAndAFewDoNot) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  for (int error = 1; error <= 22; ++error) {
+    fake().position_error = error;
+    fake().position_result = -1;
+    const std::string line = error == 5 ? "unplugged" : "error " + std::to_string(error) + ",";
+    ExpectLost(line, [&] { fake().position_result = 0; });
+  }
+  EXPECT_GE((*device_)->health().transfer_errors, 22u);
+  fake().force_result = -1;
+  ExpectLost("dhdSetForceAndTorqueAndGripperForce fails", [&] { fake().force_result = 0; });
+  fake().present = false;
+  ExpectLost("plug it in", [&] { fake().present = true; });
+}
+
+TEST_F(ForceDimensionTest, OldStrangeAndMissingReadingsAreNone) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  for (std::atomic<bool>* fault : {&fake().gives_nan}) {
+    *fault = true;
+    ExpectLost("no reading for 100 ms", [&] { *fault = false; });
+    EXPECT_TRUE(device_->state().p_MHip_mm.allFinite());
+  }
+  EXPECT_GT((*device_)->health().corrupt_frames, 10u);
+  fake().position_result = 1;  // too early, says the library
+  ExpectLost("no reading for 100 ms", [&] { fake().position_result = 0; });
+  MakeSigma();
+  ASSERT_TRUE(PushesSoon());
+  fake().gives_singular = true;
+  ExpectLost("no reading for 100 ms", [&] { fake().gives_singular = false; });
+}
+
+TEST_F(ForceDimensionTest, ACallThatBlocksMakesReadingsOldAndLosesNothing) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  const auto comes = [&](int ms, DeviceStatus status) {
+    fake().block_next_ms = ms;
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == status; })) << ms;
+    EXPECT_TRUE(Pushes());
+  };
+  comes(3, DeviceStatus::kOk);
+  comes(8, DeviceStatus::kStale);
+  comes(120, DeviceStatus::kFault);
+}
+
+TEST_F(ForceDimensionTest, ACallThatNeverReturnsIsLeftAloneAndTheDeviceBrakes) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  fake().watchdog_slack_ms = 0;
+  fake().block_next_ms = -1;
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
+  EXPECT_TRUE(Felt_M_n().isZero());
+  EXPECT_TRUE(fake().IsWatchdogTripped(FakeDrdNowNs()));
+  (*device_)->Stop();  // returns
+  EXPECT_TRUE(device_->Logs("does not end"));
+  fake().block_next_ms = 0;
+  EXPECT_TRUE(Eventually([&] { return !fake().opened; }));
+}
+
+TEST_F(ForceDimensionTest, ADeviceThatEndsItsForcesIsAFaultAndSaysWhy) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  const std::pair<int, std::string> causes[] = {
+      {1, "force button"}, {2, "faster"}, {3, "watchdog"}, {6, "handle"}, {4, "force button"}};
+  for (const auto& [cause, part] : causes) {
+    fake().force_off_cause = cause;
+    ExpectLost(part, [] {});
+  }
+  fake().ignores_enable = true;  // nobody pressed its force button
+  ExpectLost("force button", [&] { fake().ignores_enable = false; });
+  fake().watchdog_slack_ms = 0;
+  fake().block_next_ms = 60;
+  ExpectLost("no command came in time", [&] { fake().watchdog_slack_ms = 60'000; });
+}
+
+TEST_F(ForceDimensionTest, MotorsThatCannotAreWarnedOf) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  fake().force_result = 2;
+  EXPECT_TRUE(device_->Logs("scaled down", kPush));
+  EXPECT_TRUE(Pushes());
+}
+
+TEST_F(ForceDimensionTest, AServoThatIsSilentBrakesAndNoOldForceComesBack) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  EXPECT_TRUE(Eventually([&] { return !fake().forces_enabled; }));
+  EXPECT_TRUE(Felt_M_n().isZero());
+  (*device_)->Write({.wrench_M = kPush, .motors_on = true}, 0.001);
+  std::this_thread::sleep_for(std::chrono::milliseconds(3));
+  EXPECT_TRUE(Felt_M_n().isZero());  // until zero was written
+  EXPECT_TRUE(Pushes());
+}
+
+TEST_F(ForceDimensionTest, AnArmMovesByItselfOnlyWithForcesOffAndAfterAWarning) {
+  fake().initialized = false;
+  fake().auto_init_ms = 300;
+  MakeSigma();
+  ASSERT_TRUE(device_->Streams());
+  EXPECT_TRUE(device_->HasProblem("palpate device calibrate forcedimension"));
+  (*device_)->Calibrate();
+  EXPECT_TRUE(device_->Logs("moves by itself in 3 s"));
+  EXPECT_EQ(fake().auto_inits, 0);
+  EXPECT_TRUE(device_->Logs("has calibrated itself"));
+  EXPECT_EQ(fake().auto_inits, 1);
+  EXPECT_EQ(fake().drd_stops, 1);
+  EXPECT_TRUE(Pushes());
+  (*device_)->Calibrate();
+  EXPECT_TRUE(device_->Logs("forces are on", kPush));
+  EXPECT_EQ(fake().auto_inits, 1);
+
+  fake().auto_init_result = -1;
+  fake().initialized = false;
+  ASSERT_TRUE(device_->Serve(Wrench{}, [&] { return !device_->state().calibrated; }));
+  (*device_)->Calibrate();
+  EXPECT_TRUE(device_->Logs("could not calibrate itself: error 12"));
+  EXPECT_EQ(fake().auto_inits, 2);
+}
+
+TEST_F(ForceDimensionTest, APalpatedThatEndsWhileTheArmMovesDoesNotWaitForIt) {
+  fake().initialized = false;
+  fake().auto_init_ms = 60'000;
+  MakeSigma();
+  ASSERT_TRUE(device_->Streams());
+  (*device_)->Calibrate();
+  ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
+  (*device_)->Stop();
+  EXPECT_TRUE(fake().in_auto_init);
+  fake().auto_init_ms = 0;
+  EXPECT_TRUE(Eventually([&] { return !fake().opened; }));
+}
+
+TEST_F(ForceDimensionTest, AnOmegaIsCalibratedByHandAndItsGripperMayBeAButton) {
+  std::snprintf(fake().system_name, sizeof fake().system_name, "omega.7");
+  fake().has_wrist = fake().has_gripper = true;
+  Make({.model = "omega.7", .gripper_button = true});
+  ASSERT_TRUE(device_->Streams());
+  EXPECT_TRUE(fake().emulates_button);
+  EXPECT_EQ(palpate::testing::Refusal([&] { (*device_)->Calibrate(); }),
+            ErrorKind::kInvalidArgument);
+  fake().buttons = 1;
+  EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().buttons == 1; }));
+}
+
+// The shares judge, and not the clock.
+TEST_F(ForceDimensionTest, EachReadingIsAnsweredByAForce) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  const std::uint64_t lost = (*device_)->health().lost_readings;
+  const int read = fake().positions_read, sent = fake().forces_set;
+  ASSERT_TRUE(device_->Serve(kPush, [&] { return fake().positions_read >= read + 20'000; }));
+  const double readings = fake().positions_read - read, forces = fake().forces_set - sent;
+  std::printf("%.0f readings, %lu periods without one, %.4f forces for each\n", readings,
+              static_cast<unsigned long>((*device_)->health().lost_readings - lost),
+              forces / readings);
+  EXPECT_GE(forces / readings, 0.95);
+  EXPECT_EQ((*device_)->health().corrupt_frames, 0u);
+}
+
+}  // namespace forcedimension
+}  // namespace palpate::test

@@ -1,0 +1,345 @@
+// Haply's devices over an emulated service in another process: set-up, axes and signs, and each
+// fault. device_daemon_test.cpp has the whole daemon, killed and frozen. What the real service and
+// its filters do is not shown here.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/device/haply/haply_bus.h"
+#include "server/device/haply/inverse_messages.h"
+#include "tests/support/haply_service.h"
+#include "tests/support/refusal.h"
+#include "tests/support/served_device.h"
+#include "tests/support/vendor_hands.h"
+
+namespace palpate::test {
+namespace haply {
+
+using Json = nlohmann::json;
+using std::chrono::milliseconds;
+
+const Wrench kPush{.force_n = Vec3(0.5, -0.25, 1.0)};
+
+class HaplyTest : public ::testing::Test {
+ protected:
+  ~HaplyTest() override {
+    device_.reset();
+    if (!asks_too_early_) {
+      EXPECT_EQ(Report()["breaches"], Json::array());
+    }
+  }
+
+  void Make(HaplyOptions options = {}) {
+    options.port = static_cast<std::uint16_t>(service_.port());
+    options.events_port = static_cast<std::uint16_t>(service_.events_port());
+    device_.reset();
+    device_ = std::make_unique<ServedDevice>(std::make_unique<HaplyBus>(options));
+  }
+  Json Report() { return service_.Report(); }
+  void Set(const Json& changes) { service_.Set(changes); }
+  Vec3 Felt_M_n() { return hand_.Felt_n(); }
+  bool Pushes() {
+    return device_->Serve(kPush, [&] { return (Felt_M_n() - kPush.force_n).norm() < 1e-3; });
+  }
+  bool PushesSoon() { return device_->Streams() && Pushes(); }
+  // The device is lost, says why, and pushes again once all is well.
+  void ExpectLost(const Json& fault, const std::string& line, const Json& mend) {
+    Set(fault);
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }))
+        << fault;
+    EXPECT_TRUE(device_->Logs(line, kPush)) << fault << device_->log();
+    Set(mend);
+    EXPECT_TRUE(Pushes()) << fault << device_->log();
+  }
+
+  HaplyService service_;
+  HaplyHand hand_{service_};
+  std::unique_ptr<ServedDevice> device_;
+  bool asks_too_early_ = false;  // an answer that nobody asked for was taken for one
+};
+
+TEST_F(HaplyTest, ASessionIsSetUpOnceAndEndsWithZeroAndInOrder) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  const Json report = Report();
+  const Json first = Json::parse(report["first_messages"][0].get<std::string>());
+  EXPECT_EQ(first["session"]["configure"]["profile"]["name"], "org.palpate:palpated");
+  const Json configure = first["inverse3"][0]["configure"];
+  EXPECT_EQ(configure["basis"]["permutation"], "XYZ");
+  EXPECT_EQ(configure["damping"]["scalar"], 0.0);
+  EXPECT_EQ(configure["mount"]["transform"]["scale"]["x"], 1.0);
+  EXPECT_FALSE(configure.contains("preset"));
+  for (const char* part : {"inverse3 049D", "firmware 6.2.0", "right-handed", "compensation on",
+                           "force gate 0.3", "grip 61F7", "service 3.5"}) {
+    EXPECT_NE((*device_)->health().identity.find(part), std::string::npos) << part;
+  }
+  EXPECT_EQ(report["sessions_opened"], 1);
+  (*device_)->Stop();
+  EXPECT_TRUE(Eventually([&] { return Report()["sessions_closed"] == 1; }));
+  EXPECT_TRUE(Report()["last_was_zero"].get<bool>());
+  EXPECT_EQ(Report()["close_code"], 1000);
+}
+
+// A plane on each side of the middle, 1 mm away, of 0.5 N/mm: the hand goes 2 mm into it.
+TEST_F(HaplyTest, EachAxisIsReadAndPushedTheRightWay) {
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  for (int n = 0; n < 6; ++n) {
+    Vec3 into = Vec3::Zero();
+    into[n / 2] = n % 2 == 0 ? 1.0 : -1.0;
+    hand_.Place(3.0 * into);
+    const auto plane = [&](const DeviceState& state) {
+      const double depth_mm = state.p_MHip_mm.dot(into) - 1.0;
+      return Wrench{.force_n = -0.5 * std::max(depth_mm, 0.0) * into};
+    };
+    EXPECT_TRUE(device_->Serve(plane, [&] { return (Felt_M_n() + into).norm() < 1e-3; }))
+        << into.transpose() << ", felt " << Felt_M_n().transpose();
+  }
+}
+
+// As an Omni's stylus: -z is where the grip points, x is right, y is up. The grip points along its
+// y, which is away from the user at rest.
+TEST_F(HaplyTest, TheGripTurnsAsAStylusAndHasButtons) {
+  Set({{"needs_probes", true}});
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  const Vec3 right(1, 0, 0), away(0, 1, 0), up(0, 0, 1);
+  const struct {
+    Vec3 axis, points_M, up_M;
+  } turns[] = {{up, -Vec3::UnitX(), Vec3::UnitY()},       // to the user's left
+               {-right, -Vec3::UnitY(), -Vec3::UnitZ()},  // down
+               {away, -Vec3::UnitZ(), Vec3::UnitX()},     // rolled clockwise
+               {Vec3::Zero(), -Vec3::UnitZ(), Vec3::UnitY()}};
+  for (const bool pushes : {false, true}) {
+    for (const auto& turn : turns) {
+      hand_.Turn(turn.axis.isZero() ? 0.0 : M_PI / 2, turn.axis);
+      EXPECT_TRUE(device_->Serve(pushes ? kPush : Wrench{}, [&] {
+        const Eigen::Quaterniond& R_MS = device_->state().R_MS;
+        return (R_MS * -Vec3::UnitZ() - turn.points_M).norm() < 1e-6 &&
+               (R_MS * Vec3::UnitY() - turn.up_M).norm() < 1e-6;
+      })) << turn.axis.transpose();
+    }
+  }
+  hand_.Press(5);
+  EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().buttons == 5; }));
+  Set({{"grip", "asleep"}});
+  EXPECT_TRUE(device_->Logs("sleeps or is gone"));
+  EXPECT_EQ(device_->state().buttons, 0u);
+}
+
+TEST_F(HaplyTest, EveryGripAndVersionWorks) {
+  const Json cases[] = {{{"grip", "none"}},
+                        {{"grip", "asleep"}},
+                        {{"grip", "wired"}},
+                        {{"version", "3.1.0"}},
+                        {{"version", nullptr}, {"force_scale", nullptr}},
+                        {{"events_refused", true}},
+                        {{"fragment", 100}, {"single_bytes", 10}}};
+  for (const Json& one : cases) {
+    Set(one);
+    Make();
+    EXPECT_TRUE(PushesSoon()) << one << (*device_)->health().problem;
+    device_.reset();
+    Set({{"grip", "wireless"},
+         {"version", "3.5.2"},
+         {"force_scale", 1.0},
+         {"events_refused", false}});
+  }
+}
+
+TEST_F(HaplyTest, WhatCannotBeOpenedIsExplained) {
+  const struct {
+    Json wrong, right;
+    HaplyOptions options;
+    std::string part;
+  } cases[] = {
+      {{{"device_present", false}}, {{"device_present", true}}, {}, "plug it in"},
+      {{{"second_device", true}}, {{"second_device", false}}, {}, "049D, 0B2C"},
+      {Json::object(), Json::object(), {.serial = "777"}, "049D"},
+      {Json::object(), Json::object(), {.grip = "777"}, "61F7"},
+      {Json::object(), Json::object(), {.model = "minverse"}, "\"inverse3\""},
+      {{{"status", {{"in_use", true}}}}, {{"status", {{"in_use", false}}}}, {}, "another program"},
+      {{{"control_mode", "force"}}, {{"control_mode", "idle"}}, {}, "another program"},
+      {{{"refuse_upgrade", true}}, {{"refuse_upgrade", false}}, {}, "haply_port"},
+      {{{"no_upgrade", true}}, {{"no_upgrade", false}}, {}, "no answer in time"},
+      {{{"no_inventory", true}}, {{"no_inventory", false}}, {}, "does not answer"},
+      {{{"inventory_text", "hello"}}, {{"inventory_text", nullptr}}, {}, "is not Haply's"},
+      {{{"close_after_inventory", true}}, {{"close_after_inventory", false}}, {}, "ended the"}};
+  for (const auto& one : cases) {
+    Set(one.wrong);
+    Make(one.options);
+    EXPECT_TRUE(device_->HasProblem(one.part)) << one.wrong << (*device_)->health().problem;
+    EXPECT_TRUE(device_->ServeUntil(DeviceStatus::kFault));
+    device_.reset();
+    Set(one.right);
+  }
+  EXPECT_EQ(palpate::testing::Refusal([&] { Make({.model = "inverse"}); }),
+            ErrorKind::kInvalidArgument);
+  service_.Restart(milliseconds(3'600'000));
+  Make();
+  EXPECT_TRUE(device_->HasProblem("haply-inverse-service"));
+  service_.Restart(milliseconds(0));
+  EXPECT_TRUE(PushesSoon());
+}
+
+TEST_F(HaplyTest, TheIdChoosesAmongTwo) {
+  Set({{"second_device", true}});
+  Make({.serial = "0B2C"});
+  ASSERT_TRUE(device_->Streams());
+  EXPECT_NE((*device_)->health().identity.find("0B2C"), std::string::npos);
+}
+
+// Nothing is commanded until it is as it must be.
+TEST_F(HaplyTest, WithoutCalibrationOrWithForeignSettingsThereIsNoForce) {
+  const Json kScale = {{"x", 2.0}, {"y", 2.0}, {"z", 2.0}};
+  const struct {
+    Json wrong, right;
+    std::string part;
+  } cases[] = {
+      {{{"status", {{"calibrated", false}}}}, {{"status", {{"calibrated", true}}}}, "calibrate it"},
+      {{{"status", {{"ready", false}}}}, {{"status", {{"ready", true}}}}, "not ready"},
+      {{{"status", {{"started", false}}}}, {{"status", {{"started", true}}}}, "not started"},
+      {{{"status", {{"power_supply", false}}}}, {{"status", {{"power_supply", true}}}}, "power"},
+      {{{"transform_scale", 2.0}}, {{"transform_scale", 1.0}}, "another program"},
+      {{{"foreign_mount", {{"scale", kScale}}}}, {{"foreign_mount", nullptr}}, "another program"},
+      {{{"foreign_basis", "XZY"}}, {{"foreign_basis", nullptr}}, "another program"},
+      {{{"foreign_damping", 0.5}}, {{"foreign_damping", nullptr}}, "another program"}};
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  for (const auto& one : cases) {
+    Set(one.wrong);
+    EXPECT_TRUE(device_->Logs(one.part, kPush)) << one.wrong << device_->log();
+    EXPECT_TRUE(device_->HasProblem(one.part));
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return Felt_M_n().isZero(); }));
+    const Json before = Report()["counts"]["forces"];
+    EXPECT_TRUE(device_->Serve(kPush, [&, n = (*device_)->health().readings] {
+      return (*device_)->health().readings > n + 100;
+    }));
+    EXPECT_EQ(Report()["counts"]["forces"], before);
+    Set(one.right);
+    EXPECT_TRUE(Pushes()) << one.right;
+  }
+  device_.reset();
+  Set({{"force_scale", 0.5}});
+  const Json forces = Report()["counts"]["forces"];
+  Make();
+  EXPECT_TRUE(device_->Logs("force scale to 1", kPush));
+  EXPECT_EQ(Report()["counts"]["forces"], forces);
+}
+
+TEST_F(HaplyTest, AServiceThatIgnoresForcesIsWarnedOf) {
+  Set({{"ignores_forces", true}});
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  EXPECT_TRUE(device_->Logs("ignores our forces", kPush));
+}
+
+TEST_F(HaplyTest, LateAndStrangeAnswersAreNoReadings) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  asks_too_early_ = true;
+  const auto nested = std::string(20'000, '[') + std::string(20'000, ']');
+  const auto state = [](const std::string& position) {
+    return R"({"inverse3":[{"device_id":"049D","state":{"cursor_position":)" + position + "}}]}";
+  };
+  const std::vector<Json> faults = {{{"text", "hello"}},
+                                    {{"text", "{\"inverse3\":[{"}},
+                                    {{"text", nested}},
+                                    {{"text", "{}[]"}},
+                                    {{"text", state("[1,2,3]")}},
+                                    {{"text", state("{\"x\":1,\"y\":2}")}},
+                                    {{"text", state("{\"x\":1e999,\"y\":2,\"z\":3}")}},
+                                    {{"text", state("{\"x\":\"1\",\"y\":2,\"z\":3}")}},
+                                    {{"replace", {"\"w\": 1.0", "\"w\": 0.0"}}},
+                                    {{"binary", 1}},
+                                    {{"unasked", 1}},
+                                    {{"double_replies", 1}}};
+  for (const Json& fault : faults) {
+    const std::uint64_t before = (*device_)->health().corrupt_frames;
+    Set(fault);
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return (*device_)->health().corrupt_frames > before; }))
+        << fault;
+    EXPECT_TRUE(Pushes()) << fault;
+    EXPECT_TRUE(device_->state().p_MHip_mm.allFinite());
+    EXPECT_LT(device_->state().p_MHip_mm.norm(), 1000.0);
+  }
+  EXPECT_TRUE((*device_)->health().connections == 1) << device_->log();
+  Set({{"reply_delay_ms", {{"ms", 3}, {"count", 1}}}, {"ping", 3}});
+  EXPECT_TRUE(Pushes());
+  ExpectLost({{"drop_replies", 1}}, "not answered for 100 ms", Json::object());
+  ExpectLost({{"reply_delay_ms", {{"ms", 150}, {"count", 1}}}}, "not answered for 100 ms",
+             Json::object());
+  ExpectLost({{"huge", 1}}, "ended the connection", Json::object());
+  ExpectLost({{"device_present", false}}, "unplugged", {{"device_present", true}});
+  service_.Drop();
+  EXPECT_TRUE(device_->Logs("ended the connection"));
+  EXPECT_TRUE(Pushes());
+}
+
+TEST_F(HaplyTest, AForceThatMustEndDoesNotWaitForALateAnswer) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  Set({{"reply_delay_ms", {{"ms", 60}, {"count", 1}}}});
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() != DeviceStatus::kOk; }));
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return Report()["zero_repeats"] >= 1; }));
+  EXPECT_LE(Report()["most_unanswered"], 2);
+  asks_too_early_ = true;
+  EXPECT_TRUE(Pushes());
+}
+
+TEST_F(HaplyTest, AServoThatIsSilentCommandsZeroAndNoOldForceComesBack) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  EXPECT_TRUE(Eventually([&] { return Felt_M_n().isZero(); }));
+  (*device_)->Write({.wrench_M = kPush, .motors_on = true}, 0.001);
+  std::this_thread::sleep_for(milliseconds(3));
+  EXPECT_TRUE(Felt_M_n().isZero());  // until zero was written
+  EXPECT_TRUE(Pushes());
+}
+
+TEST_F(HaplyTest, TheDevicesOwnStopsAreFaultsAndOtherEventsAreLogged) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  const auto event = [](const char* name, const char* level, const char* safety) {
+    return Json{{"name", name},
+                {"category", "device"},
+                {"level", level},
+                {"data", {{"safety_type", safety}}},
+                {"message", "as documented"}};
+  };
+  service_.SendEvent(event("device-battery-low", "warning", ""));
+  EXPECT_TRUE(device_->Logs("battery-low", kPush));
+  EXPECT_TRUE(Pushes());
+  service_.SendEvent({{"name", 7}});
+  for (const char* safety : {"ebrake_triggered", "stall_detected"}) {
+    service_.SendEvent(event("device-safety-triggered", "error", safety));
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
+    EXPECT_TRUE(device_->Logs(safety)) << device_->log();
+    EXPECT_TRUE(Pushes());
+  }
+}
+
+// The shares judge, and not the clock.
+TEST_F(HaplyTest, EachAnswerIsFollowedByAForce) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  const Json before = Report()["counts"];
+  const std::uint64_t corrupt = (*device_)->health().corrupt_frames;
+  const auto since = [&](const char* name) {
+    return Report()["counts"][name].get<double>() - before[name].get<double>();
+  };
+  ASSERT_TRUE(device_->Serve(kPush, [&] { return since("replies") >= 20'000; }));
+  const double replies = since("replies"), forces = since("forces");
+  std::printf("%.0f replies, %.4f forces for each\n", replies, forces / replies);
+  EXPECT_GE(forces / replies, 0.95);
+  EXPECT_EQ((*device_)->health().corrupt_frames, corrupt);
+  EXPECT_EQ((*device_)->health().lost_readings, 0u);
+}
+
+}  // namespace haply
+}  // namespace palpate::test

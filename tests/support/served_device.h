@@ -1,0 +1,69 @@
+// A device that is served as the servo does: read and written about once a ms, with the safety
+// stage's answer to readings that are not good.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "server/device/stream/streamed_device.h"
+#include "tests/support/patience.h"
+
+namespace palpate::test {
+
+class ServedDevice {
+ public:
+  explicit ServedDevice(std::unique_ptr<StreamBus> bus)
+      : device_(std::make_unique<StreamedDevice>(std::move(bus), "palpate-test", 0)) {
+    device_->Start();
+  }
+
+  StreamedDevice& operator*() { return *device_; }
+  StreamedDevice* operator->() { return device_.get(); }
+  const DeviceState& state() const { return state_; }
+  DeviceStatus status() const { return status_; }
+
+  bool Streams() {
+    return Eventually([&] { return device_->health().connection == DeviceConnection::kStreaming; });
+  }
+  bool HasProblem(const std::string& part) {
+    return Eventually([&] { return device_->health().problem.find(part) != std::string::npos; });
+  }
+  // Serves until a line of the log has this part.
+  bool Logs(const std::string& part, const Wrench& wrench_M = {}) {
+    return Serve(wrench_M, [&] {
+      while (const std::optional<DeviceEvent> event = device_->NextEvent())
+        log_ += event->text + "\n";
+      return log_.find(part) != std::string::npos;
+    });
+  }
+  const std::string& log() const { return log_; }
+
+  // Serves until it is so. Forces are enabled.
+  bool Serve(const std::function<Wrench(const DeviceState&)>& wrench_M,
+             const std::function<bool()>& is_so) {
+    return Eventually([&] {
+      status_ = device_->Read(state_);
+      const bool may = status_ == DeviceStatus::kOk && state_.calibrated;
+      device_->Write({.wrench_M = may ? wrench_M(state_) : Wrench{},
+                      .motors_on = status_ != DeviceStatus::kFault},
+                     0.001);
+      return is_so();
+    });
+  }
+  bool Serve(const Wrench& wrench_M, const std::function<bool()>& is_so) {
+    return Serve([&](const DeviceState&) { return wrench_M; }, is_so);
+  }
+  bool ServeUntil(DeviceStatus status) {
+    return Serve(Wrench{}, [&] { return status_ == status; });
+  }
+
+ private:
+  std::unique_ptr<StreamedDevice> device_;
+  DeviceState state_;
+  DeviceStatus status_ = DeviceStatus::kFault;
+  std::string log_;
+};
+
+}  // namespace palpate::test
