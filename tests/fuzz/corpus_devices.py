@@ -1,6 +1,7 @@
 """What devices send: transfers of a Falcon and readings of an Omni, in scripts of
-usb_protocol_fuzz."""
+usb_protocol_fuzz; answers of Haply's service."""
 
+import json
 import struct
 
 FALCON, OMNI = b"\0", b"\1"
@@ -97,7 +98,39 @@ def omni():
     return scripts | forces(b"".join(map(received, rest)))
 
 
+def haply():
+    zero, one = {"x": 0.0, "y": 0.0, "z": 0.0}, {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
+    place = {"position": zero, "rotation": one, "scale": {"x": 1.0, "y": 1.0, "z": 1.0}}
+    state = {"cursor_position": zero, "current_cursor_force": zero, "control_mode": "idle",
+             "transform": place}
+    config = {"type": "inverse3", "extended_firmware_version": "6.2", "handedness": "right",
+              "gravity_compensation": {"enabled": True}, "basis": {"permutation": "XYZ"},
+              "mount": place, "filters": {"force_gate": {"gain": 0.3}, "damping": {"scalar": 0}}}
+    status = {"calibrated": True, "in_use": False, "power_supply": True, "ready": False}
+    arm = {"device_id": "049D", "state": state, "status": status}
+    wired = {"device_id": "61F7", "state": {"orientation": one, "button": True}}
+    wireless = {"device_id": "61F8", "status": {"awake": False},
+                "state": {"orientation": one, "buttons": {"a": True, "c": False}}}
+    replies = {
+        "reply": {"inverse3": [arm], "verse_grip": [wired]},
+        "full": {"inverse3": [arm | {"config": config}], "wireless_verse_grip": [wireless]},
+        "old_scale": {"inverse3": [arm | {"state": state | {"transform": {"scale": 2.0}}}]},
+        "many": {"inverse3": [arm] * 3, "custom_verse_grip": [wired] * 2},
+        "strange_id": {"inverse3": [arm | {"device_id": '"}]}'}]},
+        "no_turn": {"verse_grip": [wired | {"state": {"orientation": one | {"w": 0.0}}}]},
+        "event": {"name": "device-safety-triggered", "level": "error", "message": "m",
+                  "data": {"safety_type": "ebrake_triggered"}},
+        "version": {"project_version": "3.5.2"},
+        "scale": {"force_scale": 1.0},
+    }
+    texts = {name: json.dumps(reply) for name, reply in replies.items()}
+    return texts | {"number": "0.5", "nested": "[" * 500 + "]" * 500, "great": texts["reply"].replace(
+        "0.0", "1e999"), "deep": '{"inverse3":' * 100}
+
+
 def corpora():
+    for name, text in haply().items():
+        yield "inverse_messages_fuzz", name, text.encode()
     for name, script in falcon().items():
         yield "usb_protocol_fuzz", f"falcon_{name}", FALCON + script
     for name, script in omni().items():

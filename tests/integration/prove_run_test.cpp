@@ -19,6 +19,7 @@
 #include "tests/support/places.h"
 #include "tests/support/touch_emulator.h"
 #include "tests/support/usb_testbed.h"
+#include "tests/support/vendor_hands.h"
 
 namespace palpate::test {
 namespace {
@@ -29,9 +30,10 @@ struct Hand {
   std::function<void(std::uint32_t buttons)> press;
   std::uint32_t button_count = 0;
   std::function<void(const std::string& way)> point{};  // none: its orientation is not measured
+  Vec3 free_mm{0, -47, 0};                              // away from the volume
 };
 
-// Within reach of a Falcon: to the right, up and towards the user; away from the volume.
+// Within reach of a Falcon: to the right, up and towards the user.
 const Vec3 kFirstMm(-20, -40, -15), kFreeMm(0, -47, 0);
 const std::vector<Vec3> kPlacesMm = {{15, -40, -15}, {15, -10, -15}, {15, -10, 15}};
 
@@ -119,7 +121,7 @@ class ProveRun : public ::testing::Test {
       hand.move(kFirstMm);
       Prove({"--forces", kind});
       if (Read(hand, kPlacesMm)) {
-        hand.move(kFreeMm);
+        hand.move(hand.free_mm);
         Push();
       }
       end = palpate_->Wait();
@@ -330,6 +332,69 @@ TEST_F(ProveRun, ATouchByTheVendorsLibraryIsProven) {
   Start("kind = \"openhaptics\"\nopenhaptics_library = \"" + std::string(kFakeHd) + "\"\n",
         {"/usr/bin/env", "PALPATE_FAKE_HD_HAND=" + file.string()});
   ExpectProven("openhaptics", hand);
+}
+
+// Moves by at most 1 m/s: a faster one is no hand. `turn`: by 90 degrees about an axis of the
+// vendor's, or not at all.
+template <class VendorHand>
+Hand Slowly(VendorHand& hand, Vec3& at_mm, std::uint32_t buttons,
+            const std::function<void(const std::string& way)>& point = {}) {
+  return {[&](const Vec3& to_mm) {
+            const Vec3 step_mm = (to_mm - at_mm) / 50;
+            for (int n = 0; n < 50; ++n) {
+              at_mm += step_mm;
+              hand.Place(at_mm);
+              std::this_thread::sleep_for(std::chrono::milliseconds(10));
+            }
+          },
+          [&](std::uint32_t pressed) { hand.Press(pressed); }, buttons, point, Vec3(0, -95, 0)};
+}
+
+TEST_F(ProveRun, AForceDimensionDeviceIsProven) {
+  FakeDrd drd(folder_.path());
+  std::snprintf(drd.device().system_name, sizeof drd.device().system_name, "omega.6");
+  drd.device().has_wrist = true;
+  ForceDimensionHand hand(drd.device());
+  Vec3 at_mm = kFreeMm;
+  hand.Place(at_mm);
+  Start(
+      "kind = \"forcedimension\"\nforcedimension_model = \"omega.6\"\nforcedimension_library = \"" +
+      std::string(kFakeDrd) + "\"\n");
+  ExpectProven("forcedimension", Slowly(hand, at_mm, 1, [&](const std::string& way) {
+                 if (way == "away from you") hand.Turn(0.0, Vec3::UnitZ());
+                 if (way == "down") hand.Turn(M_PI / 2, -Vec3::UnitY());
+                 if (way == "to the right") hand.Turn(M_PI / 2, -Vec3::UnitZ());
+               }));
+  EXPECT_EQ(drd.Breaches(), std::vector<std::string>{});
+  daemon_.reset();
+  drd.device().present = false;
+  Start("kind = \"forcedimension\"\nforcedimension_library = \"" + std::string(kFakeDrd) + "\"\n");
+  Prove();
+  ExpectRefused("find", "plug it in");
+  daemon_.reset();
+}
+
+TEST_F(ProveRun, AHaplyDeviceIsProvenAndAServiceThatDoesNotRunIsNamed) {
+  HaplyService service;
+  HaplyHand hand(service);
+  Vec3 at_mm = kFreeMm;
+  hand.Place(at_mm);
+  const std::string config = "kind = \"haply\"\nhaply_port = " + std::to_string(service.port()) +
+                             "\nhaply_events_port = " + std::to_string(service.events_port()) +
+                             "\n";
+  Start(config);
+  ExpectProven("haply", Slowly(hand, at_mm, 3, [&](const std::string& way) {
+                 if (way == "away from you") hand.Turn(0.0, Vec3::UnitZ());
+                 if (way == "down") hand.Turn(M_PI / 2, -Vec3::UnitX());
+                 if (way == "to the right") hand.Turn(M_PI / 2, -Vec3::UnitZ());
+               }));
+  EXPECT_EQ(service.Report()["breaches"], nlohmann::json::array());
+  daemon_.reset();
+  service.Restart(std::chrono::hours(1));
+  Start(config);
+  Prove();
+  ExpectRefused("find", "haply-inverse-service");
+  daemon_.reset();
 }
 
 // The simulated hand follows these targets.

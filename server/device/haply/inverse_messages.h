@@ -82,7 +82,7 @@ class InverseWriter {
 
  private:
   const std::string arm_, grip_, grip_family_;
-  std::array<char, 512> text_{};
+  std::array<char, 2048> text_{};  // room for any finite force
 };
 
 }  // namespace palpate
