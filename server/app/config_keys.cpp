@@ -229,12 +229,17 @@ Setters DeviceSetters() {
       {"device.openhaptics_name", [](E e, C c) { c.device.openhaptics_name = e.Text(); }},
       {"device.forcedimension_library",
        [](E e, C c) { c.device.forcedimension.library = e.Text(); }},
-      {"device.forcedimension_model", [](E e, C c) { c.device.forcedimension.model = e.Text(); }},
+      {"device.forcedimension_model",
+       [](E e, C c) { c.device.forcedimension.model = FdModelOf(e.Text()).name; }},
       {"device.forcedimension_gripper_button",
        [](E e, C c) { c.device.forcedimension.gripper_button = e.Flag(); }},
       {"device.forcedimension_without_watchdog",
        [](E e, C c) { c.device.forcedimension.without_watchdog = e.Flag(); }},
-      {"device.haply_model", [](E e, C c) { c.device.haply.model = e.Text(); }},
+      {"device.haply_model",
+       [](E e, C c) {
+         c.device.haply.model = e.Text();
+         HaplySpec(c.device.haply.model);
+       }},
       {"device.haply_grip", [](E e, C c) { c.device.haply.grip = e.Text(); }},
       {"device.haply_port", [](E e, C c) { c.device.haply.port = Port(e); }},
       {"device.haply_events_port", [](E e, C c) { c.device.haply.events_port = Port(e); }},

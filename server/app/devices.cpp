@@ -123,11 +123,9 @@ ListedDevice ListedOpenHaptics(const DeviceConfig& config) {
 // Opens none: the library tells serial numbers of opened devices only.
 ListedDevice ListedForceDimension(const DeviceConfig& config) {
   ListedDevice listed = Listed(FdSpec(FdModelOf(config.forcedimension.model)));
-  const FdPlugged plugged = FindPluggedFd();
   try {
     const FdLibrary library(config.forcedimension.library);
-    if (plugged.count == 0) listed.problem = "not found: plug it in and switch it on";
-    if (!plugged.may_open) listed.problem = kUsbPermissionHint;
+    if (library.functions().device_count() <= 0) listed.problem = WhyNoFd();
   } catch (const Error& error) {
     listed.problem = error.what();
   }
@@ -137,6 +135,13 @@ ListedDevice ListedForceDimension(const DeviceConfig& config) {
 
 void AppendHaply(const DeviceConfig& config, std::vector<ListedDevice>& devices) {
   ListedDevice listed = Listed(HaplySpec(config.haply.model));
+  listed.port = "Haply's service";
+  // A look is a session of its own: not beside the one that streams.
+  if (config.kind == "haply") {
+    listed.serial = config.serial;
+    devices.push_back(listed);
+    return;
+  }
   std::vector<InverseArm> found;
   listed.problem = "not found: plug it in and switch it on";
   try {
@@ -146,14 +151,14 @@ void AppendHaply(const DeviceConfig& config, std::vector<ListedDevice>& devices)
   }
   if (found.empty()) {
     listed.usable = false;
+    listed.port.clear();
     devices.push_back(listed);
   }
   for (const InverseArm& arm : found) {
     listed.serial = arm.id;
-    listed.port = "Haply's service";
-    listed.problem = arm.type.value_or(config.haply.model) == config.haply.model
-                         ? ""
-                         : "set [device] haply_model to \"" + *arm.type + "\"";
+    const std::string type = arm.config ? arm.config->type : "";
+    const bool is_other = !type.empty() && type != config.haply.model;
+    listed.problem = is_other ? "set [device] haply_model to \"" + type + "\"" : "";
     listed.usable = listed.problem.empty();
     devices.push_back(listed);
   }

@@ -84,6 +84,9 @@ class HapticDevice {
   // Sets the stylus's place of rest: the present place if the stylus is docked, else the place of
   // the next docking. Throws Error (kInvalidArgument) if the device has no place of rest.
   virtual void Calibrate() { RefuseCalibration(spec().kind); }
+  // Ends what the device does by itself, such as a calibration in which its arm moves. Returns at
+  // once. Any ordinary thread.
+  virtual void StopMoving() noexcept {}
 };
 
 }  // namespace palpate

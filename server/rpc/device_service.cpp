@@ -170,6 +170,7 @@ Reply* DeviceService::DisableForces(CallContext* context, const v1::DisableForce
   return calls_.Answer(context, "/palpate.v1.DeviceService/DisableForces", *request, *response,
                        [=, this](const Admission& by) {
                          if (request->has_hand()) CheckHand(request->hand());
+                         device_.StopMoving();
                          const ForceTick forces = Command(ForceCommand::kDisable);
                          Note(ForceCommand::kDisable, by);
                          Answer(forces, *response);
@@ -181,7 +182,10 @@ Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesReque
   constexpr char kMethod[] = "/palpate.v1.DeviceService/StopForces";
   Access& access = calls_.access();
   // First of all: what follows may wait for a lock, for memory or for the log.
-  if (access.May(*context, kMethod)) servo_.forces().Set(ForceCommand::kStop);
+  if (access.May(*context, kMethod)) {
+    servo_.forces().Set(ForceCommand::kStop);
+    device_.StopMoving();
+  }
   Admission admission = access.Admit(context, kMethod);
   if (!admission.ok()) {
     // DefaultReactor is called once: a second call would return another reactor.
@@ -234,7 +238,7 @@ Reply* DeviceService::CalibrateDevice(CallContext* context,
                                       const v1::CalibrateDeviceRequest* request,
                                       v1::CalibrateDeviceResponse* response) {
   return calls_.Answer(context, "/palpate.v1.DeviceService/CalibrateDevice", *request, *response,
-                       [=, this](const Admission&) {
+                       [=, this](const Admission& by) {
                          CheckHand(request->hand());
                          const DeviceHealth health = device_.health();
                          if (health.connection != DeviceConnection::kStreaming) {
@@ -247,6 +251,8 @@ Reply* DeviceService::CalibrateDevice(CallContext* context,
                          CheckForcesAreOff();
                          CheckCalibrated(request->device());
                          device_.Calibrate();
+                         LogOfClient(LogLevel::kInfo, "calibrate, " + by.caller().name,
+                                     "the device is to be calibrated, by {}", by.Who());
                          *response->mutable_health() = ToProto(device_.health());
                        });
 }

@@ -1,11 +1,13 @@
 // Force Dimension's devices over a library of our own, in this process: set-up, axes and signs, and
-// each fault. device_daemon_test.cpp has the whole daemon, killed and frozen. What a real device
+// each fault. vendor_daemon_test.cpp has the whole daemon, killed and frozen. What a real device
 // does is not shown here.
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <string>
@@ -22,45 +24,65 @@
 namespace palpate::test {
 namespace forcedimension {
 
-const Wrench kPush{.force_n = Vec3(0.5, -0.25, 1.0)};
+const Wrench kPush{.force_n = Vec3(0.5, -0.25, 1.0), .torque_n_mm = Vec3(10, 20, 30)};
+constexpr const char* kSigma = "sigma.7";
 
+// A sigma.7, the model that has all, unless the test says otherwise.
 class ForceDimensionTest : public ::testing::Test {
  protected:
-  ForceDimensionTest() { fake().watchdog_slack_ms = 60'000; }  // this machine may stop for long
+  ForceDimensionTest() {
+    fake().watchdog_slack_ms = 60'000;  // this machine may stop for long
+    Be(kSigma, true, true, true);
+  }
   ~ForceDimensionTest() override {
     device_.reset();
-    EXPECT_EQ(drd_.Breaches(), std::vector<std::string>{});
+    EXPECT_EQ(drd_.Breaches(), breaches_);
+    EXPECT_EQ(fake().gripper_force, 0.0);
   }
 
   FakeDrdDevice& fake(int n = 0) { return drd_.device(n); }
-  void Make(ForceDimensionOptions options = {}) {
+  void Be(const char* name, bool has_wrist, bool has_torque, bool has_gripper) {
+    std::snprintf(fake().system_name, sizeof fake().system_name, "%s", name);
+    fake().has_wrist = has_wrist;
+    fake().has_active_wrist = has_torque;
+    fake().has_gripper = has_gripper;
+  }
+  void Make(ForceDimensionOptions options = {.model = kSigma}) {
     if (options.library == FdLibrary::kDefaultPath) options.library = kFakeDrd;
     device_.reset();
     device_ = std::make_unique<ServedDevice>(std::make_unique<ForceDimensionBus>(options));
   }
-  void MakeSigma() {
-    std::snprintf(fake().system_name, sizeof fake().system_name, "sigma.7");
-    fake().has_wrist = fake().has_active_wrist = fake().has_gripper = true;
-    Make({.model = "sigma.7"});
-  }
   Vec3 Felt_M_n() { return hand_.Felt_n(); }
+  bool Feels(const Wrench& wrench_M) {
+    return (hand_.Felt_n() - wrench_M.force_n).norm() < 1e-9 &&
+           (hand_.FeltTorque_n_mm() - wrench_M.torque_n_mm).norm() < 1e-9;
+  }
   bool Pushes() {
-    return device_->Serve(kPush, [&] { return Felt_M_n().isApprox(kPush.force_n); });
+    return device_->Serve(kPush, [&] { return Feels(kPush); });
   }
   bool PushesSoon() { return device_->Streams() && Pushes(); }
-  // The device is lost, says why, and pushes again once it is well.
-  void ExpectLost(const std::string& line, const std::function<void()>& mend) {
+  // Its last command was none, and its motors are off.
+  bool IsLetGoOf() {
+    return !fake().forces_enabled && fake().force[0] == 0.0 && fake().force[1] == 0.0 &&
+           fake().force[2] == 0.0 && fake().torque[0] == 0.0 && fake().torque[1] == 0.0 &&
+           fake().torque[2] == 0.0;
+  }
+  // The device is lost, says why, is let go of, and pushes again once it is well. `hears`: it can
+  // be told a zero.
+  void ExpectLost(const std::string& line, const std::function<void()>& mend, bool hears = true) {
     EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
-    EXPECT_TRUE(device_->Logs(line, kPush)) << device_->log();
-    EXPECT_TRUE(Eventually([&] { return Felt_M_n().isZero(); }));
+    EXPECT_TRUE(Eventually([&] { return hears ? IsLetGoOf() : Feels({}); })) << line;
+    EXPECT_TRUE(device_->Logs(line)) << line << "; " << device_->log();
     mend();
-    EXPECT_TRUE(Pushes());
+    EXPECT_TRUE(Pushes()) << line;
+    device_->Forget();
   }
 
   TemporaryFolder folder_;
   FakeDrd drd_{folder_.path()};
   ForceDimensionHand hand_{drd_.device()};
   std::unique_ptr<ServedDevice> device_;
+  std::vector<std::string> breaches_{};  // expected of the test
 };
 
 TEST_F(ForceDimensionTest, ALibraryThatIsMissingOldOrNotWholeIsNamed) {
@@ -69,7 +91,7 @@ TEST_F(ForceDimensionTest, ALibraryThatIsMissingOldOrNotWholeIsNamed) {
       {kFakeDrdMissing, "dhdSetForceAndTorqueAndGripperForce"},
       {kFakeDrdOld, "3.9.0"}};
   for (const auto& [library, part] : cases) {
-    Make({.library = library});
+    Make({.library = library, .model = kSigma});
     EXPECT_TRUE(device_->HasProblem(part)) << (*device_)->health().problem;
     EXPECT_TRUE(device_->HasProblem("forcedimension_library"));
     EXPECT_TRUE(device_->ServeUntil(DeviceStatus::kFault));
@@ -89,24 +111,25 @@ TEST_F(ForceDimensionTest, IsSetUpWithItsWatchdogAndLetGoOfBraked) {
   EXPECT_EQ(fake().gravity_sets, 1);
   EXPECT_TRUE(fake().gravity_compensation);
   EXPECT_EQ(fake().max_force, 12.0);
+  EXPECT_EQ(fake().max_torque, 0.2);
+  EXPECT_EQ(fake().max_gripper_force, 0.0);
+  EXPECT_EQ(fake().enable_offs, 1);  // whatever a program before left on
   EXPECT_FALSE(drd_.record().expert_mode);
   EXPECT_EQ(fake().enable_ons, 0);
   EXPECT_TRUE(device_->Logs("brakes 20 ms after the last command"));
-  for (const char* part : {"omega.3", "12345", "firmware 3.1", "SDK 3.17.5", "compensation on"}) {
+  for (const char* part : {"sigma.7", "12345", "firmware 3.1", "SDK 3.17.5", "compensation on"}) {
     EXPECT_NE((*device_)->health().identity.find(part), std::string::npos) << part;
   }
   EXPECT_TRUE(Pushes());
-  const int sent = fake().forces_set;
   (*device_)->Stop();
-  EXPECT_GE(fake().forces_set, sent + 3);
-  EXPECT_EQ(fake().force[0], 0.0);
-  EXPECT_TRUE(fake().IsBraked(FakeDrdNowNs()));
+  EXPECT_TRUE(IsLetGoOf());
   EXPECT_FALSE(fake().opened);
 }
 
 // A plane on each side of the middle, 1 mm away, of 0.5 N/mm: the hand goes 2 mm into it.
 TEST_F(ForceDimensionTest, EachAxisIsReadAndPushedTheRightWay) {
-  Make();
+  Be("omega.3", false, false, false);
+  Make({.model = "omega.3"});
   ASSERT_TRUE(device_->Streams());
   for (int n = 0; n < 6; ++n) {
     Vec3 into = Vec3::Zero();
@@ -123,10 +146,7 @@ TEST_F(ForceDimensionTest, EachAxisIsReadAndPushedTheRightWay) {
 
 // As an Omni's stylus: -z is where the handle points, x is right, y is up.
 TEST_F(ForceDimensionTest, TheHandleTurnsAsAStylusAndTorqueTurnsItBack) {
-  fake().left_handed = true;
-  fake().position[1] = -0.02;
-  fake().position[0] = -0.01;
-  MakeSigma();
+  Make();
   ASSERT_TRUE(device_->Streams());
   const Vec3 vendors_right(0, 1, 0), vendors_up(0, 0, 1), away(-1, 0, 0);
   const struct {
@@ -143,15 +163,18 @@ TEST_F(ForceDimensionTest, TheHandleTurnsAsAStylusAndTorqueTurnsItBack) {
              (R_MS * Vec3::UnitY() - turn.up_M).norm() < 1e-9;
     })) << turn.axis.transpose();
   }
-  EXPECT_LT(device_->state().p_MHip_mm.norm(), 1e-9);  // the middle, on the left
-  const Wrench turn{.torque_n_mm = Vec3(10, 20, 30)};  // about right, up, towards the user
-  EXPECT_TRUE(device_->Serve(turn, [&] {
-    return std::abs(fake().torque[0] - 0.03) + std::abs(fake().torque[1] - 0.01) +
-               std::abs(fake().torque[2] - 0.02) <
-           1e-12;
-  }));
-  EXPECT_EQ(fake().max_torque, 0.2);
-  EXPECT_EQ(fake().max_gripper_force, 0.0);
+}
+
+TEST_F(ForceDimensionTest, TheMiddleOfASigmaIsBesideItsHand) {
+  fake().position[0] = -0.01;
+  for (const bool is_left : {true, false}) {
+    fake().left_handed = is_left;
+    fake().position[1] = is_left ? -0.02 : 0.02;
+    Make();
+    ASSERT_TRUE(device_->Streams());
+    ASSERT_TRUE(device_->ServeUntil(DeviceStatus::kOk));
+    EXPECT_LT(device_->state().p_MHip_mm.norm(), 1e-9);
+  }
 }
 
 TEST_F(ForceDimensionTest, WhatCannotBeOpenedIsExplained) {
@@ -161,26 +184,51 @@ TEST_F(ForceDimensionTest, WhatCannotBeOpenedIsExplained) {
   } cases[] = {{[&] { fake().present = false; }, "", "plug it in"},
                {[&] { fake().used_by_another = true; }, "", "another program"},
                {[&] { fake(1).present = true; }, "", "12345, 54321"},
+               {[&] { fake(1).present = fake().used_by_another = true; }, "", "54321"},
                {[] {}, "777", "12345"},
-               {[&] { fake().has_gripper = fake().has_wrist = true; }, "", "\"omega.7\""},
-               {[&] { std::snprintf(fake().system_name, 32, "novelty"); }, "", "delta.3"}};
+               {[&] { Be("omega.7", true, false, true); }, "", "\"omega.7\""},
+               {[&] { Be("novelty", true, true, true); }, "", "delta.3"}};
   for (const auto& one : cases) {
     one.change();
-    Make({.serial = one.serial});
+    Make({.model = kSigma, .serial = one.serial});
     EXPECT_TRUE(device_->HasProblem(one.part)) << (*device_)->health().problem;
     EXPECT_TRUE(device_->ServeUntil(DeviceStatus::kFault));
     device_.reset();
-    EXPECT_FALSE(fake().opened);
+    EXPECT_FALSE(fake().opened || fake(1).opened);
+    EXPECT_EQ(fake().enable_ons + fake(1).enable_ons, 0);
     fake().present = true;
-    fake().used_by_another = fake(1).present = fake().has_gripper = fake().has_wrist = false;
+    fake().used_by_another = fake(1).present = false;
+    Be(kSigma, true, true, true);
   }
-  EXPECT_EQ(palpate::testing::Refusal([&] { Make({.model = "omega"}); }),
+  using palpate::testing::Refusal;
+  EXPECT_EQ(Refusal([&] { Make({.model = "omega"}); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(Refusal([&] { Make({.model = "omega.3", .gripper_button = true}); }),
             ErrorKind::kInvalidArgument);
 }
 
+TEST_F(ForceDimensionTest, WhatTheKernelKnowsOfADeviceThatIsNotFound) {
+  const auto put = [&](const std::string& path, const std::string& text) {
+    std::filesystem::create_directories((folder_.path() / path).parent_path());
+    std::ofstream(folder_.path() / path) << text << "\n";
+  };
+  const auto says = [&](const char* part) {
+    return WhyNoFd(folder_.path()).find(part) != std::string::npos;
+  };
+  EXPECT_TRUE(says("plug it in"));
+  put("sys/bus/usb/devices/1-1/idVendor", "0403");
+  EXPECT_TRUE(says("plug it in"));
+  put("sys/bus/usb/devices/1-2/idVendor", "1451");
+  put("sys/bus/usb/devices/1-2/busnum", "1");
+  put("sys/bus/usb/devices/1-2/devnum", "7");
+  EXPECT_TRUE(says("70-palpate.rules"));
+  put("dev/bus/usb/001/007", "");
+  EXPECT_TRUE(says("newer SDK"));
+}
+
 TEST_F(ForceDimensionTest, TheSerialNumberChoosesAmongTwo) {
+  std::snprintf(fake(1).system_name, sizeof fake(1).system_name, "delta.3");
   fake(1).present = true;
-  Make({.serial = "54321"});
+  Make({.model = "delta.3", .serial = "54321"});
   ASSERT_TRUE(device_->Streams());
   EXPECT_NE((*device_)->health().identity.find("54321"), std::string::npos);
   EXPECT_FALSE(fake(0).opened);
@@ -192,9 +240,10 @@ TEST_F(ForceDimensionTest, WithoutCalibrationPowerOrWatchdogThereIsNoForce) {
   const struct {
     std::function<void(bool wrong)> make;
     std::string part;
-  } cases[] = {{[&](bool wrong) { fake().initialized = !wrong; }, "calibration pole"},
-               {[&](bool wrong) { fake().is_reset = wrong; }, "calibration pole"},
-               {[&](bool wrong) { fake().powered = !wrong; }, "power supply"}};
+  } cases[] = {
+      {[&](bool wrong) { fake().initialized = !wrong; }, "device calibrate forcedimension"},
+      {[&](bool wrong) { fake().is_reset = wrong; }, "device calibrate forcedimension"},
+      {[&](bool wrong) { fake().powered = !wrong; }, "power supply"}};
   for (const auto& one : cases) {
     one.make(true);
     Make();
@@ -224,7 +273,7 @@ TEST_F(ForceDimensionTest, WithoutCalibrationPowerOrWatchdogThereIsNoForce) {
     const int enabled = fake().enable_ons;
     EXPECT_TRUE(device_->Logs("forcedimension_without_watchdog", kPush));
     EXPECT_EQ(fake().enable_ons, enabled);
-    Make({.without_watchdog = true});
+    Make({.model = kSigma, .without_watchdog = true});
     EXPECT_TRUE(PushesSoon());
   }
 }
@@ -240,47 +289,91 @@ TEST_F(ForceDimensionTest, AStatusOfAnyLengthIsUnderstood) {
 TEST_F(ForceDimensionTest, ManyFailedCallsLoseTheDeviceAndAFewDoNot) {
   Make();
   ASSERT_TRUE(PushesSoon());
+  fake().fail_next_positions = 9;
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return fake().fail_next_positions == 0; }));
+  EXPECT_TRUE(Pushes());
+  EXPECT_EQ((*device_)->health().connections, 1u);
+  EXPECT_GE((*device_)->health().transfer_errors, 9u);
   for (int error = 1; error <= 22; ++error) {
     fake().position_error = error;
     fake().position_result = -1;
     const std::string line = error == 5 ? "unplugged" : "error " + std::to_string(error) + ",";
     ExpectLost(line, [&] { fake().position_result = 0; });
   }
-  EXPECT_GE((*device_)->health().transfer_errors, 22u);
   fake().force_result = -1;
-  ExpectLost("dhdSetForceAndTorqueAndGripperForce fails", [&] { fake().force_result = 0; });
+  ExpectLost(
+      "ForceAndTorqueAndGripperForce fails", [&] { fake().force_result = 0; }, false);
   fake().present = false;
-  ExpectLost("plug it in", [&] { fake().present = true; });
+  ExpectLost(
+      "plug it in", [&] { fake().present = true; }, false);
+}
+
+// A status that cannot be read: whether it is calibrated, and whether its forces are on, nobody
+// knows.
+TEST_F(ForceDimensionTest, WithoutAStatusThereIsNoForce) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  fake().status_result = -1;
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return IsLetGoOf(); }));
+  EXPECT_TRUE(device_->Logs("does not tell its state", kPush));
+  EXPECT_TRUE(device_->Logs("dhdGetStatus fails", kPush));
+  EXPECT_FALSE(fake().forces_enabled);
+  fake().status_result = 0;
+  EXPECT_TRUE(Pushes());
+}
+
+TEST_F(ForceDimensionTest, MotorsThatDoNotGoOffAreAFaultAndAreTold) {
+  breaches_ = {"drdClose with forces enabled"};
+  fake().watchdog_settable = false;
+  Make({.model = kSigma, .without_watchdog = true});
+  ASSERT_TRUE(PushesSoon());
+  fake().off_result = fake().force_result = -1;
+  EXPECT_TRUE(device_->Logs("may still push"));
+  fake().off_result = fake().force_result = 0;
+  EXPECT_TRUE(Pushes());
+  device_->Forget();
+  fake().off_result = -1;
+  EXPECT_TRUE(device_->Logs("do not go off", {}));
+  fake().off_result = 0;
+  EXPECT_TRUE(Pushes());
+}
+
+TEST_F(ForceDimensionTest, MotorsThatAreOnByThemselvesAreSwitchedOff) {
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  std::this_thread::sleep_for(std::chrono::milliseconds(150));
+  fake().forces_enabled = true;
+  fake().last_command_ns = FakeDrdNowNs();
+  EXPECT_TRUE(Eventually([&] { return !fake().forces_enabled; }));
+  EXPECT_TRUE(device_->Logs("switched off"));
 }
 
 TEST_F(ForceDimensionTest, OldStrangeAndMissingReadingsAreNone) {
   Make();
   ASSERT_TRUE(PushesSoon());
-  for (std::atomic<bool>* fault : {&fake().gives_nan}) {
-    *fault = true;
-    ExpectLost("no reading for 100 ms", [&] { *fault = false; });
+  const auto lost = [&](std::atomic<bool>& fault) {
+    fault = true;
+    ExpectLost("no reading for 100 ms", [&] { fault = false; });
     EXPECT_TRUE(device_->state().p_MHip_mm.allFinite());
-  }
+  };
+  lost(fake().gives_nan);
+  lost(fake().gives_singular);
   EXPECT_GT((*device_)->health().corrupt_frames, 10u);
   fake().position_result = 1;  // too early, says the library
   ExpectLost("no reading for 100 ms", [&] { fake().position_result = 0; });
-  MakeSigma();
-  ASSERT_TRUE(PushesSoon());
-  fake().gives_singular = true;
-  ExpectLost("no reading for 100 ms", [&] { fake().gives_singular = false; });
 }
 
-TEST_F(ForceDimensionTest, ACallThatBlocksMakesReadingsOldAndLosesNothing) {
+TEST_F(ForceDimensionTest, ACallThatBlocksMakesReadingsOld) {
   Make();
   ASSERT_TRUE(PushesSoon());
-  const auto comes = [&](int ms, DeviceStatus status) {
-    fake().block_next_ms = ms;
-    EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == status; })) << ms;
-    EXPECT_TRUE(Pushes());
-  };
-  comes(3, DeviceStatus::kOk);
-  comes(8, DeviceStatus::kStale);
-  comes(120, DeviceStatus::kFault);
+  fake().block_next_ms = 3;
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return fake().block_next_ms == 0; }));
+  EXPECT_TRUE(Pushes());
+  fake().block_next_ms = 8;
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kStale; }));
+  EXPECT_TRUE(Pushes());
+  fake().block_next_ms = 120;  // longer than its watchdog: it has braked
+  ExpectLost("no command came in time", [] {});
 }
 
 TEST_F(ForceDimensionTest, ACallThatNeverReturnsIsLeftAloneAndTheDeviceBrakes) {
@@ -289,7 +382,7 @@ TEST_F(ForceDimensionTest, ACallThatNeverReturnsIsLeftAloneAndTheDeviceBrakes) {
   fake().watchdog_slack_ms = 0;
   fake().block_next_ms = -1;
   EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
-  EXPECT_TRUE(Felt_M_n().isZero());
+  EXPECT_TRUE(Feels({}));
   EXPECT_TRUE(fake().IsWatchdogTripped(FakeDrdNowNs()));
   (*device_)->Stop();  // returns
   EXPECT_TRUE(device_->Logs("does not end"));
@@ -297,20 +390,28 @@ TEST_F(ForceDimensionTest, ACallThatNeverReturnsIsLeftAloneAndTheDeviceBrakes) {
   EXPECT_TRUE(Eventually([&] { return !fake().opened; }));
 }
 
+// However soon its motors are switched by palpated after that.
 TEST_F(ForceDimensionTest, ADeviceThatEndsItsForcesIsAFaultAndSaysWhy) {
   Make();
   ASSERT_TRUE(PushesSoon());
-  const std::pair<int, std::string> causes[] = {
-      {1, "force button"}, {2, "faster"}, {3, "watchdog"}, {6, "handle"}, {4, "force button"}};
-  for (const auto& [cause, part] : causes) {
-    fake().force_off_cause = cause;
-    ExpectLost(part, [] {});
+  const std::pair<int, std::string> causes[] = {{1, "force button was pressed"},
+                                                {2, "faster"},
+                                                {3, "watchdog"},
+                                                {6, "no hand"},
+                                                {5, "USB connection"},
+                                                {4, "press its force button"}};
+  for (const bool is_silent : {false, true}) {
+    for (const auto& [cause, part] : causes) {
+      ASSERT_TRUE(device_->Serve(kPush, [&, n = fake().forces_set + 10] {
+        return fake().forces_set > n && Feels(kPush);
+      }));
+      fake().force_off_cause = cause;
+      if (is_silent) std::this_thread::sleep_for(std::chrono::milliseconds(8));
+      ExpectLost(part, [] {});
+    }
   }
   fake().ignores_enable = true;  // nobody pressed its force button
-  ExpectLost("force button", [&] { fake().ignores_enable = false; });
-  fake().watchdog_slack_ms = 0;
-  fake().block_next_ms = 60;
-  ExpectLost("no command came in time", [&] { fake().watchdog_slack_ms = 60'000; });
+  ExpectLost("press its force button", [&] { fake().ignores_enable = false; });
 }
 
 TEST_F(ForceDimensionTest, MotorsThatCannotAreWarnedOf) {
@@ -325,26 +426,33 @@ TEST_F(ForceDimensionTest, AServoThatIsSilentBrakesAndNoOldForceComesBack) {
   Make();
   ASSERT_TRUE(PushesSoon());
   EXPECT_TRUE(Eventually([&] { return !fake().forces_enabled; }));
-  EXPECT_TRUE(Felt_M_n().isZero());
+  EXPECT_TRUE(Feels({}));
   (*device_)->Write({.wrench_M = kPush, .motors_on = true}, 0.001);
   std::this_thread::sleep_for(std::chrono::milliseconds(3));
-  EXPECT_TRUE(Felt_M_n().isZero());  // until zero was written
+  EXPECT_TRUE(Feels({}));  // until zero was written
   EXPECT_TRUE(Pushes());
 }
 
 TEST_F(ForceDimensionTest, AnArmMovesByItselfOnlyWithForcesOffAndAfterAWarning) {
   fake().initialized = false;
   fake().auto_init_ms = 300;
-  MakeSigma();
+  Make();
   ASSERT_TRUE(device_->Streams());
   EXPECT_TRUE(device_->HasProblem("palpate device calibrate forcedimension"));
+  const auto asked = std::chrono::steady_clock::now();
   (*device_)->Calibrate();
   EXPECT_TRUE(device_->Logs("moves by itself in 3 s"));
-  EXPECT_EQ(fake().auto_inits, 0);
+  EXPECT_TRUE(device_->HasProblem("keep clear"));
+  ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
+  EXPECT_GE(std::chrono::steady_clock::now() - asked, std::chrono::seconds(3));
+  (*device_)->Calibrate();  // somebody is impatient
   EXPECT_TRUE(device_->Logs("has calibrated itself"));
+  EXPECT_FALSE(fake().forces_enabled && fake().enable_ons == 0);  // the library leaves them on
+  EXPECT_TRUE(Pushes());
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
   EXPECT_EQ(fake().auto_inits, 1);
   EXPECT_EQ(fake().drd_stops, 1);
-  EXPECT_TRUE(Pushes());
+  ASSERT_TRUE(Pushes());
   (*device_)->Calibrate();
   EXPECT_TRUE(device_->Logs("forces are on", kPush));
   EXPECT_EQ(fake().auto_inits, 1);
@@ -354,31 +462,43 @@ TEST_F(ForceDimensionTest, AnArmMovesByItselfOnlyWithForcesOffAndAfterAWarning) 
   ASSERT_TRUE(device_->Serve(Wrench{}, [&] { return !device_->state().calibrated; }));
   (*device_)->Calibrate();
   EXPECT_TRUE(device_->Logs("could not calibrate itself: error 12"));
+  EXPECT_FALSE(fake().forces_enabled);
   EXPECT_EQ(fake().auto_inits, 2);
 }
 
-TEST_F(ForceDimensionTest, APalpatedThatEndsWhileTheArmMovesDoesNotWaitForIt) {
+// Somebody stops it before and while it moves; and palpated ends.
+TEST_F(ForceDimensionTest, AnArmThatMovesByItselfCanBeStopped) {
   fake().initialized = false;
   fake().auto_init_ms = 60'000;
-  MakeSigma();
+  Make();
   ASSERT_TRUE(device_->Streams());
+  (*device_)->Calibrate();
+  EXPECT_TRUE(device_->Logs("moves by itself in 3 s"));
+  (*device_)->StopMoving();
+  EXPECT_TRUE(device_->Logs("it was stopped"));
+  EXPECT_EQ(fake().auto_inits, 0);
+  device_->Forget();
+  (*device_)->Calibrate();
+  ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
+  (*device_)->StopMoving();
+  EXPECT_TRUE(Eventually([&] { return !fake().in_auto_init; }));
+  EXPECT_TRUE(device_->Logs("it was stopped"));
+  EXPECT_FALSE(fake().forces_enabled);
   (*device_)->Calibrate();
   ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
   (*device_)->Stop();
-  EXPECT_TRUE(fake().in_auto_init);
-  fake().auto_init_ms = 0;
-  EXPECT_TRUE(Eventually([&] { return !fake().opened; }));
+  EXPECT_FALSE(fake().in_auto_init);
+  EXPECT_FALSE(fake().opened);
 }
 
 TEST_F(ForceDimensionTest, AnOmegaIsCalibratedByHandAndItsGripperMayBeAButton) {
-  std::snprintf(fake().system_name, sizeof fake().system_name, "omega.7");
-  fake().has_wrist = fake().has_gripper = true;
+  Be("omega.7", true, false, true);
   Make({.model = "omega.7", .gripper_button = true});
   ASSERT_TRUE(device_->Streams());
   EXPECT_TRUE(fake().emulates_button);
   EXPECT_EQ(palpate::testing::Refusal([&] { (*device_)->Calibrate(); }),
             ErrorKind::kInvalidArgument);
-  fake().buttons = 1;
+  fake().buttons = 7;  // what the others are is not written
   EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().buttons == 1; }));
 }
 

@@ -1,5 +1,5 @@
 // Haply's devices over an emulated service in another process: set-up, axes and signs, and each
-// fault. device_daemon_test.cpp has the whole daemon, killed and frozen. What the real service and
+// fault. vendor_daemon_test.cpp has the whole daemon, killed and frozen. What the real service and
 // its filters do is not shown here.
 #include <gtest/gtest.h>
 
@@ -47,14 +47,18 @@ class HaplyTest : public ::testing::Test {
     return device_->Serve(kPush, [&] { return (Felt_M_n() - kPush.force_n).norm() < 1e-3; });
   }
   bool PushesSoon() { return device_->Streams() && Pushes(); }
-  // The device is lost, says why, and pushes again once all is well.
-  void ExpectLost(const Json& fault, const std::string& line, const Json& mend) {
+  bool IsLastZero() { return Report()["last_force"] == Json::array({0.0, 0.0, 0.0}); }
+  // The device is lost, says why, the last force is zero, and it pushes again once all is well.
+  // `hears`: it can be told a zero; else its session ends.
+  void ExpectLost(const Json& fault, const std::string& line, const Json& mend, bool hears = true) {
     Set(fault);
     EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }))
         << fault;
-    EXPECT_TRUE(device_->Logs(line, kPush)) << fault << device_->log();
+    EXPECT_TRUE(Eventually([&] { return hears ? IsLastZero() : Felt_M_n().isZero(); })) << fault;
+    EXPECT_TRUE(device_->Logs(line)) << fault << device_->log();
     Set(mend);
     EXPECT_TRUE(Pushes()) << fault << device_->log();
+    device_->Forget();
   }
 
   HaplyService service_;
@@ -79,9 +83,10 @@ TEST_F(HaplyTest, ASessionIsSetUpOnceAndEndsWithZeroAndInOrder) {
     EXPECT_NE((*device_)->health().identity.find(part), std::string::npos) << part;
   }
   EXPECT_EQ(report["sessions_opened"], 1);
+  EXPECT_TRUE(device_->log().find("ignores") == std::string::npos) << device_->log();
   (*device_)->Stop();
   EXPECT_TRUE(Eventually([&] { return Report()["sessions_closed"] == 1; }));
-  EXPECT_TRUE(Report()["last_was_zero"].get<bool>());
+  EXPECT_TRUE(IsLastZero());
   EXPECT_EQ(Report()["close_code"], 1000);
 }
 
@@ -130,6 +135,11 @@ TEST_F(HaplyTest, TheGripTurnsAsAStylusAndHasButtons) {
   Set({{"grip", "asleep"}});
   EXPECT_TRUE(device_->Logs("sleeps or is gone"));
   EXPECT_EQ(device_->state().buttons, 0u);
+  Set({{"grip", "none"}});
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  Set({{"grip", "wired"}});  // switched on later
+  EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().buttons == 1; }));
 }
 
 TEST_F(HaplyTest, EveryGripAndVersionWorks) {
@@ -190,8 +200,11 @@ TEST_F(HaplyTest, WhatCannotBeOpenedIsExplained) {
 TEST_F(HaplyTest, TheIdChoosesAmongTwo) {
   Set({{"second_device", true}});
   Make({.serial = "0B2C"});
-  ASSERT_TRUE(device_->Streams());
+  ASSERT_TRUE(PushesSoon());
   EXPECT_NE((*device_)->health().identity.find("0B2C"), std::string::npos);
+  const std::string first = Report()["first_messages"][0].get<std::string>();
+  EXPECT_NE(first.find("0B2C"), std::string::npos);
+  EXPECT_EQ(first.find("049D"), std::string::npos);
 }
 
 // Nothing is commanded until it is as it must be.
@@ -207,6 +220,12 @@ TEST_F(HaplyTest, WithoutCalibrationOrWithForeignSettingsThereIsNoForce) {
       {{{"status", {{"power_supply", false}}}}, {{"status", {{"power_supply", true}}}}, "power"},
       {{{"transform_scale", 2.0}}, {{"transform_scale", 1.0}}, "another program"},
       {{{"foreign_mount", {{"scale", kScale}}}}, {{"foreign_mount", nullptr}}, "another program"},
+      {{{"foreign_mount", {{"position", {{"x", 0.1}, {"y", 0.0}, {"z", 0.0}}}}}},
+       {{"foreign_mount", nullptr}},
+       "another program"},
+      {{{"foreign_mount", {{"rotation", {{"w", 0.0}, {"x", 1.0}, {"y", 0.0}, {"z", 0.0}}}}}},
+       {{"foreign_mount", nullptr}},
+       "another program"},
       {{{"foreign_basis", "XZY"}}, {{"foreign_basis", nullptr}}, "another program"},
       {{{"foreign_damping", 0.5}}, {{"foreign_damping", nullptr}}, "another program"}};
   Make();
@@ -223,13 +242,42 @@ TEST_F(HaplyTest, WithoutCalibrationOrWithForeignSettingsThereIsNoForce) {
     EXPECT_EQ(Report()["counts"]["forces"], before);
     Set(one.right);
     EXPECT_TRUE(Pushes()) << one.right;
+    device_->Forget();
   }
-  device_.reset();
-  Set({{"force_scale", 0.5}});
-  const Json forces = Report()["counts"]["forces"];
-  Make();
-  EXPECT_TRUE(device_->Logs("force scale to 1", kPush));
-  EXPECT_EQ(Report()["counts"]["forces"], forces);
+  // The service's factor on all forces.
+  const struct {
+    Json scale;
+    std::string part;  // "": pushes
+  } scales[] = {
+      {{{"force_scale", 0.5}}, "force scale to 1"},
+      {{{"http_text", {{"/settings/devices/force_scale", "0.5"}}}}, "force scale to 1"},
+      {{{"http_text", {{"/settings/devices/force_scale", "1"}}}}, ""},
+      {{{"http_text", {{"/settings/devices/force_scale", "{\"value\":2}"}}}}, "scale to 1"},
+      {{{"http_text", {{"/settings/devices/force_scale", "[1]"}}}}, "does not tell"}};
+  for (const auto& one : scales) {
+    device_.reset();
+    Set(one.scale);
+    const Json forces = Report()["counts"]["forces"];
+    Make();
+    if (one.part.empty()) {
+      EXPECT_TRUE(PushesSoon());
+    } else {
+      EXPECT_TRUE(device_->Logs(one.part, kPush)) << one.scale;
+      EXPECT_EQ(Report()["counts"]["forces"], forces);
+    }
+    Set({{"force_scale", 1.0}, {"http_text", nullptr}});
+  }
+}
+
+TEST_F(HaplyTest, AServiceThatDoesNotTellItsVersionIsNotDriven) {
+  for (const Json& fault :
+       {Json{{"http_silent", true}}, Json{{"http_text", {{"/version", "?"}}}}}) {
+    Set(fault);
+    Make();
+    EXPECT_TRUE(device_->HasProblem("does not tell its version")) << (*device_)->health().problem;
+    EXPECT_EQ(Report()["counts"]["forces"], 0);
+    Set({{"http_silent", false}, {"http_text", nullptr}});
+  }
 }
 
 TEST_F(HaplyTest, AServiceThatIgnoresForcesIsWarnedOf) {
@@ -247,6 +295,7 @@ TEST_F(HaplyTest, LateAndStrangeAnswersAreNoReadings) {
   const auto state = [](const std::string& position) {
     return R"({"inverse3":[{"device_id":"049D","state":{"cursor_position":)" + position + "}}]}";
   };
+  // What is strange about others does not matter: only our arm's state does.
   const std::vector<Json> faults = {{{"text", "hello"}},
                                     {{"text", "{\"inverse3\":[{"}},
                                     {{"text", nested}},
@@ -255,7 +304,7 @@ TEST_F(HaplyTest, LateAndStrangeAnswersAreNoReadings) {
                                     {{"text", state("{\"x\":1,\"y\":2}")}},
                                     {{"text", state("{\"x\":1e999,\"y\":2,\"z\":3}")}},
                                     {{"text", state("{\"x\":\"1\",\"y\":2,\"z\":3}")}},
-                                    {{"replace", {"\"w\": 1.0", "\"w\": 0.0"}}},
+                                    {{"text", state("{\"x\":1e306,\"y\":2,\"z\":3}")}},
                                     {{"binary", 1}},
                                     {{"unasked", 1}},
                                     {{"double_replies", 1}}};
@@ -268,14 +317,20 @@ TEST_F(HaplyTest, LateAndStrangeAnswersAreNoReadings) {
     EXPECT_TRUE(device_->state().p_MHip_mm.allFinite());
     EXPECT_LT(device_->state().p_MHip_mm.norm(), 1000.0);
   }
+  Set({{"replace", {"\"orientation\": {\"w\": 1.0", "\"orientation\": {\"w\": 0.0"}}});
+  EXPECT_TRUE(device_->Logs("sleeps or is gone", kPush));
   EXPECT_TRUE((*device_)->health().connections == 1) << device_->log();
   Set({{"reply_delay_ms", {{"ms", 3}, {"count", 1}}}, {"ping", 3}});
   EXPECT_TRUE(Pushes());
-  ExpectLost({{"drop_replies", 1}}, "not answered for 100 ms", Json::object());
-  ExpectLost({{"reply_delay_ms", {{"ms", 150}, {"count", 1}}}}, "not answered for 100 ms",
+  ExpectLost({{"drop_replies", 1}}, "no reading for 100 ms", Json::object());
+  ExpectLost({{"reply_delay_ms", {{"ms", 150}, {"count", 1}}}}, "no reading for 100 ms",
              Json::object());
-  ExpectLost({{"huge", 1}}, "ended the connection", Json::object());
-  ExpectLost({{"device_present", false}}, "unplugged", {{"device_present", true}});
+  ExpectLost({{"huge", 1}}, "ended the connection", Json::object(), false);
+  ExpectLost({{"device_present", false}}, "unplugged", {{"device_present", true}}, false);
+  Set({{"events_refused", true}});
+  EXPECT_TRUE(device_->Logs("ended its events"));
+  Set({{"events_refused", false}});
+  EXPECT_TRUE(Pushes());
   service_.Drop();
   EXPECT_TRUE(device_->Logs("ended the connection"));
   EXPECT_TRUE(Pushes());
@@ -284,12 +339,17 @@ TEST_F(HaplyTest, LateAndStrangeAnswersAreNoReadings) {
 TEST_F(HaplyTest, AForceThatMustEndDoesNotWaitForALateAnswer) {
   Make();
   ASSERT_TRUE(PushesSoon());
-  Set({{"reply_delay_ms", {{"ms", 60}, {"count", 1}}}});
-  EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() != DeviceStatus::kOk; }));
-  EXPECT_TRUE(device_->Serve(kPush, [&] { return Report()["zero_repeats"] >= 1; }));
+  // An answer that is 8 ms late: the zero is there before it, unless this machine stood still.
+  const auto is_repeated = [&] {
+    const Json before = Report()["zero_repeats"];
+    Set({{"reply_delay_ms", {{"ms", 8}, {"count", 1}}}});
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() != DeviceStatus::kOk; }));
+    EXPECT_TRUE(Pushes());
+    return Report()["zero_repeats"] > before;
+  };
+  EXPECT_TRUE(Eventually(is_repeated));
   EXPECT_LE(Report()["most_unanswered"], 2);
   asks_too_early_ = true;
-  EXPECT_TRUE(Pushes());
 }
 
 TEST_F(HaplyTest, AServoThatIsSilentCommandsZeroAndNoOldForceComesBack) {
@@ -315,10 +375,20 @@ TEST_F(HaplyTest, TheDevicesOwnStopsAreFaultsAndOtherEventsAreLogged) {
   service_.SendEvent(event("device-battery-low", "warning", ""));
   EXPECT_TRUE(device_->Logs("battery-low", kPush));
   EXPECT_TRUE(Pushes());
+  Json other = event("device-safety-triggered", "error", "ebrake_triggered");
+  other["data"]["device_id"] = "0B2C";  // another arm's
+  service_.SendEvent(other);
   service_.SendEvent({{"name", 7}});
+  std::this_thread::sleep_for(milliseconds(50));
+  EXPECT_TRUE(Pushes());
+  EXPECT_EQ((*device_)->health().connections, 1u);
   for (const char* safety : {"ebrake_triggered", "stall_detected"}) {
-    service_.SendEvent(event("device-safety-triggered", "error", safety));
+    Json stop = event("device-safety-triggered", "error", safety);
+    stop["message"] = nullptr;
+    stop["level"] = 3;
+    service_.SendEvent(stop);
     EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
+    EXPECT_TRUE(Eventually([&] { return IsLastZero(); }));
     EXPECT_TRUE(device_->Logs(safety)) << device_->log();
     EXPECT_TRUE(Pushes());
   }

@@ -26,6 +26,8 @@ class VendorDaemon : public DaemonRig {
   virtual std::string config() const = 0;
   virtual void Place(const Vec3& p_mm) = 0;
   virtual Vec3 Felt_n() = 0;
+  // Its last force was zero, and it was let go of in order.
+  virtual void ExpectLetGo() = 0;
   // How often the device was read and got a force.
   virtual std::pair<double, double> ReadingsAndForces() = 0;
 
@@ -57,6 +59,13 @@ class ForceDimensionDaemon final : public VendorDaemon {
   }
   void Place(const Vec3& p_mm) override { hand_.Place(p_mm); }
   Vec3 Felt_n() override { return hand_.Felt_n(); }
+  void ExpectLetGo() override {
+    EXPECT_EQ(Vec3(device.force[0], device.force[1], device.force[2]), Vec3(0, 0, 0));
+    EXPECT_FALSE(device.forces_enabled);
+    EXPECT_EQ(device.closes, 1);
+    EXPECT_EQ(device.force_off_cause, 0);  // its watchdog had nothing to do
+    EXPECT_EQ(drd_.Breaches(), std::vector<std::string>{});
+  }
   std::pair<double, double> ReadingsAndForces() override {
     return {device.positions_read, device.forces_set};
   }
@@ -86,6 +95,12 @@ class HaplyDaemon final : public VendorDaemon {
   }
   void Place(const Vec3& p_mm) override { hand_.Place(p_mm); }
   Vec3 Felt_n() override { return hand_.Felt_n(); }
+  void ExpectLetGo() override {
+    const nlohmann::json report = service.Report();
+    EXPECT_EQ(report["last_force"], nlohmann::json::array({0.0, 0.0, 0.0}));
+    EXPECT_EQ(report["close_code"], 1000);
+    EXPECT_EQ(report["breaches"], nlohmann::json::array());
+  }
   std::pair<double, double> ReadingsAndForces() override {
     const nlohmann::json counts = service.Report()["counts"];
     return {counts["replies"].get<double>(), counts["forces"].get<double>()};
@@ -110,6 +125,7 @@ TYPED_TEST(VendorDaemonTest, EndsWithoutForce) {
   ASSERT_TRUE(this->rig_.Pushes());
   this->rig_.End();
   EXPECT_TRUE(this->rig_.Felt_n().isZero());
+  this->rig_.ExpectLetGo();
 }
 
 // The firmware's watchdog brakes the one, and the end of its session ends the other's force.

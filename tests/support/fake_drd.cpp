@@ -2,6 +2,8 @@
 // PALPATE_FAKE_DRD_MISSING: without one of them. PALPATE_FAKE_DRD_OLD: a version that is too old.
 #include "tests/support/fake_drd.h"
 
+#include <signal.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -28,6 +30,7 @@ enum Error {
   kExpertModeOff = 9,
   kNotImplemented = 10,
   kIndex = 15,
+  kNotEnabled = 19,
   kInUse = 20,
   kInvalid = 21
 };
@@ -163,6 +166,7 @@ int Open(FakeDrdRecord& record, std::size_t n) {
   device.emulates_button = false;
   device.max_force = device.max_torque = device.max_gripper_force = -1.0;
   device.owner_pid = getpid();
+  signal(SIGINT, SIG_IGN);  // the vendor's library has code to do so
   device.opened = true;
   ++device.opens;
   return static_cast<int>(n) + kFakeDrdFirstId;
@@ -214,6 +218,10 @@ int ReadPosition(const Call& call, double* px, double* py, double* pz) {
   if (!call->present) return Fail(kCom);
   const int result = call->position_result;
   if (result < 0) return Fail(call->position_error);
+  if (call->fail_next_positions > 0) {
+    --call->fail_next_positions;
+    return Fail(kCom);
+  }
   *px = call->gives_nan ? std::numeric_limits<double>::quiet_NaN() : call->position[0].load();
   *py = call->position[1];
   *pz = call->position[2];
@@ -375,6 +383,7 @@ int dhdEnableForce(unsigned char on, char id) {
   const Call call("dhdEnableForce", id);
   if (!call) return -1;
   ++(on != 0 ? call->enable_ons : call->enable_offs);
+  if (on == 0 && call->off_result < 0) return Fail(kCom);
   if (on == 0) return DisableForce(call);
   // The motors start without the last command: it is from before they were off.
   if (!call->forces_enabled || call->force_off_cause != 0) call->commanded = false;
@@ -440,6 +449,7 @@ int dhdGetStatus(int status[], char id) {
   const Call call("dhdGetStatus", id);
   if (!call) return -1;
   ++call->statuses_read;
+  if (call->status_result < 0) return Fail(kCom);
   const bool has_forces = !call->IsBraked(FakeDrdNowNs());
   const int cause = call->force_off_cause;
   const bool brakes = !has_forces && (call->brakes_on || cause != 0);
@@ -474,9 +484,14 @@ int drdAutoInit(char id) {
   if (!call->is_supported) return Fail(kNotImplemented);
   call->needs_drd_stop = true;
   call->in_auto_init = true;
-  for (int ms = 0; ms < call->auto_init_ms && call->present; ms += 10)
+  // Forces that are switched off end the motion.
+  const int offs = call->enable_offs;
+  for (int ms = 0; ms < call->auto_init_ms && call->present && call->enable_offs == offs; ms += 10)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   call->in_auto_init = false;
+  if (call->enable_offs != offs) return Fail(kNotEnabled);
+  call->forces_enabled = true;  // it holds the arm, until drdStop or somebody ends that
+  call->last_command_ns = FakeDrdNowNs();
   if (!call->present) return Fail(kCom);
   const int result = call->auto_init_result;
   if (result < 0) return Fail(call->auto_init_error);
@@ -485,12 +500,12 @@ int drdAutoInit(char id) {
   return result;
 }
 
-int drdStop(bool, char id) {
+int drdStop(bool keep_forces, char id) {
   const Call call("drdStop", id);
   if (!call) return -1;
   ++call->drd_stops;
   call->needs_drd_stop = false;
-  return 0;
+  return keep_forces ? 0 : DisableForce(call);
 }
 
 int dhdErrorGetLast() { return last_error; }

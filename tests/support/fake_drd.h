@@ -63,7 +63,10 @@ struct FakeDrdDevice {
   std::atomic<int> force_off_cause = 0;   // the firmware's stop; dhdEnableForce(1) clears it
   std::atomic<int> position_result = 0;   // -1: error, 1: recent data
   std::atomic<int> position_error = 2;
-  std::atomic<int> force_result = 0;  // -1: error, 2: motors saturated
+  std::atomic<int> fail_next_positions = 0;  // so many, as with position_result -1
+  std::atomic<int> status_result = 0;        // -1: error 2
+  std::atomic<int> off_result = 0;           // of dhdEnableForce(0), which then does nothing
+  std::atomic<int> force_result = 0;         // -1: error, 2: motors saturated
   std::atomic<int> force_error = 2;
   std::atomic<bool> gives_nan = false;
   std::atomic<bool> gives_singular = false;

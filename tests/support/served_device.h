@@ -39,6 +39,12 @@ class ServedDevice {
     });
   }
   const std::string& log() const { return log_; }
+  // What was logged so far counts no more.
+  void Forget() {
+    while (device_->NextEvent()) {
+    }
+    log_.clear();
+  }
 
   // Serves until it is so. Forces are enabled.
   bool Serve(const std::function<Wrench(const DeviceState&)>& wrench_M,

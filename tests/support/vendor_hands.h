@@ -26,6 +26,10 @@ class ForceDimensionHand {
     for (int n = 0; n < 9; ++n) device_.rotation.at(static_cast<std::size_t>(n)) = R(n / 3, n % 3);
   }
   void Press(unsigned int buttons) { device_.buttons = buttons; }
+  Eigen::Vector3d FeltTorque_n_mm() const {
+    if (device_.IsBraked(FakeDrdNowNs()) || !device_.commanded) return Eigen::Vector3d::Zero();
+    return 1000.0 * Eigen::Vector3d(device_.torque[1], device_.torque[2], device_.torque[0]);
+  }
   Eigen::Vector3d Felt_n() const {
     const std::int64_t now_ns = FakeDrdNowNs();
     return {device_.FeltForceN(1, now_ns), device_.FeltForceN(2, now_ns),

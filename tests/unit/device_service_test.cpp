@@ -49,6 +49,7 @@ class FakeDevice : public HapticDevice {
     const std::lock_guard lock(mutex_);
     health_.calibrated = true;
   }
+  void StopMoving() noexcept override { ++stops; }
   void MoveArmToCalibrate() { spec_.calibration_moves_arm = true; }
   void SetHealth(const DeviceHealth& health) {
     const std::lock_guard lock(mutex_);
@@ -59,6 +60,7 @@ class FakeDevice : public HapticDevice {
   std::atomic<bool> docked{false};
   std::atomic<std::uint32_t> buttons{0};
   std::atomic<int> pushes{0};
+  std::atomic<int> stops{0};  // of what it does by itself
 
  private:
   DeviceDescription spec_;
@@ -425,6 +427,10 @@ TEST(DeviceService, AnArmThatMovesByItselfIsNamedAndItsForcesAreOff) {
   EXPECT_TRUE(Has(status, "calibrate fake-usb")) << status.error_message();
   EXPECT_EQ(rig.Calibrate(response, "falcon").error_code(), StatusCode::INVALID_ARGUMENT);
   EXPECT_TRUE(rig.Calibrate(response, "fake-usb").ok());
+  EXPECT_TRUE(rig.Disable().ok());
+  EXPECT_EQ(rig.device.stops, 1);
+  EXPECT_TRUE(rig.Stop().ok());
+  EXPECT_EQ(rig.device.stops, 2);
   // Held forces would come back once it is calibrated.
   rig.device.docked = true;
   ASSERT_TRUE(rig.Enable("fake-usb").ok());

@@ -135,7 +135,8 @@ LIBRARIES = {
     "libusb": (r"libusb", ["server/device/usb"]),
     "toml++": (r"toml\+\+/", ["server/security", "server/state", "server/app",
                                "client/doctor", "client/sdk", "client/web/app"]),
-    "Boost.Asio and Boost.Beast": (r"boost/(asio|beast)", ["client/web/http", "client/web/app"]),
+    "Boost.Asio and Boost.Beast": (r"boost/(asio|beast)", [
+        "server/device/haply", "client/web/http", "client/web/app"]),
     "spdlog": (r"spdlog/", ["server/log", "server/app"]),
     "OpenSSL": (r"openssl/", ["server/security", "client/doctor", "client/web/access",
                               "client/web/http"]),

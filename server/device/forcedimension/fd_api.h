@@ -30,6 +30,7 @@ inline constexpr int kStatusForceOffCause = 14;
 inline constexpr int kOffByButton = 1;
 inline constexpr int kOffByVelocity = 2;
 inline constexpr int kOffByWatchdog = 3;
+inline constexpr int kOffByUsb = 5;
 inline constexpr int kOffByDeadMan = 6;
 
 struct Functions {

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <array>
-#include <csignal>
 #include <utility>
 
 #include "common/error/error.h"
@@ -16,23 +14,17 @@ constexpr const char* kAdvice =
     "install Force Dimension's SDK 3.10 or later: copy its libdrd.so.3.x.y to /usr/local/lib and "
     "run ldconfig as root, or set [device] forcedimension_library to the file";
 
-class KeptSignals {
- public:
-  KeptSignals() {
-    for (std::size_t n = 0; n < kSignals.size(); ++n) sigaction(kSignals[n], nullptr, &kept_[n]);
-  }
-  ~KeptSignals() {
-    for (std::size_t n = 0; n < kSignals.size(); ++n) sigaction(kSignals[n], &kept_[n], nullptr);
-  }
-  KeptSignals(const KeptSignals&) = delete;
-  KeptSignals& operator=(const KeptSignals&) = delete;
-
- private:
-  static constexpr std::array<int, 3> kSignals = {SIGINT, SIGTERM, SIGPIPE};
-  std::array<struct sigaction, 3> kept_{};
-};
-
 }  // namespace
+
+KeptSignals::KeptSignals() noexcept {
+  for (std::size_t n = 0; n < kSignals.size(); ++n)
+    sigaction(kSignals.at(n), nullptr, &kept_.at(n));
+}
+
+KeptSignals::~KeptSignals() {
+  for (std::size_t n = 0; n < kSignals.size(); ++n)
+    sigaction(kSignals.at(n), &kept_.at(n), nullptr);
+}
 
 FdLibrary::FdLibrary(const std::string& path) {
   const KeptSignals kept;

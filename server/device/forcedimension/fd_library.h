@@ -1,15 +1,30 @@
 // Loads Force Dimension's library at run time: libdrd, which has the functions of libdhd, too.
 //
-// Threads, ownership: as VendorLibrary. The program's handlers of SIGINT, SIGTERM and SIGPIPE stay
-// as they are: the library has code to set some.
+// Threads, ownership: as VendorLibrary.
 // Errors: Error (kNotFound) if the library or a function is missing, or if it is too old.
 #pragma once
 
+#include <array>
+#include <csignal>
 #include <string>
 
 #include "server/device/forcedimension/fd_api.h"
 
 namespace palpate {
+
+// Keeps the program's handlers of SIGINT, SIGTERM and SIGPIPE: the library has code to set some.
+// Around what opens a device or moves it.
+class KeptSignals {
+ public:
+  KeptSignals() noexcept;
+  ~KeptSignals();
+  KeptSignals(const KeptSignals&) = delete;
+  KeptSignals& operator=(const KeptSignals&) = delete;
+
+ private:
+  static constexpr std::array<int, 3> kSignals = {SIGINT, SIGTERM, SIGPIPE};
+  std::array<struct sigaction, 3> kept_{};
+};
 
 class FdLibrary {
  public:

@@ -51,15 +51,14 @@ const FdModel& FdModelOf(std::string_view name) {
   for (const FdModel& model : kModels) {
     if (model.name == name) return model;
   }
-  throw Error(
-      ErrorKind::kInvalidArgument,
-      fmt::format("[device] forcedimension_model must be {}, not \"{}\"", FdModelNames(), name));
+  throw Error(ErrorKind::kInvalidArgument,
+              fmt::format("a model must be {}, not \"{}\"", FdModelNames(), name));
 }
 
 const FdModel* FdModelWith(const FdAbilities& abilities) {
   const std::string name = Lower(abilities.system_name);
   for (const FdModel& model : kModels) {
-    if (name.starts_with(model.family()) && model.has_wrist == abilities.has_wrist &&
+    if (name.find(model.family()) != std::string::npos && model.has_wrist == abilities.has_wrist &&
         model.has_torque == abilities.has_torque && model.has_gripper == abilities.has_gripper) {
       return &model;
     }

@@ -2,8 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
+#include <atomic>
+#include <chrono>
+#include <thread>
 #include <utility>
 
 #include "server/device/stream/rotation.h"
@@ -14,7 +15,10 @@ namespace {
 
 constexpr std::int64_t kMsNs = 1'000'000;
 constexpr std::chrono::nanoseconds kPeriod{1'000'000'000 / ForceDimensionBus::kRateHz};
-constexpr int kWatchTicks = ForceDimensionBus::kRateHz / 20;
+constexpr std::int64_t kWatchNs = 50 * kMsNs;
+// LimitRTTIME= ends a thread that does not sleep: a library that is late may be busy all the time.
+constexpr std::chrono::microseconds kLateSleep{50};
+constexpr std::chrono::milliseconds kStopLook{10};
 constexpr std::int64_t kWatchdogStepNs = 125'000;
 constexpr auto kWatchdogSteps =
     static_cast<unsigned char>(ForceDimensionBus::kWatchdogMs * 1e6 / kWatchdogStepNs);
@@ -29,6 +33,8 @@ constexpr const char* kNoPower = "no power: plug in the device's power supply an
 constexpr const char* kNoWatchdog =
     "no forces: this device does not brake by itself when palpated is killed or frozen (firmware "
     "before 3.0); to have forces all the same, set [device] forcedimension_without_watchdog = true";
+constexpr const char* kNoStatus = "the device does not tell its state";
+constexpr const char* kWillMove = "its arm moves by itself in 3 s: keep clear of it";
 constexpr const char* kCalibrates = "being calibrated: the arm moves by itself, keep clear of it";
 
 const char* WhyOff(int cause) {
@@ -41,10 +47,10 @@ const char* WhyOff(int cause) {
       return "its watchdog braked it, as no command came in time";
     case fd::kOffByDeadMan:
       return "no hand was on its handle";
+    case fd::kOffByUsb:
+      return "the USB connection failed: another cable, another port";
     default:
-      return "it has not switched its motors on: press its force button, if it has one, and look "
-             "at "
-             "its lights";
+      return "its motors are not on: press its force button, if it has one, and look at its lights";
   }
 }
 
@@ -79,6 +85,8 @@ FdAbilities FdSession::Abilities() const {
 
 void FdSession::SetUp(const std::atomic<bool>& /*stop*/) {
   const OrdinaryScheduling ordinary;
+  const KeptSignals kept;
+  exchange_.hint = kNoStatus;
   const FdAbilities its = Abilities();
   const FdModel* const known = FdModelWith(its);
   if (known != &model_) {
@@ -103,6 +111,7 @@ void FdSession::SetUp(const std::atomic<bool>& /*stop*/) {
   fd_.serial_number(&serial, id_);
   double firmware = 0.0;
   fd_.firmware_version(&firmware, id_);
+  knows_calibration_ = fd_.knows_calibration(id_);
   identity_ = fmt::format(
       "{}{}, serial number {}, firmware {:g}, SDK {}; gravity compensation {}, {}", its.system_name,
       its.is_left_handed ? " (left-handed)" : "", serial, firmware, library_.version(),
@@ -126,7 +135,9 @@ StreamReceived FdSession::Wait(std::chrono::microseconds /*longest*/, DeviceStat
   const TickTime tick = timer_.WaitForNext();
   received.lost_readings =
       static_cast<std::uint32_t>(tick.missed - std::exchange(missed_, tick.missed));
-  if (ticks_++ % kWatchTicks == 0) Watch(received);
+  if (received.lost_readings > 0) std::this_thread::sleep_for(kLateSleep);
+  // Soon after its motors were switched on: later, that they are off is news.
+  if (tick.started_ns >= next_watch_ns_ || (motors_on_ && !has_been_on_)) Watch(received);
   TakeReading(received, state);
   return received;
 }
@@ -154,42 +165,70 @@ void FdSession::TakeReading(StreamReceived& received, DeviceState& state) {
   received.readings = 1;
 }
 
-void FdSession::Watch(StreamReceived& received) {
-  std::array<int, fd::kStatusRoom> status{};
+bool FdSession::ReadStatus(Status& status) {
   status.fill(-1);  // what an older library does not write
-  if (!Check(fd_.status(status.data(), id_), "dhdGetStatus", bad_readings_)) return;
-  CheckMotors(status.data());
-  const char* const hint = HintOf(status.data());
-  exchange_.hint = hint;
-  is_calibrated_ = *hint == '\0';
-  const std::int64_t now_ns = MonotonicNowNs();
-  if (saturated_since_ns_ != 0 && now_ns - saturated_since_ns_ > kSaturatedNs &&
-      now_ns - saturation_told_ns_ > kTellAgainNs) {
-    saturation_told_ns_ = now_ns;
-    received.warning = "its motors cannot give the whole force at this place; it is scaled down";
+  return Check(fd_.status(status.data(), id_), "dhdGetStatus", bad_statuses_);
+}
+
+void FdSession::Watch(StreamReceived& received) {
+  next_watch_ns_ = MonotonicNowNs() + kWatchNs;
+  Status status;
+  if (!ReadStatus(status)) {
+    is_calibrated_ = false;
+    exchange_.hint = kNoStatus;
+    return;
   }
+  WatchMotors(status, received);
   if (exchange_.calibration_wanted.exchange(false)) {
     calibrates_at_ns_ =
-        now_ns + std::chrono::nanoseconds(ForceDimensionBus::kCalibrationWarning).count();
-    received.warning = fmt::format("its arm moves by itself in {} s: keep clear of it",
-                                   ForceDimensionBus::kCalibrationWarning.count());
-  } else if (calibrates_at_ns_ != 0 && now_ns >= calibrates_at_ns_) {
+        MonotonicNowNs() + std::chrono::nanoseconds(ForceDimensionBus::kCalibrationWarning).count();
+    received.warning = kWillMove;
+  }
+  const char* const hint = HintOf(status);
+  is_calibrated_ = *hint == '\0';
+  const char* const old = exchange_.hint.exchange(calibrates_at_ns_ != 0 ? kWillMove : hint);
+  if (!is_calibrated_ && *old != '\0' && old != hint && received.warning.empty()) {
+    received.warning = hint;
+  }
+  if (calibrates_at_ns_ == 0) return;
+  if (exchange_.stops_moving) {
+    calibrates_at_ns_ = 0;
+    received.warning = "its arm does not move: it was stopped";
+  } else if (MonotonicNowNs() >= calibrates_at_ns_) {
     calibrates_at_ns_ = 0;
     Calibrate(received);
   }
 }
 
-const char* FdSession::HintOf(const int* status) {
+void FdSession::WatchMotors(const Status& status, StreamReceived& received) {
+  const std::int64_t now_ns = MonotonicNowNs();
+  if (motors_on_) {
+    CheckMotors(status);
+  } else if (status[fd::kStatusForce] == 1 && now_ns - switched_ns_ > kMotorsOnNs) {
+    received.warning = "its motors were on by themselves; they are switched off";
+    Switch(false);
+  }
+  if (saturated_since_ns_ != 0 && now_ns - saturated_since_ns_ > kSaturatedNs &&
+      now_ns > saturation_told_ns_) {
+    saturation_told_ns_ = now_ns + kTellAgainNs;
+    received.warning = "its motors cannot give the whole force at this place; it is scaled down";
+  }
+}
+
+const char* FdSession::HintOf(const Status& status) const {
   if (status[fd::kStatusPower] == 0) return kNoPower;
-  const bool is_known = !fd_.knows_calibration(id_) || fd_.is_calibrated(id_);
+  const bool is_known = !knows_calibration_ || fd_.is_calibrated(id_);
   if (status[fd::kStatusReset] == 1 || !is_known) return model_.calibration_hint;
   return brakes_itself_ || options_.without_watchdog ? "" : kNoWatchdog;
 }
 
-void FdSession::CheckMotors(const int* status) const {
-  const bool is_due = motors_on_ && MonotonicNowNs() - switched_ns_ > kMotorsOnNs;
-  if (!is_due || status[fd::kStatusForce] != 0) return;
-  throw BusError(BusFault::kBroken, EndedBy(status[fd::kStatusForceOffCause]));
+void FdSession::CheckMotors(const Status& status) {
+  const bool is_off = status[fd::kStatusForce] == 0;
+  has_been_on_ = has_been_on_ || !is_off;
+  const bool is_due = has_been_on_ || MonotonicNowNs() - switched_ns_ > kMotorsOnNs;
+  if (is_off && is_due) {
+    throw BusError(BusFault::kBroken, EndedBy(status[fd::kStatusForceOffCause]));
+  }
 }
 
 void FdSession::Calibrate(StreamReceived& received) {
@@ -199,12 +238,23 @@ void FdSession::Calibrate(StreamReceived& received) {
   }
   exchange_.hint = kCalibrates;
   const OrdinaryScheduling ordinary;
+  const KeptSignals kept;
+  // The library takes calls from any thread: this one ends the motion when somebody wants that.
+  std::atomic<bool> is_over{false};
+  std::thread stopper([&] {
+    while (!is_over && !exchange_.stops_moving) std::this_thread::sleep_for(kStopLook);
+    if (!is_over) fd_.enable_force(0, id_);
+  });
   const bool is_done = fd_.calibrate(id_) >= 0;
   const std::string error = is_done ? "" : library_.LastError();
+  is_over = true;
+  stopper.join();
   fd_.end_calibration(true, id_);
-  fd_.enable_force(0, id_);
-  received.warning =
-      is_done ? "it has calibrated itself" : "it could not calibrate itself: " + error;
+  Switch(false);  // the library may have left them on
+  exchange_.calibration_wanted = false;
+  received.warning = is_done ? "it has calibrated itself"
+                             : "it could not calibrate itself: " +
+                                   (exchange_.stops_moving ? "it was stopped" : error);
   timer_ = TickTimer(kPeriod, std::chrono::nanoseconds(0));
   missed_ = 0;
   received.restarted = true;
@@ -218,7 +268,8 @@ bool FdSession::TrySend(const DeviceCommand& command) {
   const bool on = command.motors_on && is_calibrated_;
   if (on != motors_on_) Switch(on);
   if (!motors_on_) return true;  // braked: there is nothing to send
-  const int result = SetWrench(command.wrench_M);
+  const int result = SetWrench(on ? command.wrench_M : Wrench{});
+  CheckForce(result);
   if (!Check(result, "dhdSetForceAndTorqueAndGripperForce", bad_forces_)) return true;
   if (result != fd::kSaturated) {
     saturated_since_ns_ = 0;
@@ -228,12 +279,19 @@ bool FdSession::TrySend(const DeviceCommand& command) {
   return true;
 }
 
+// Motors that stay on are a fault. That the device itself has ended its forces is not lost.
 void FdSession::Switch(bool on) {
+  Status status;
+  if (motors_on_ && ReadStatus(status)) CheckMotors(status);
   if (motors_on_) SetWrench({});
-  if (!Check(fd_.enable_force(on ? 1 : 0, id_), "dhdEnableForce", bad_forces_)) return;
+  if (!Check(fd_.enable_force(on ? 1 : 0, id_), "dhdEnableForce", bad_switches_)) {
+    if (on) return;
+    throw BusError(BusFault::kBroken, "its motors do not go off: " + library_.LastError());
+  }
   motors_on_ = on;
   switched_ns_ = commanded_ns_ = MonotonicNowNs();
   saturated_since_ns_ = 0;
+  has_been_on_ = false;
 }
 
 int FdSession::SetWrench(const Wrench& wrench_M) {
@@ -253,21 +311,24 @@ bool FdSession::Check(int result, const char* call, int& errors_in_a_row) {
   const int error = fd_.last_error();
   if (error == fd::kErrorNoDevice) throw BusError(BusFault::kAbsent, "the device is gone");
   if (++errors_in_a_row < kLostCalls) return false;
-  const std::string text = library_.LastError();
-  std::array<int, fd::kStatusRoom> status{};
-  status.fill(-1);
-  if (fd_.status(status.data(), id_) >= 0) CheckMotors(status.data());
-  throw BusError(BusFault::kBroken, fmt::format("{} fails: {}", call, text));
+  throw BusError(BusFault::kBroken, fmt::format("{} fails: {}", call, library_.LastError()));
+}
+
+// The device may say by its status why it takes no force.
+void FdSession::CheckForce(int result) {
+  Status status;
+  const bool is_last = result < 0 && bad_forces_ == kLostCalls - 1;
+  if (is_last && ReadStatus(status)) CheckMotors(status);
 }
 
 bool FdSession::LetGo() noexcept {
   const OrdinaryScheduling ordinary;
-  bool is_off = !motors_on_;
+  bool is_off = false;
   for (int n = 0; motors_on_ && n < kLastZeros; ++n) is_off |= SetWrench({}) >= 0;
   is_off |= fd_.enable_force(0, id_) >= 0;
   fd_.close(id_);
   is_open_ = false;
-  return is_off;
+  return is_off || brakes_itself_;
 }
 
 }  // namespace palpate

@@ -3,6 +3,7 @@
 // Threads, errors: as StreamSession.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -32,13 +33,18 @@ class FdSession final : public StreamSession {
   // Returns whether the device will brake by itself.
   bool SetWatchdog();
   void TakeReading(StreamReceived& received, DeviceState& state);
-  // Looks at the device's status. Throws what ended its forces.
+  using Status = std::array<int, fd::kStatusRoom>;
+  // Returns false if the device does not tell it. Throws after some times in a row.
+  bool ReadStatus(Status& status);
+  // Throws what ended the device's forces, if its motors should be on.
+  void CheckMotors(const Status& status);
   void Watch(StreamReceived& received);
-  const char* HintOf(const int* status);
-  void CheckMotors(const int* status) const;
+  void WatchMotors(const Status& status, StreamReceived& received);
+  const char* HintOf(const Status& status) const;
   void Calibrate(StreamReceived& received);
   void Switch(bool on);
   int SetWrench(const Wrench& wrench_M);
+  void CheckForce(int result);
   // Returns whether a call went well. Throws if the device is gone, or after some errors in a row.
   bool Check(int result, const char* call, int& errors_in_a_row);
 
@@ -55,11 +61,13 @@ class FdSession final : public StreamSession {
   bool is_open_ = true;
   TickTimer timer_;
   std::uint64_t missed_ = 0;  // ticks, as told so far
-  std::uint64_t ticks_ = 0;
+  std::int64_t next_watch_ns_ = 0;
   std::uint64_t errors_ = 0;
-  int bad_readings_ = 0, bad_forces_ = 0;  // in a row
+  int bad_readings_ = 0, bad_forces_ = 0, bad_statuses_ = 0, bad_switches_ = 0;  // in a row
+  bool knows_calibration_ = false;
   bool is_calibrated_ = false;
   bool motors_on_ = false;
+  bool has_been_on_ = false;  // by the device's status, since they were switched on
   std::int64_t switched_ns_ = 0, commanded_ns_ = 0;
   std::int64_t calibrates_at_ns_ = 0;  // 0: it does not
   std::int64_t saturated_since_ns_ = 0;

@@ -25,25 +25,37 @@ Value LineOf(const std::filesystem::path& file) {
 
 }  // namespace
 
-FdPlugged FindPluggedFd() {
-  FdPlugged plugged;
+std::string WhyNoFd(const std::filesystem::path& root) {
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator("/sys/bus/usb/devices", error)) {
+  bool is_plugged = false;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(root / "sys/bus/usb/devices", error)) {
     const std::filesystem::path& device = entry.path();
     if (LineOf<std::string>(device / "idVendor") != kVendor) continue;
-    ++plugged.count;
-    const std::string node = fmt::format("/dev/bus/usb/{:03}/{:03}", LineOf<int>(device / "busnum"),
+    is_plugged = true;
+    const std::string node = fmt::format("dev/bus/usb/{:03}/{:03}", LineOf<int>(device / "busnum"),
                                          LineOf<int>(device / "devnum"));
-    plugged.may_open &= access(node.c_str(), R_OK | W_OK) == 0;
+    if (access((root / node).c_str(), R_OK | W_OK) != 0) {
+      return "this user may not open the device: install deploy/udev/70-palpate.rules, then unplug "
+             "it and plug it in again";
+    }
   }
-  return plugged;
+  return is_plugged ? "it is on USB, but the library does not find it: end other programs that use "
+                      "it, or install a newer SDK"
+                    : "not found: plug it in and switch it on";
 }
 
 ForceDimensionBus::ForceDimensionBus(ForceDimensionOptions options)
-    : options_(std::move(options)), model_(FdModelOf(options_.model)), spec_(FdSpec(model_)) {}
+    : options_(std::move(options)), model_(FdModelOf(options_.model)), spec_(FdSpec(model_)) {
+  if (!options_.gripper_button || model_.has_gripper) return;
+  throw Error(
+      ErrorKind::kInvalidArgument,
+      fmt::format("[device] forcedimension_gripper_button: an {} has no gripper", model_.name));
+}
 
-std::unique_ptr<StreamSession> ForceDimensionBus::Open() {
+std::unique_ptr<StreamSession> ForceDimensionBus::Open(const std::atomic<bool>& /*stop*/) {
   const OrdinaryScheduling ordinary;
+  const KeptSignals kept;
   if (!library_) {
     try {
       library_.emplace(options_.library);
@@ -55,52 +67,50 @@ std::unique_ptr<StreamSession> ForceDimensionBus::Open() {
   return std::make_unique<FdSession>(*library_, Choose(), model_, options_, exchange_);
 }
 
-// Opening is the only way to learn a serial number. It moves nothing.
 char ForceDimensionBus::Choose() const {
-  const fd::Functions& fd = library_->functions();
-  const int count = fd.device_count();
+  const int count = library_->functions().device_count();
   if (count <= 0) {
-    if (!FindPluggedFd().may_open) {
-      throw BusError(BusFault::kPermission,
-                     "this user may not open the device: install deploy/udev/70-palpate.rules, "
-                     "then unplug it and plug it in again");
-    }
-    throw BusError(BusFault::kAbsent, "not found: plug it in and switch it on");
+    const std::string why = WhyNoFd();
+    throw BusError(why.starts_with("this user") ? BusFault::kPermission : BusFault::kAbsent, why);
   }
   std::string others, refused;
-  std::optional<char> chosen;
-  bool is_in_use = false;
+  const std::optional<char> chosen = OpenOne(count, others, refused);
+  if (chosen) return *chosen;
+  if (!others.empty()) {
+    // Opened again and again, they would be missing to others: so not often.
+    throw BusError(BusFault::kUnsuitable,
+                   options_.serial.empty()
+                       ? "several are plugged in, with the serial numbers " + others +
+                             ": set [device] serial to one of them"
+                       : "not found with serial number " + options_.serial + ": plugged in are " +
+                             others +
+                             (refused.empty() ? "" : ", and one that is refused: " + refused));
+  }
+  throw BusError(BusFault::kBusy, refused);
+}
+
+// Opening is the only way to learn a serial number.
+std::optional<char> ForceDimensionBus::OpenOne(int count, std::string& others,
+                                               std::string& refused) const {
+  const fd::Functions& fd = library_->functions();
+  const bool is_any = options_.serial.empty() && count == 1;
   for (int index = 0; index < count; ++index) {
     const int id = fd.open(static_cast<char>(index));
     if (id < 0) {
-      is_in_use |= fd.last_error() == fd::kErrorInUse;
-      refused = library_->LastError();
+      refused = fd.last_error() == fd::kErrorInUse
+                    ? "another program uses the device: end it (another palpated, the vendor's "
+                      "HapticDesk)"
+                    : "cannot open the device: " + library_->LastError();
       continue;
     }
     unsigned short serial = 0;  // NOLINT(google-runtime-int): as in C
     fd.serial_number(&serial, static_cast<char>(id));
     const std::string its = std::to_string(serial);
-    if (!chosen && (options_.serial.empty() || options_.serial == its)) {
-      chosen = static_cast<char>(id);
-    } else {
-      fd.close(static_cast<char>(id));
-    }
+    if (is_any || options_.serial == its) return static_cast<char>(id);
+    fd.close(static_cast<char>(id));
     others += (others.empty() ? "" : ", ") + its;
   }
-  if (chosen && (!options_.serial.empty() || others.find(',') == std::string::npos)) return *chosen;
-  if (chosen) {
-    fd.close(*chosen);
-    throw BusError(BusFault::kAmbiguous, "several are plugged in, with the serial numbers " +
-                                             others + ": set [device] serial to one of them");
-  }
-  if (is_in_use) {
-    throw BusError(BusFault::kBusy,
-                   "another program uses the device: end it (another palpated, the vendor's "
-                   "HapticDesk)");
-  }
-  if (!refused.empty()) throw BusError(BusFault::kBroken, "cannot open the device: " + refused);
-  throw BusError(BusFault::kAbsent,
-                 "not found with serial number " + options_.serial + ": plugged in are " + others);
+  return std::nullopt;
 }
 
 void ForceDimensionBus::RequestCalibration() {
@@ -109,6 +119,7 @@ void ForceDimensionBus::RequestCalibration() {
                 fmt::format("an {} is calibrated by hand: put the calibration pole into its pit",
                             model_.name));
   }
+  exchange_.stops_moving = false;
   exchange_.calibration_wanted = true;
 }
 

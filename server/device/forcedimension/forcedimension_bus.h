@@ -18,6 +18,7 @@
 #pragma once
 
 #include <atomic>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -36,39 +37,39 @@ struct ForceDimensionOptions {
   bool without_watchdog = false;  // forces also from a device that cannot brake by itself
 };
 
-// How many of Force Dimension's devices are plugged in, by the kernel, and whether this user may
-// open them. Any thread.
-struct FdPlugged {
-  int count = 0;
-  bool may_open = true;
-};
-FdPlugged FindPluggedFd();
+// Why the library finds no device, as far as the kernel tells: whether one is plugged in, and
+// whether this user may open it. `root`: the folder that has sys and dev. Any thread.
+std::string WhyNoFd(const std::filesystem::path& root = "/");
 
 class ForceDimensionBus final : public StreamBus {
  public:
   static constexpr int kRateHz = 2000;
   static constexpr double kWatchdogMs = 20.0;
 
-  // Throws Error (kInvalidArgument) for a model that is none.
+  // Throws Error (kInvalidArgument) for a model that is none, or a gripper that it does not have.
   explicit ForceDimensionBus(ForceDimensionOptions options);
 
   const DeviceDescription& spec() const override { return spec_; }
-  std::unique_ptr<StreamSession> Open() override;
+  std::unique_ptr<StreamSession> Open(const std::atomic<bool>& stop) override;
   std::string calibration_hint() const override { return exchange_.hint.load(); }
-  // The arm then moves by itself, after a warning and kCalibrationWarning.
+  // The arm then moves by itself, after a warning and kCalibrationWarning, unless StopMoving comes.
   void RequestCalibration() override;
+  void StopMoving() noexcept override { exchange_.stops_moving = true; }
 
   static constexpr std::chrono::seconds kCalibrationWarning{3};
 
   // What any thread tells the session, and it them.
   struct Exchange {
     std::atomic<bool> calibration_wanted{false};
-    std::atomic<const char*> hint{""};  // why it is not calibrated, or why it gets no force
+    std::atomic<bool> stops_moving{false};  // since then
+    std::atomic<const char*> hint{""};      // why it is not calibrated, or why it gets no force
   };
 
  private:
   // Opens the device, or throws BusError. Returns its ID.
   char Choose() const;
+  // Opens the one with the serial number; among `others` are those of the rest.
+  std::optional<char> OpenOne(int count, std::string& others, std::string& refused) const;
 
   const ForceDimensionOptions options_;
   const FdModel& model_;

@@ -6,6 +6,7 @@
 
 #include "common/error/error.h"
 #include "server/device/haply/haply_session.h"
+#include "server/realtime/thread_setup.h"
 
 namespace palpate {
 namespace {
@@ -36,10 +37,8 @@ DeviceDescription HaplySpec(const std::string& model) {
     spec.max_stiffness_n_per_mm = 0.3;
     spec.position_resolution_mm = 0.05;
   } else {
-    throw Error(
-        ErrorKind::kInvalidArgument,
-        fmt::format("[device] haply_model must be inverse3, inverse3x or minverse, not \"{}\"",
-                    model));
+    throw Error(ErrorKind::kInvalidArgument,
+                fmt::format("a model must be inverse3, inverse3x or minverse, not \"{}\"", model));
   }
   spec.workspace_min_mm = Vec3::Constant(-reach_mm);
   spec.workspace_max_mm = Vec3::Constant(reach_mm);
@@ -74,7 +73,7 @@ std::vector<InverseArm> FindInverseArms(std::uint16_t port) {
     link.Wait(std::chrono::milliseconds(20));
     if (const auto message = link.TakeMessage()) inventory = ParseInverse(message->text);
   }
-  link.Close(kLongest);
+  link.Close(std::chrono::milliseconds(50));
   if (inventory) return inventory->arms;
   throw BusError(BusFault::kTimeout, "what answers there is not Haply's service");
 }
@@ -82,8 +81,9 @@ std::vector<InverseArm> FindInverseArms(std::uint16_t port) {
 HaplyBus::HaplyBus(HaplyOptions options)
     : options_(std::move(options)), spec_(HaplySpec(options_.model)) {}
 
-std::unique_ptr<StreamSession> HaplyBus::Open() {
-  return std::make_unique<HaplySession>(options_, hint_);
+std::unique_ptr<StreamSession> HaplyBus::Open(const std::atomic<bool>& stop) {
+  const OrdinaryScheduling ordinary;
+  return std::make_unique<HaplySession>(options_, hint_, stop);
 }
 
 }  // namespace palpate

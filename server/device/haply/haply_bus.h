@@ -6,9 +6,11 @@
 // A session ends with its connection, and its force with it. How long the service keeps the last
 // force of a palpated that is frozen, its documents do not say.
 //
-// Others may change what a session has set. A mount, basis, scale or damping that is not ours, or a
-// global factor on forces, means that what is shown is not what is felt: the device then counts as
-// not calibrated, and gets no force. The service weakens forces by filters of its own.
+// Others may change what a session has set. If a mount, basis, scale or damping is not ours, what
+// is shown is not what is felt: the device then counts as not calibrated, and gets no force. So it
+// does if there is a global factor on forces, which is looked at when palpated connects. The
+// service weakens forces by filters of its own. Not noticed: a service that answers with the same
+// state for ever.
 //
 // Frame M: its middle is that of the workspace.
 // Threads, errors: as StreamBus. The service is talked to on the I/O thread.
@@ -55,8 +57,7 @@ class HaplyBus final : public StreamBus {
   explicit HaplyBus(HaplyOptions options);
 
   const DeviceDescription& spec() const override { return spec_; }
-  std::unique_ptr<StreamSession> Open() override;
-  bool is_request_response() const override { return true; }
+  std::unique_ptr<StreamSession> Open(const std::atomic<bool>& stop) override;
   std::string calibration_hint() const override { return hint_.load(); }
 
  private:

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "server/realtime/thread_setup.h"
 #include "server/realtime/tick_timer.h"
 
 namespace palpate {
@@ -19,6 +20,7 @@ constexpr std::int64_t kPeriodNs = 1'000'000'000 / HaplyBus::kRateHz;
 constexpr milliseconds kConnectTime{2000}, kEndTime{50};
 constexpr std::int64_t kLateNs = 4 * kMsNs;
 constexpr std::int64_t kLostNs = 100 * kMsNs;
+constexpr std::int64_t kQuietNs = 2 * kMsNs;
 constexpr std::int64_t kFullStateNs = 1000 * kMsNs;
 constexpr double kFeltN = 0.2;
 constexpr std::int64_t kUnfeltNs = 100 * kMsNs, kTellAgainNs = 10'000 * kMsNs;
@@ -28,6 +30,9 @@ constexpr const char* kScaled =
     "no forces: the service multiplies all forces by a factor, so that what is shown is not what "
     "is "
     "felt: set the force scale to 1 in Haply Hub, and start palpated again";
+constexpr const char* kUnknownScale =
+    "no forces: the service does not tell whether it multiplies all forces by a factor: start it "
+    "again, then palpated";
 constexpr const char* kForeign =
     "no forces: the session's basis, mount, scale or damping is not as palpated set it: another "
     "program (Haply Hub, a browser) has changed it; end that program, and start palpated again";
@@ -47,9 +52,10 @@ std::string NamesOf(const auto& devices) {
 
 }  // namespace
 
-HaplySession::HaplySession(const HaplyOptions& options, std::atomic<const char*>& hint)
-    : options_(options), hint_(hint), link_(options.port, kConnectTime, never_) {
-  Choose(Await(kConnectTime, never_));
+HaplySession::HaplySession(const HaplyOptions& options, std::atomic<const char*>& hint,
+                           const std::atomic<bool>& stop)
+    : options_(options), hint_(hint), link_(options.port, kConnectTime, stop) {
+  Choose(Await(kConnectTime, stop));
 }
 
 InverseReply HaplySession::Await(milliseconds longest, const std::atomic<bool>& stop) {
@@ -84,19 +90,26 @@ void HaplySession::Choose(const InverseReply& inventory) {
                    "one of " +
                        NamesOf(inventory.arms));
   }
-  if (chosen->type && *chosen->type != options_.model) {
-    throw BusError(BusFault::kUnsuitable,
-                   fmt::format("the device is an \"{0}\", and [device] haply_model is \"{1}\": set "
-                               "it to \"{0}\", and start palpated again",
-                               *chosen->type, options_.model));
-  }
+  CheckType(*chosen);
   CheckIsFree(*chosen);
   ChooseGrip(inventory);
   arm_ = chosen->id;
   writer_.emplace(arm_, grip_);
-  identity_ = chosen->type.value_or(options_.model) + " " + arm_ +
-              (chosen->about.empty() ? "" : ", " + chosen->about) +
-              (grip_.id.empty() ? ", no grip" : ", grip " + grip_.id);
+  identity_ = options_.model + " " + arm_;
+  if (chosen->config && !chosen->config->about.empty()) identity_ += ", " + chosen->config->about;
+  identity_ += grip_.id.empty() ? ", no grip" : ", grip " + grip_.id;
+}
+
+// A service that does not tell the type is older than the other models.
+void HaplySession::CheckType(const InverseArm& arm) const {
+  const std::string told = arm.config ? arm.config->type : "";
+  const std::string type = told.empty() ? "inverse3" : told;
+  if (type == options_.model) return;
+  throw BusError(
+      BusFault::kUnsuitable,
+      fmt::format("the device is an \"{0}\", and [device] haply_model is \"{1}\": set it "
+                  "to \"{0}\", and start palpated again",
+                  type, options_.model));
 }
 
 void HaplySession::ChooseGrip(const InverseReply& inventory) {
@@ -123,81 +136,112 @@ void HaplySession::CheckIsFree(const InverseArm& arm) const {
 }
 
 void HaplySession::SetUp(const std::atomic<bool>& stop) {
-  const std::optional<std::string> version =
-      GetFromInverse(options_.port, "/version", kConnectTime, stop);
-  const auto number = version ? ParseInverseVersion(*version) : std::nullopt;
-  is_before_3_5_ = !number || *number < std::array<int, 2>{3, 5};
-  const std::optional<std::string> scale =
-      GetFromInverse(options_.port, "/settings/devices/force_scale", kConnectTime, stop);
-  const std::optional<double> factor = scale ? ParseInverseForceScale(*scale) : std::nullopt;
-  is_scaled_ = factor && std::abs(*factor - 1.0) > 1e-6;
-  identity_ += number ? fmt::format(", service {}.{}", (*number)[0], (*number)[1])
-                      : std::string(", service of unknown version");
-  if (!factor) identity_ += ", force scale not told";
+  const OrdinaryScheduling ordinary;
+  ReadSettings(stop);
   if (!link_.ListenToEvents(options_.events_port, kConnectTime, stop)) identity_ += ", no events";
   link_.TrySend(InverseSetUp(arm_));
   const InverseReply reply = Await(kConnectTime, stop);
   const auto arm = std::ranges::find(reply.arms, arm_, &InverseArm::id);
-  is_configured_ = arm != reply.arms.end() && arm->placing.is_native;
+  is_configured_ = arm != reply.arms.end() && IsConfigured(*arm);
   full_state_ns_ = MonotonicNowNs() + kFullStateNs;
+}
+
+// The words of forces depend on the version: a wrong guess would be ignored without a word.
+void HaplySession::ReadSettings(const std::atomic<bool>& stop) {
+  const InverseAnswer version = GetFromInverse(options_.port, "/version", kConnectTime, stop);
+  const auto number = ParseInverseVersion(version.body);
+  if (version.status == 0 || (version.status == 200 && !number)) {
+    throw BusError(BusFault::kTimeout, "Haply's service does not tell its version");
+  }
+  is_before_3_5_ = !number || *number < std::array<int, 2>{3, 5};
+  identity_ += number ? fmt::format(", service {}.{}", (*number)[0], (*number)[1])
+                      : std::string(", service of unknown version");
+  if (is_before_3_5_) identity_ += ", which does not tell its basis and mount";
+  const InverseAnswer scale =
+      GetFromInverse(options_.port, "/settings/devices/force_scale", kConnectTime, stop);
+  const std::optional<double> factor = ParseInverseForceScale(scale.body);
+  // That a service has no such setting, it says.
+  if (scale.status == 404) {
+    identity_ += ", force scale not told";
+  } else if (scale.status != 200 || !factor) {
+    scale_hint_ = kUnknownScale;
+  } else if (!(std::abs(*factor - 1.0) < 1e-6)) {
+    scale_hint_ = kScaled;
+  }
+}
+
+bool HaplySession::IsConfigured(const InverseArm& arm) const {
+  const bool is_told = arm.config && arm.config->tells_placing;
+  return arm.foreign.empty() && (is_told || is_before_3_5_);
 }
 
 StreamReceived HaplySession::Wait(microseconds longest, DeviceState& state) {
   StreamReceived received;
   if (unanswered_ == 0) {
-    const std::int64_t left_ns = std::max<std::int64_t>(due_ns_ - MonotonicNowNs(), 0);
+    const std::int64_t until_ns = std::max(due_ns_, quiet_until_ns_);
+    const std::int64_t left_ns = std::max<std::int64_t>(until_ns - MonotonicNowNs(), 0);
     longest = std::min(longest, microseconds((left_ns + 999) / 1000));
   }
   link_.Wait(longest);
   // Also if an answer comes at last: nobody knows what the service did with the last force.
   if (unanswered_ > 0 && MonotonicNowNs() - sent_ns_ > kLostNs) {
-    throw BusError(BusFault::kTimeout, "Haply's service has not answered for 100 ms");
+    throw BusError(BusFault::kTimeout, "no reading for 100 ms: Haply's service does not answer");
   }
   TakeEvents(received);
   while (const std::optional<InverseLink::Message> message = link_.TakeMessage()) {
-    if (unanswered_ > 0) {
-      --unanswered_;
-      Take(*message, received, state);
-    } else {
-      ++received.corrupt_frames;  // nobody asked
-    }
+    Take(*message, received, state);
   }
   return received;
 }
 
+// What nobody asked for, and what cannot be read, may be the answer to another message than it
+// seems: nothing is sent until it is quiet.
 void HaplySession::Take(const InverseLink::Message& message, StreamReceived& received,
                         DeviceState& state) {
-  const std::optional<InverseReply> reply = ParseInverse(message.text);
-  if (!reply) {
+  const std::optional<InverseReply> reply =
+      unanswered_ > 0 ? ParseInverse(message.text) : std::nullopt;
+  unanswered_ = std::max(unanswered_ - 1, 0);
+  if (!reply || !TryTake(*reply, received, state)) {
     ++received.corrupt_frames;
+    quiet_until_ns_ = message.time_ns + kQuietNs;
     return;
   }
-  const auto arm = std::ranges::find(reply->arms, arm_, &InverseArm::id);
-  if (arm == reply->arms.end()) {
-    throw BusError(BusFault::kAbsent, "Haply's service has lost the device");
-  }
-  if (arm->type) is_configured_ = arm->placing.is_native;
-  const char* const hint = HintOf(*arm);
-  hint_ = hint;
-  is_calibrated_ = *hint == '\0';
-  CheckFelt(*arm, received);
-  TakeGrip(*reply, received, state);
-  state.p_MHip_mm = InverseToM(arm->cursor_m);
-  state.docked = false;
-  state.calibrated = is_calibrated_;
   received.time_ns = message.time_ns;
   received.has_reading = true;
   ++received.readings;
 }
 
+bool HaplySession::TryTake(const InverseReply& reply, StreamReceived& received,
+                           DeviceState& state) {
+  const auto arm = std::ranges::find(reply.arms, arm_, &InverseArm::id);
+  if (arm == reply.arms.end()) {
+    if (reply.has_strange_arm) return false;
+    throw BusError(BusFault::kAbsent, "Haply's service has lost the device");
+  }
+  if (arm->config) is_configured_ = IsConfigured(*arm);
+  const char* const hint = HintOf(*arm);
+  hint_ = hint;
+  is_calibrated_ = *hint == '\0';
+  CheckFelt(*arm, received);
+  TakeGrip(reply, received, state);
+  state.p_MHip_mm = InverseToM(arm->cursor_m);
+  state.docked = false;
+  state.calibrated = is_calibrated_;
+  return true;
+}
+
 const char* HaplySession::HintOf(const InverseArm& arm) const {
   if (!arm.missing.empty()) return HintOfFlag(arm.missing);
-  if (!is_configured_ || !arm.placing.is_native) return kForeign;
-  return is_scaled_ ? kScaled : "";
+  return is_configured_ && arm.foreign.empty() ? scale_hint_ : kForeign;
 }
 
 void HaplySession::TakeGrip(const InverseReply& reply, StreamReceived& received,
                             DeviceState& state) {
+  // One that was switched on after palpated connected.
+  if (grip_.id.empty() && options_.grip.empty() && reply.grips.size() == 1) {
+    grip_ = reply.grips.front();
+    writer_.emplace(arm_, grip_);
+  }
   const auto grip = std::ranges::find(reply.grips, grip_.id, &InverseGrip::id);
   const bool has_grip = grip != reply.grips.end() && grip->is_awake;
   state.R_MS = has_grip ? InverseGripToM(grip->orientation) : Eigen::Quaterniond::Identity();
@@ -226,11 +270,14 @@ void HaplySession::CheckFelt(const InverseArm& arm, StreamReceived& received) {
 void HaplySession::TakeEvents(StreamReceived& received) {
   while (const std::optional<std::string> text = link_.TakeEvent()) {
     const std::optional<InverseEvent> event = ParseInverseEvent(*text);
-    if (!event) continue;
+    if (!event || (!event->arm.empty() && event->arm != arm_)) continue;
     if (event->ends_force) {
       throw BusError(BusFault::kBroken, "the device ended its forces: " + event->text);
     }
-    if (!event->text.empty()) received.warning = event->text;
+    // Some come again and again.
+    if (!event->text.empty() && std::exchange(told_event_, event->text) != event->text) {
+      received.warning = event->text;
+    }
   }
 }
 
@@ -240,7 +287,8 @@ bool HaplySession::TrySend(const DeviceCommand& command) {
   const std::int64_t now_ns = MonotonicNowNs();
   const bool ends_force = force_n.isZero() && !sent_n_.isZero();
   const bool is_late = unanswered_ == 1 && now_ns - sent_ns_ > kLateNs;
-  const bool may_send = unanswered_ == 0 ? now_ns >= due_ns_ : ends_force && is_late;
+  const bool is_due = now_ns >= std::max(due_ns_, quiet_until_ns_);
+  const bool may_send = unanswered_ == 0 ? is_due : ends_force && is_late;
   if (!may_send) return false;
   // A zero ends a force; then nothing is commanded.
   return on || ends_force ? Send(force_n) : Send(std::nullopt);
@@ -261,21 +309,25 @@ bool HaplySession::Send(const std::optional<Vec3>& force_n) {
 }
 
 bool HaplySession::LetGo() noexcept {
-  int zeros = 0;
-  bool has_pushed = !sent_n_.isZero();
+  const OrdinaryScheduling ordinary;
+  const bool has_pushed = !sent_n_.isZero();
+  int zeros = 0;  // that were answered
   try {
     const std::int64_t end_ns = MonotonicNowNs() + kEndTime.count() * kMsNs;
-    int answered = 0;
-    while (writer_ && has_pushed && answered < kLastZeros && MonotonicNowNs() < end_ns) {
-      if (unanswered_ == 0 || zeros == 0) zeros += Send(Vec3(Vec3::Zero())) ? 1 : 0;
+    int others = unanswered_;  // answers that come before those to zeros
+    bool is_under_way = false;
+    while (has_pushed && zeros < kLastZeros && MonotonicNowNs() < end_ns) {
+      if (!is_under_way) is_under_way = Send(Vec3(Vec3::Zero()));
       link_.Wait(milliseconds(1));
       while (link_.TakeMessage()) {
-        unanswered_ = std::max(unanswered_ - 1, 0);
-        ++answered;
+        if (others-- > 0) continue;
+        ++zeros;
+        is_under_way = false;
       }
     }
   } catch (const std::exception&) {
     // The session has ended, and its force with it.
+    zeros = 1;
   }
   link_.Close(kEndTime);
   return !has_pushed || zeros > 0;

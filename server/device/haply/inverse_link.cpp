@@ -20,6 +20,7 @@ namespace {
 namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = beast::http;
+using Clock = std::chrono::steady_clock;
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using ErrorCode = boost::system::error_code;
@@ -31,12 +32,11 @@ asio::ip::tcp::endpoint Loopback(std::uint16_t port) {
   return {asio::ip::address_v4::loopback(), port};
 }
 
-// Runs an operation that was begun until it has ended. Returns false at `longest` or `stop`.
-bool Finish(asio::io_context& context, const bool& is_done, milliseconds longest,
+// Runs an operation that was begun until it has ended. Returns false at `end` or `stop`.
+bool Finish(asio::io_context& context, const bool& is_done, Clock::time_point end,
             const std::atomic<bool>& stop) {
-  const auto end = std::chrono::steady_clock::now() + longest;
   context.restart();
-  while (!is_done && !stop && std::chrono::steady_clock::now() < end) {
+  while (!is_done && !stop && Clock::now() < end) {
     context.run_one_for(kLook);
     context.restart();
   }
@@ -50,6 +50,7 @@ class Line {
 
   // "": connected. Else why not.
   std::string Connect(std::uint16_t port, milliseconds longest, const std::atomic<bool>& stop) {
+    const Clock::time_point until = Clock::now() + longest;
     bool is_done = false;
     ErrorCode error;
     const auto end = [&](ErrorCode code) {
@@ -57,13 +58,13 @@ class Line {
       is_done = true;
     };
     beast::get_lowest_layer(socket_).async_connect(Loopback(port), end);
-    if (!Finish(context_, is_done, longest, stop)) return Abandon("no answer in time");
+    if (!Finish(context_, is_done, until, stop)) return Abandon("no answer in time");
     if (error) return error.message();
     beast::get_lowest_layer(socket_).socket().set_option(asio::ip::tcp::no_delay(true), error);
     socket_.read_message_max(InverseLink::kMostBytes);
     is_done = false;
     socket_.async_handshake("127.0.0.1:" + std::to_string(port), "/", end);
-    if (!Finish(context_, is_done, longest, stop)) return Abandon("no answer in time");
+    if (!Finish(context_, is_done, until, stop)) return Abandon("no answer in time");
     if (error) return error.message();
     Read();
     return "";
@@ -76,21 +77,22 @@ class Line {
     socket_.text(true);
     socket_.async_write(asio::buffer(sent_), [this](ErrorCode error, std::size_t) {
       is_writing_ = false;
-      if (error && !error_) error_ = error;
+      if (error && ended_.empty()) ended_ = error.message();
     });
     return true;
   }
 
   void Close(milliseconds longest) {
     static const std::atomic<bool> kNever{false};
-    bool is_done = error_.failed();
+    bool is_done = !ended_.empty();
     if (!is_done)
       socket_.async_close(beast::websocket::close_code::normal, [&](ErrorCode) { is_done = true; });
-    if (!Finish(context_, is_done, longest, kNever)) Abandon("");
+    if (!Finish(context_, is_done, Clock::now() + longest, kNever)) Abandon("");
   }
 
   int handle() { return beast::get_lowest_layer(socket_).socket().native_handle(); }
-  const ErrorCode& error() const { return error_; }
+  // Why it ended; "": it has not.
+  const std::string& ended() const { return ended_; }
   std::deque<InverseLink::Message> messages;
 
  private:
@@ -105,7 +107,12 @@ class Line {
   void Read() {
     socket_.async_read(buffer_, [this](ErrorCode error, std::size_t) {
       if (error) {
-        error_ = error;
+        ended_ = error.message();
+        return;
+      }
+      // Who sends without end would keep the thread here.
+      if (messages.size() >= InverseLink::kMostMessages) {
+        ended_ = "it sends what nobody asked for";
         return;
       }
       messages.push_back(
@@ -121,7 +128,7 @@ class Line {
   beast::flat_buffer buffer_;
   std::string sent_;
   bool is_writing_ = false;
-  ErrorCode error_{};
+  std::string ended_;
 };
 
 }  // namespace
@@ -165,10 +172,13 @@ void InverseLink::Wait(microseconds longest) {
     ppoll(sockets.data(), sockets.size(), &time, nullptr);
     impl.context.poll();
   }
-  if (impl.events && impl.events->error()) impl.events.reset();
-  if (!impl.line->error() || !impl.line->messages.empty()) return;
-  throw BusError(BusFault::kBroken,
-                 "Haply's service ended the connection (" + impl.line->error().message() + ")");
+  const auto check = [](const Line& line, const char* what) {
+    if (line.ended().empty() || !line.messages.empty()) return;
+    throw BusError(BusFault::kBroken,
+                   std::string("Haply's service ended ") + what + " (" + line.ended() + ")");
+  };
+  check(*impl.line, "the connection");
+  if (impl.events) check(*impl.events, "its events");
 }
 
 std::optional<InverseLink::Message> InverseLink::TakeMessage() {
@@ -195,8 +205,9 @@ void InverseLink::Close(milliseconds longest) noexcept {
   }
 }
 
-std::optional<std::string> GetFromInverse(std::uint16_t port, const std::string& path,
-                                          milliseconds longest, const std::atomic<bool>& stop) {
+InverseAnswer GetFromInverse(std::uint16_t port, const std::string& path, milliseconds longest,
+                             const std::atomic<bool>& stop) {
+  const Clock::time_point until = Clock::now() + longest;
   asio::io_context context{1};
   beast::tcp_stream stream(context);
   bool is_done = false;
@@ -206,24 +217,22 @@ std::optional<std::string> GetFromInverse(std::uint16_t port, const std::string&
     is_done = true;
   };
   const auto goes_well = [&] {
-    const bool is_in_time = Finish(context, is_done, longest, stop);
+    const bool is_in_time = Finish(context, is_done, until, stop);
     is_done = false;
     return is_in_time && !error;
   };
-  const auto get = [&]() -> std::optional<std::string> {
-    stream.async_connect(Loopback(port), end);
-    if (!goes_well()) return std::nullopt;
-    http::request<http::empty_body> request{http::verb::get, path, 11};
-    request.set(http::field::host, "127.0.0.1:" + std::to_string(port));
-    http::async_write(stream, request, end);
-    if (!goes_well()) return std::nullopt;
-    beast::flat_buffer buffer(InverseLink::kMostBytes);
-    http::response<http::string_body> response;
-    http::async_read(stream, buffer, response, end);
-    if (!goes_well() || response.result() != http::status::ok) return std::nullopt;
-    return response.body();
-  };
-  return get();
+  stream.async_connect(Loopback(port), end);
+  if (!goes_well()) return {};
+  http::request<http::empty_body> request{http::verb::get, path, 11};
+  request.set(http::field::host, "127.0.0.1:" + std::to_string(port));
+  http::async_write(stream, request, end);
+  if (!goes_well()) return {};
+  beast::flat_buffer buffer(InverseLink::kMostBytes);
+  http::response_parser<http::string_body> parser;
+  parser.body_limit(InverseLink::kMostBytes);
+  http::async_read(stream, buffer, parser, end);
+  if (!goes_well()) return {};
+  return {.status = static_cast<int>(parser.get().result_int()), .body = parser.get().body()};
 }
 
 }  // namespace palpate

@@ -3,7 +3,7 @@
 //
 // The service listens on this machine only, and asks for no password. It is not looked for
 // elsewhere.
-// Threads: the I/O thread; FindInverse on any. Ownership: the destructor closes the connection.
+// Threads: one, such as the I/O thread. Ownership: the destructor closes the connection.
 // Errors: BusError.
 #pragma once
 
@@ -22,6 +22,7 @@ namespace palpate {
 class InverseLink {
  public:
   static constexpr std::size_t kMostBytes = 64 * 1024;  // of a message
+  static constexpr std::size_t kMostMessages = 8;       // that nobody has taken yet
 
   // Connects; gives up at `longest`, or soon after `stop` becomes true.
   InverseLink(std::uint16_t port, std::chrono::milliseconds longest, const std::atomic<bool>& stop);
@@ -29,7 +30,8 @@ class InverseLink {
   InverseLink(const InverseLink&) = delete;
   InverseLink& operator=(const InverseLink&) = delete;
 
-  // Also listens to the service's events. Returns false if nobody answers there.
+  // Also listens to the service's events. Returns false if nobody answers there. If they end later,
+  // Wait throws.
   bool ListenToEvents(std::uint16_t port, std::chrono::milliseconds longest,
                       const std::atomic<bool>& stop);
 
@@ -52,9 +54,12 @@ class InverseLink {
   std::unique_ptr<Impl> impl_;
 };
 
-// What the service answers to GET; none: no answer, or not 200.
-std::optional<std::string> GetFromInverse(std::uint16_t port, const std::string& path,
-                                          std::chrono::milliseconds longest,
-                                          const std::atomic<bool>& stop);
+// What the service answers to GET.
+struct InverseAnswer {
+  int status = 0;  // 200, 404, ...; 0: there was no answer in time
+  std::string body{};
+};
+InverseAnswer GetFromInverse(std::uint16_t port, const std::string& path,
+                             std::chrono::milliseconds longest, const std::atomic<bool>& stop);
 
 }  // namespace palpate

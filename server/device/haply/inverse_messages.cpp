@@ -12,12 +12,54 @@ namespace {
 
 using Json = nlohmann::json;
 
-// An id is written into messages.
-constexpr std::size_t kMostIdBytes = 64;
+constexpr std::size_t kMostIdBytes = 64;  // it is written into messages
+constexpr std::size_t kMostTextBytes = 200;
+constexpr int kMostDepth = 16;
 constexpr double kSame = 1e-6;
 constexpr double kUnit = 0.01;
+constexpr double kMost_m = 10.0;
 
-// Throws what Json throws, which ParseInverse takes for a bad reply.
+// Whoever reads the texts throws this or Json::exception for what is not as documented.
+struct Strange {};
+
+// What is nested deeply would need a deep stack to be read.
+bool IsFlat(std::string_view text) {
+  int depth = 0;
+  bool is_quoted = false;
+  for (std::size_t n = 0; n < text.size(); ++n) {
+    const char c = text[n];
+    if (is_quoted && c == '\\') ++n;
+    if (c == '"') is_quoted = !is_quoted;
+    if (is_quoted) continue;
+    if (c == '{' || c == '[') ++depth;
+    if (c == '}' || c == ']') --depth;
+    if (depth > kMostDepth) return false;
+  }
+  return true;
+}
+
+Json Parsed(std::string_view text) {
+  return IsFlat(text) ? Json::parse(text, nullptr, false) : Json(Json::value_t::discarded);
+}
+
+// A part that may be missing: an object without members then.
+const Json& Part(const Json& json, const char* key) {
+  static const Json kNone = Json::object();
+  if (!json.is_object()) throw Strange();
+  const auto part = json.find(key);
+  return part == json.end() ? kNone : *part;
+}
+
+std::string TextOf(const Json& json, const char* key) {
+  const Json& part = Part(json, key);
+  return part.is_string() ? OneLine(part.get<std::string>()).substr(0, kMostTextBytes) : "";
+}
+
+bool FlagOf(const Json& json, const char* key, bool otherwise) {
+  const Json& part = Part(json, key);
+  return part.empty() ? otherwise : part.get<bool>();
+}
+
 Vec3 TripleOf(const Json& json) {
   return {json.at("x").get<double>(), json.at("y").get<double>(), json.at("z").get<double>()};
 }
@@ -27,20 +69,15 @@ Eigen::Quaterniond RotationOf(const Json& json) {
           json.at("z").get<double>()};
 }
 
-std::optional<Json> Parsed(std::string_view text) {
-  Json json = Json::parse(text, nullptr, false);
-  if (json.is_discarded() || !json.is_object()) return std::nullopt;
-  return json;
-}
-
-std::string IdOf(const Json& device) {
-  std::string id = device.at("device_id").get<std::string>();
-  const bool is_plain =
-      !id.empty() && id.size() <= kMostIdBytes && std::ranges::all_of(id, [](unsigned char c) {
-        return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.';
-      });
-  if (!is_plain) throw Json::other_error::create(501, "a strange device_id", &device);
-  return id;
+// Names of devices and kinds.
+std::string NameOf(const Json& json) {
+  const std::string name = json.get<std::string>();
+  const bool is_plain = !name.empty() && name.size() <= kMostIdBytes &&
+                        std::ranges::all_of(name, [](unsigned char c) {
+                          return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.';
+                        });
+  if (!is_plain) throw Strange();
+  return name;
 }
 
 bool IsOne(const Json& scale) {
@@ -50,34 +87,32 @@ bool IsOne(const Json& scale) {
 }
 
 // A part that is missing is as it was made.
-bool IsIdentity(const Json& transform) {
-  if (transform.contains("position") && TripleOf(transform["position"]).norm() > kSame)
-    return false;
-  if (transform.contains("rotation") &&
-      std::abs(std::abs(RotationOf(transform["rotation"]).w()) - 1.0) > kSame) {
-    return false;
-  }
-  return !transform.contains("scale") || IsOne(transform["scale"]);
+bool IsIdentity(const Json& placing) {
+  const Json& inner = Part(placing, "transform");
+  const Json& transform = inner.empty() ? placing : inner;
+  const Json& position = Part(transform, "position");
+  const Json& rotation = Part(transform, "rotation");
+  const Json& scale = Part(transform, "scale");
+  return (position.empty() || TripleOf(position).norm() < kSame) &&
+         (rotation.empty() || RotationOf(rotation).vec().norm() < kSame) &&
+         (scale.is_object() && scale.empty() ? true : IsOne(scale));
 }
 
-InversePlacing PlacingOf(const Json& device) {
-  const auto foreign = [](const char* what) { return InversePlacing{false, what}; };
-  const Json& state = device.at("state");
-  if (state.contains("transform") && !IsIdentity(state["transform"])) return foreign("transform");
-  if (!device.contains("config")) return {};
-  const Json& config = device["config"];
-  if (config.contains("mount") && !IsIdentity(config["mount"])) return foreign("mount");
-  const Json basis = config.value("basis", Json::object()).value("permutation", Json("XYZ"));
-  if (basis != "XYZ") return foreign("basis");
-  const Json filters = config.value("filters", Json::object());
-  const Json damping = filters.value("damping", Json::object()).value("scalar", Json(0.0));
-  if (std::abs(damping.get<double>()) > kSame) return foreign("damping");
-  return {};
+// "": as palpated sets it. Else what is not.
+const char* ForeignOf(const Json& device) {
+  const Json& config = Part(device, "config");
+  const Json& basis = Part(Part(config, "basis"), "permutation");
+  const Json& damping = Part(Part(Part(config, "filters"), "damping"), "scalar");
+  if (!IsIdentity(Part(device.at("state"), "transform"))) return "transform";
+  if (!IsIdentity(Part(config, "mount"))) return "mount";
+  if (!basis.empty() && basis != "XYZ") return "basis";
+  if (!damping.empty() && std::abs(damping.get<double>()) > kSame) return "damping";
+  return "";
 }
 
 std::string MissingOf(const Json& status) {
   for (const char* flag : {"power_supply", "started", "ready", "calibrated"}) {
-    if (status.contains(flag) && !status[flag].get<bool>()) return flag;
+    if (!FlagOf(status, flag, true)) return flag;
   }
   return "";
 }
@@ -85,128 +120,128 @@ std::string MissingOf(const Json& status) {
 std::string AboutOf(const Json& config) {
   std::string about;
   const auto add = [&](const std::string& text) { about += (about.empty() ? "" : ", ") + text; };
-  const auto text_of = [&](const char* key) {
-    return config.contains(key) ? OneLine(config[key].is_string() ? config[key].get<std::string>()
-                                                                  : config[key].dump())
-                                : std::string();
-  };
-  if (const std::string version = text_of("extended_firmware_version"); !version.empty()) {
-    add("firmware " + version);
-  }
-  if (const std::string hand = text_of("handedness"); !hand.empty()) add(hand + "-handed");
+  const std::string version = TextOf(config, "extended_firmware_version");
+  const std::string hand = TextOf(config, "handedness");
+  if (!version.empty()) add("firmware " + version);
+  if (!hand.empty()) add(hand + "-handed");
   for (const char* key : {"gravity_compensation", "torque_scaling"}) {
-    if (!config.contains(key)) continue;
+    if (Part(config, key).empty()) continue;
     std::string name = key;
     name[name.find('_')] = ' ';
-    add(name + (config[key].at("enabled").get<bool>() ? " on" : " off"));
+    add(name + (FlagOf(Part(config, key), "enabled", false) ? " on" : " off"));
   }
-  const Json gate = config.value("filters", Json::object()).value("force_gate", Json::object());
-  if (gate.contains("gain")) add(fmt::format("force gate {:g}", gate["gain"].get<double>()));
+  const Json& gain = Part(Part(Part(config, "filters"), "force_gate"), "gain");
+  if (gain.is_number()) add(fmt::format("force gate {:g}", gain.get<double>()));
   return about;
 }
 
 InverseArm ArmOf(const Json& device) {
   const Json& state = device.at("state");
-  InverseArm arm{.id = IdOf(device), .cursor_m = TripleOf(state.at("cursor_position"))};
-  if (state.contains("current_cursor_force")) arm.felt_n = TripleOf(state["current_cursor_force"]);
-  for (const char* key : {"mode", "control_mode"}) {
-    if (state.contains(key)) arm.mode = state[key].get<std::string>();
-  }
-  const Json status = device.value("status", Json::object());
+  InverseArm arm{.id = NameOf(device.at("device_id")),
+                 .cursor_m = TripleOf(state.at("cursor_position"))};
+  if (!(arm.cursor_m.norm() < kMost_m)) throw Strange();
+  const Json& felt = Part(state, "current_cursor_force");
+  if (!felt.empty()) arm.felt_n = TripleOf(felt);
+  arm.mode = TextOf(state, "control_mode");
+  if (arm.mode.empty()) arm.mode = TextOf(state, "mode");
+  const Json& status = Part(device, "status");
   arm.missing = MissingOf(status);
-  arm.is_in_use = status.value("in_use", false);
-  arm.placing = PlacingOf(device);
-  if (device.contains("config")) {
-    arm.type = device["config"].value("type", std::string());
-    arm.about = AboutOf(device["config"]);
-  }
+  arm.is_in_use = FlagOf(status, "in_use", false);
+  arm.foreign = ForeignOf(device);
+  const Json& config = Part(device, "config");
+  if (config.empty()) return arm;
+  const Json& type = Part(config, "type");
+  arm.config =
+      InverseConfig{.type = type.empty() ? "" : NameOf(type),
+                    .about = AboutOf(config),
+                    .tells_placing = config.contains("basis") && config.contains("mount") &&
+                                     config.contains("filters")};
   return arm;
 }
 
 InverseGrip GripOf(const Json& device, const char* family) {
   const Json& state = device.at("state");
-  InverseGrip grip{
-      .id = IdOf(device), .family = family, .orientation = RotationOf(state.at("orientation"))};
-  if (!(std::abs(grip.orientation.norm() - 1.0) < kUnit)) {
-    throw Json::other_error::create(501, "an orientation that is none", &device);
-  }
+  InverseGrip grip{.id = NameOf(device.at("device_id")),
+                   .family = family,
+                   .orientation = RotationOf(state.at("orientation"))};
+  if (!(std::abs(grip.orientation.norm() - 1.0) < kUnit)) throw Strange();
   grip.orientation.normalize();
-  if (state.contains("button")) grip.buttons = state["button"].get<bool>() ? 1u : 0u;
+  if (FlagOf(state, "button", false)) grip.buttons = 1;
   std::uint32_t bit = 1;
   for (const char* key : {"a", "b", "c"}) {
-    if (state.value("buttons", Json::object()).value(key, false)) grip.buttons |= bit;
+    if (FlagOf(Part(state, "buttons"), key, false)) grip.buttons |= bit;
     bit <<= 1;
   }
-  const Json status = device.value("status", Json::object());
+  const Json& status = Part(device, "status");
   for (const char* flag : {"connected", "awake", "ready"}) {
-    grip.is_awake = grip.is_awake && status.value(flag, true);
+    grip.is_awake = grip.is_awake && FlagOf(status, flag, true);
   }
   return grip;
+}
+
+// The devices of a family, each by itself: what is strange about one is not the others'. Returns
+// false if there was a strange one.
+template <class Device, class Read>
+bool Take(const Json& json, const char* family, std::vector<Device>& devices, const Read& read) {
+  bool all_well = true;
+  const Json& list = Part(json, family);
+  for (const Json& device : list) {
+    try {
+      devices.push_back(read(device));
+    } catch (const Json::exception&) {
+      all_well = false;
+    } catch (const Strange&) {
+      all_well = false;
+    }
+  }
+  return all_well;
 }
 
 }  // namespace
 
 std::optional<InverseReply> ParseInverse(std::string_view text) {
-  try {
-    const std::optional<Json> json = Parsed(text);
-    if (!json) return std::nullopt;
-    InverseReply reply;
-    for (const Json& device : json->value("inverse3", Json::array())) {
-      reply.arms.push_back(ArmOf(device));
-    }
-    for (const char* family : {"verse_grip", "wireless_verse_grip", "custom_verse_grip"}) {
-      for (const Json& device : json->value(family, Json::array())) {
-        reply.grips.push_back(GripOf(device, family));
-      }
-    }
-    return reply;
-  } catch (const Json::exception&) {
-    return std::nullopt;
+  const Json json = Parsed(text);
+  if (!json.is_object()) return std::nullopt;
+  InverseReply reply;
+  reply.has_strange_arm = !Take(json, "inverse3", reply.arms, ArmOf);
+  for (const char* family : {"verse_grip", "wireless_verse_grip", "custom_verse_grip"}) {
+    Take(json, family, reply.grips, [&](const Json& device) { return GripOf(device, family); });
   }
+  return reply;
 }
 
 std::optional<std::array<int, 2>> ParseInverseVersion(std::string_view text) {
-  try {
-    const std::optional<Json> json = Parsed(text);
-    std::array<int, 2> version{};
-    if (!json) return std::nullopt;
-    const std::string words = json->at("project_version").get<std::string>();
-    if (std::sscanf(words.c_str(), "%d.%d", &version[0], &version[1]) != 2) return std::nullopt;
-    return version;
-  } catch (const Json::exception&) {
-    return std::nullopt;
-  }
+  const Json json = Parsed(text);
+  std::array<int, 2> version{};
+  if (!json.is_object()) return std::nullopt;
+  const std::string words = TextOf(json, "project_version");
+  if (std::sscanf(words.c_str(), "%d.%d", &version[0], &version[1]) != 2) return std::nullopt;
+  return version;
 }
 
 // The form of the answer is not written: a number, or an object with one.
 std::optional<double> ParseInverseForceScale(std::string_view text) {
-  const Json json = Json::parse(text, nullptr, false);
+  const Json json = Parsed(text);
   if (json.is_number()) return json.get<double>();
   if (!json.is_object()) return std::nullopt;
   for (const char* key : {"force_scale", "value"}) {
-    if (json.contains(key) && json[key].is_number()) return json[key].get<double>();
+    if (Part(json, key).is_number()) return Part(json, key).get<double>();
   }
   return std::nullopt;
 }
 
 std::optional<InverseEvent> ParseInverseEvent(std::string_view text) {
-  try {
-    const std::optional<Json> json = Parsed(text);
-    if (!json) return std::nullopt;
-    const std::string name = json->at("name").get<std::string>();
-    const Json data = json->value("data", Json::object());
-    const std::string safety = data.value("safety_type", std::string());
-    InverseEvent event;
-    event.ends_force = safety == "ebrake_triggered" || safety == "stall_detected";
-    const std::string level = json->value("level", std::string());
-    if (event.ends_force || level == "warning" || level == "error" || level == "critical") {
-      event.text = OneLine(name + (safety.empty() ? "" : ", " + safety) + ": " +
-                           json->value("message", std::string()));
-    }
-    return event;
-  } catch (const Json::exception&) {
-    return std::nullopt;
+  const Json json = Parsed(text);
+  if (!json.is_object()) return std::nullopt;
+  const Json& data = Part(json, "data").is_object() ? Part(json, "data") : Json::object();
+  const std::string safety = TextOf(data, "safety_type"), level = TextOf(json, "level");
+  InverseEvent event{.arm = TextOf(data, "device_id")};
+  event.ends_force = safety == "ebrake_triggered" || safety == "stall_detected";
+  if (event.ends_force || level == "warning" || level == "error" || level == "critical") {
+    event.text = TextOf(json, "name") + (safety.empty() ? "" : ", " + safety) + ": " +
+                 TextOf(json, "message");
   }
+  return event;
 }
 
 std::string InverseSetUp(std::string_view arm) {

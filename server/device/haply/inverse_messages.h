@@ -16,10 +16,11 @@
 
 namespace palpate {
 
-// What a session has set, or somebody else.
-struct InversePlacing {
-  bool is_native = true;  // basis XYZ, mount and transform identity, damping 0
-  std::string what{};     // which is not; "" if native
+// What is told only in the first reply, and in those that were asked for the full state.
+struct InverseConfig {
+  std::string type{};          // "inverse3", ...; "": not told
+  std::string about{};         // firmware and settings, for people
+  bool tells_placing = false;  // basis, mount and filters, as services from 3.5 on do
 };
 
 // An arm.
@@ -30,10 +31,10 @@ struct InverseArm {
   std::string mode{};            // "idle", "force", ...; "": not told
   std::string missing{};         // the flag of its status that is not as it must be; "": none
   bool is_in_use = false;
-  InversePlacing placing{};
-  // Only in the first reply, and in those that were asked for the full state.
-  std::optional<std::string> type{};  // "inverse3", ...
-  std::string about{};                // firmware and what it reports of itself, for people
+  // Of basis, mount, transform and damping, the one that is not as InverseSetUp sets it; "": none
+  // that is told.
+  std::string foreign{};
+  std::optional<InverseConfig> config{};
 };
 
 // A handle.
@@ -45,12 +46,14 @@ struct InverseGrip {
   std::uint32_t buttons = 0;
 };
 
+// Without the devices that are not as documented.
 struct InverseReply {
   std::vector<InverseArm> arms{};
   std::vector<InverseGrip> grips{};
+  bool has_strange_arm = false;
 };
 
-// None: not a reply of the service: no JSON, a value of a wrong type, or a number that is none.
+// None: not a reply of the service.
 std::optional<InverseReply> ParseInverse(std::string_view text);
 // The service's version, from its answer to GET /version: {3, 5}.
 std::optional<std::array<int, 2>> ParseInverseVersion(std::string_view text);
@@ -59,6 +62,7 @@ std::optional<double> ParseInverseForceScale(std::string_view text);
 
 // An event of the service.
 struct InverseEvent {
+  std::string arm{};        // its id; "": not told
   std::string text{};       // for people; "": none
   bool ends_force = false;  // its brake or a stalled motor: the device is locked
 };

@@ -313,7 +313,7 @@ OmniFirewireBus::OmniFirewireBus(const OmniFirewireOptions& options)
       spec_(OmniFirewireSpec(options.motor_counts_per_n_mm.has_value())),
       arm_(options.motor_counts_per_n_mm) {}
 
-std::unique_ptr<StreamSession> OmniFirewireBus::Open() {
+std::unique_ptr<StreamSession> OmniFirewireBus::Open(const std::atomic<bool>& /*stop*/) {
   const std::vector<FwFound> found = FindFwNodes(kOmniVendor);
   return std::make_unique<OmniFirewireSession>(arm_, Choose(found, serial_));
 }

@@ -43,7 +43,7 @@ class OmniFirewireBus final : public StreamBus {
   explicit OmniFirewireBus(const OmniFirewireOptions& options);
 
   const DeviceDescription& spec() const override { return spec_; }
-  std::unique_ptr<StreamSession> Open() override;
+  std::unique_ptr<StreamSession> Open(const std::atomic<bool>& stop) override;
   std::string calibration_hint() const override;
   void RequestCalibration() override { arm_.RequestCalibration(); }
 

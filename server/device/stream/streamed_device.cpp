@@ -52,7 +52,7 @@ struct StreamedDevice::Impl {
 milliseconds StreamedDevice::Impl::Connect() {
   bool is_open = false, is_unsuitable = false;
   try {
-    const std::unique_ptr<StreamSession> session = bus->Open();
+    const std::unique_ptr<StreamSession> session = bus->Open(link.stopping());
     is_open = true;
     seat.SetConnection(DeviceConnection::kConnecting);
     try {
@@ -172,6 +172,7 @@ void StreamedDevice::Start() {
 }
 
 void StreamedDevice::Stop() noexcept {
+  StopMoving();
   if (impl_->link.Stop(kLongestStop)) return;
   impl_->seat.SetConnection(DeviceConnection::kAbsent);
   impl_->seat.log().Add(DeviceEvent::Level::kError,
@@ -190,6 +191,8 @@ DeviceHealth StreamedDevice::health() const {
 }
 
 std::optional<DeviceEvent> StreamedDevice::NextEvent() { return impl_->seat.NextEvent(); }
+
+void StreamedDevice::StopMoving() noexcept { impl_->bus->StopMoving(); }
 
 void StreamedDevice::Calibrate() { impl_->bus->RequestCalibration(); }
 

@@ -62,7 +62,8 @@ class StreamSession {
   virtual std::uint64_t transfer_errors() const = 0;
   // Switches the motors off and stops the device; waits for a bounded time. Tried even if the
   // device seems to be gone: motors that keep their last force are worse than a failed transfer.
-  // Returns true if a zero force or the stop has reached the device.
+  // Returns true if a zero force or the stop has reached the device, or if the device ends its
+  // force by itself.
   virtual bool LetGo() noexcept = 0;
 };
 
@@ -72,8 +73,8 @@ class StreamBus {
   virtual ~StreamBus() = default;
 
   virtual const DeviceDescription& spec() const = 0;
-  // Finds the device and opens it. Throws BusError.
-  virtual std::unique_ptr<StreamSession> Open() = 0;
+  // Finds the device and opens it; gives up soon after `stop` becomes true. Throws BusError.
+  virtual std::unique_ptr<StreamSession> Open(const std::atomic<bool>& stop) = 0;
   // True: the device answers each force with one reading. False: the device streams by itself, and
   // a force is also sent if no reading came for a period.
   virtual bool is_request_response() const { return false; }
@@ -81,13 +82,15 @@ class StreamBus {
   virtual std::string calibration_hint() const = 0;
   // As HapticDevice::Calibrate. Any thread.
   virtual void RequestCalibration();
+  // As HapticDevice::StopMoving.
+  virtual void StopMoving() noexcept {}
 };
 
 class StreamedDevice final : public HapticDevice {
  public:
   static constexpr std::chrono::milliseconds kUnsuitableRetry{5000};
   // The longest that Stop waits. A vendor's library that hangs is left alone.
-  static constexpr std::chrono::milliseconds kLongestStop{5000};
+  static constexpr std::chrono::milliseconds kLongestStop{3000};
 
   // thread_name, realtime_priority: the I/O thread's, as in DeviceLink.
   StreamedDevice(std::unique_ptr<StreamBus> bus, const std::string& thread_name,
@@ -102,6 +105,7 @@ class StreamedDevice final : public HapticDevice {
   DeviceHealth health() const override;
   std::optional<DeviceEvent> NextEvent() override;
   void Calibrate() override;
+  void StopMoving() noexcept override;
 
  private:
   struct Impl;

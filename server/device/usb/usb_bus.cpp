@@ -84,6 +84,8 @@ class UsbSession final : public StreamSession {
 
 }  // namespace
 
-std::unique_ptr<StreamSession> UsbBus::Open() { return std::make_unique<UsbSession>(*protocol_); }
+std::unique_ptr<StreamSession> UsbBus::Open(const std::atomic<bool>& /*stop*/) {
+  return std::make_unique<UsbSession>(*protocol_);
+}
 
 }  // namespace palpate

@@ -16,7 +16,7 @@ class UsbBus final : public StreamBus {
   explicit UsbBus(std::unique_ptr<UsbProtocol> protocol) : protocol_(std::move(protocol)) {}
 
   const DeviceDescription& spec() const override { return protocol_->spec(); }
-  std::unique_ptr<StreamSession> Open() override;
+  std::unique_ptr<StreamSession> Open(const std::atomic<bool>& stop) override;
   bool is_request_response() const override { return protocol_->is_request_response(); }
   std::string calibration_hint() const override { return protocol_->calibration_hint(); }
   void RequestCalibration() override {
