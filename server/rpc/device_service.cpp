@@ -368,11 +368,11 @@ std::string DeviceService::SetBy(const ForceTick& forces) const {
 void DeviceService::CheckForcesAreOff() const {
   const std::optional<ForceTick> forces = forces_.newest();
   if (!forces || !IsHardware(device_.spec())) return;
-  const bool would_come_back =
-      forces->forces.state == ForceState::kHeld && device_.spec().calibration_moves_arm;
-  if (!Act(forces->forces) && !would_come_back) return;
+  // While an arm moves by itself, nothing may be left that ends in forces.
+  const bool must_be_off = device_.spec().calibration_moves_arm;
+  if (must_be_off ? forces->forces.state == ForceState::kOff : !Act(forces->forces)) return;
   throw Error(ErrorKind::kFailedPrecondition,
-              "forces are on: disable them first, with 'palpate device disable'");
+              "forces are not off: disable them first, with 'palpate device disable'");
 }
 
 void DeviceService::CheckEnabled(const ForceStatus& forces) const {

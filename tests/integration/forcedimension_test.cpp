@@ -314,7 +314,9 @@ TEST_F(ForceDimensionTest, WithoutAStatusThereIsNoForce) {
   Make();
   ASSERT_TRUE(PushesSoon());
   fake().status_result = -1;
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return !device_->state().calibrated; }));
   EXPECT_TRUE(device_->Serve(kPush, [&] { return IsLetGoOf(); }));
+  EXPECT_EQ((*device_)->health().connections, 1u);
   EXPECT_TRUE(device_->Logs("does not tell its state", kPush));
   EXPECT_TRUE(device_->Logs("dhdGetStatus fails", kPush));
   EXPECT_FALSE(fake().forces_enabled);
@@ -328,7 +330,7 @@ TEST_F(ForceDimensionTest, MotorsThatDoNotGoOffAreAFaultAndAreTold) {
   Make({.model = kSigma, .without_watchdog = true});
   ASSERT_TRUE(PushesSoon());
   fake().off_result = fake().force_result = -1;
-  EXPECT_TRUE(device_->Logs("may still push"));
+  EXPECT_TRUE(device_->Logs("may still push", kPush));
   fake().off_result = fake().force_result = 0;
   EXPECT_TRUE(Pushes());
   device_->Forget();
@@ -445,25 +447,61 @@ TEST_F(ForceDimensionTest, AnArmMovesByItselfOnlyWithForcesOffAndAfterAWarning) 
   EXPECT_TRUE(device_->HasProblem("keep clear"));
   ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
   EXPECT_GE(std::chrono::steady_clock::now() - asked, std::chrono::seconds(3));
-  (*device_)->Calibrate();  // somebody is impatient
+  using palpate::testing::Refusal;
+  EXPECT_EQ(Refusal([&] { (*device_)->Calibrate(); }), ErrorKind::kConflict);
   EXPECT_TRUE(device_->Logs("has calibrated itself"));
-  EXPECT_FALSE(fake().forces_enabled && fake().enable_ons == 0);  // the library leaves them on
+  EXPECT_FALSE(fake().forces_enabled);  // the library left them on
   EXPECT_TRUE(Pushes());
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
   EXPECT_EQ(fake().auto_inits, 1);
   EXPECT_EQ(fake().drd_stops, 1);
-  ASSERT_TRUE(Pushes());
+  EXPECT_EQ((*device_)->health().connections, 1u);
   (*device_)->Calibrate();
   EXPECT_TRUE(device_->Logs("forces are on", kPush));
   EXPECT_EQ(fake().auto_inits, 1);
+  EXPECT_TRUE(Eventually([&] { return !fake().forces_enabled; }));
 
   fake().auto_init_result = -1;
   fake().initialized = false;
-  ASSERT_TRUE(device_->Serve(Wrench{}, [&] { return !device_->state().calibrated; }));
+  EXPECT_TRUE(device_->HasProblem("device calibrate forcedimension"));
   (*device_)->Calibrate();
   EXPECT_TRUE(device_->Logs("could not calibrate itself: error 12"));
   EXPECT_FALSE(fake().forces_enabled);
   EXPECT_EQ(fake().auto_inits, 2);
+}
+
+TEST_F(ForceDimensionTest, AnArmDoesNotMoveByItselfWithoutPowerOrWatchdog) {
+  fake().initialized = false;
+  fake().watchdog_settable = false;
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  (*device_)->Calibrate();
+  EXPECT_TRUE(device_->Logs("does not move: no forces"));
+  fake().watchdog_settable = true;
+  Make();
+  ASSERT_TRUE(device_->Streams());
+  fake().powered = false;
+  (*device_)->Calibrate();
+  EXPECT_TRUE(device_->Logs("does not move: no power"));
+  EXPECT_EQ(fake().auto_inits, 0);
+}
+
+TEST_F(ForceDimensionTest, ADeviceThatLostItsSettingsIsSetUpAnew) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  fake().powered = false;
+  ExpectLost("power supply", [&] {
+    fake().watchdog_steps = 0;
+    fake().powered = true;
+  });
+  EXPECT_EQ(fake().watchdog_steps, 160);
+  EXPECT_TRUE(Eventually([&] { return !fake().forces_enabled; }));
+  fake().powered = false;
+  EXPECT_TRUE(device_->HasProblem("power supply"));
+  fake().watchdog_steps = 0;
+  fake().powered = true;
+  EXPECT_TRUE(device_->Logs("lost its settings"));
+  EXPECT_TRUE(Pushes());
+  EXPECT_EQ(fake().watchdog_steps, 160);
 }
 
 // Somebody stops it before and while it moves; and palpated ends.

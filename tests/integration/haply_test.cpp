@@ -134,7 +134,7 @@ TEST_F(HaplyTest, TheGripTurnsAsAStylusAndHasButtons) {
   EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().buttons == 5; }));
   Set({{"grip", "asleep"}});
   EXPECT_TRUE(device_->Logs("sleeps or is gone"));
-  EXPECT_EQ(device_->state().buttons, 0u);
+  EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().buttons == 0; }));
   Set({{"grip", "none"}});
   Make();
   ASSERT_TRUE(device_->Streams());
@@ -280,6 +280,19 @@ TEST_F(HaplyTest, AServiceThatDoesNotTellItsVersionIsNotDriven) {
   }
 }
 
+// The texts are those of the next answer that has them: the full state is asked for each second.
+TEST_F(HaplyTest, AFullStateThatDoesNotTellItsPlacingMeansNoForce) {
+  const std::pair<const char*, const char*> changes[] = {
+      {"\"permutation\"", "\"axes\""}, {"\"scalar\"", "\"value\""}, {"\"mount\"", "\"mounting\""}};
+  for (const auto& [what, by] : changes) {
+    Make();
+    ASSERT_TRUE(PushesSoon());
+    Set({{"replace", {what, by}}});
+    EXPECT_TRUE(device_->Logs("another program", kPush)) << what;
+    EXPECT_TRUE(Pushes());
+  }
+}
+
 TEST_F(HaplyTest, AServiceThatIgnoresForcesIsWarnedOf) {
   Set({{"ignores_forces", true}});
   Make();
@@ -327,6 +340,10 @@ TEST_F(HaplyTest, LateAndStrangeAnswersAreNoReadings) {
              Json::object());
   ExpectLost({{"huge", 1}}, "ended the connection", Json::object(), false);
   ExpectLost({{"device_present", false}}, "unplugged", {{"device_present", true}}, false);
+  Set({{"unasked", 12}});
+  EXPECT_TRUE(device_->Logs("nobody asked for"));
+  EXPECT_TRUE(Eventually([&] { return Felt_M_n().isZero(); }));
+  EXPECT_TRUE(Pushes());
   Set({{"events_refused", true}});
   EXPECT_TRUE(device_->Logs("ended its events"));
   Set({{"events_refused", false}});
@@ -363,7 +380,8 @@ TEST_F(HaplyTest, AServoThatIsSilentCommandsZeroAndNoOldForceComesBack) {
 }
 
 TEST_F(HaplyTest, TheDevicesOwnStopsAreFaultsAndOtherEventsAreLogged) {
-  Make();
+  Set({{"second_device", true}});
+  Make({.serial = "049D"});
   ASSERT_TRUE(PushesSoon());
   const auto event = [](const char* name, const char* level, const char* safety) {
     return Json{{"name", name},
@@ -379,6 +397,7 @@ TEST_F(HaplyTest, TheDevicesOwnStopsAreFaultsAndOtherEventsAreLogged) {
   other["data"]["device_id"] = "0B2C";  // another arm's
   service_.SendEvent(other);
   service_.SendEvent({{"name", 7}});
+  for (int n = 0; n < 20; ++n) service_.SendEvent(event("device-moved", "info", ""));
   std::this_thread::sleep_for(milliseconds(50));
   EXPECT_TRUE(Pushes());
   EXPECT_EQ((*device_)->health().connections, 1u);

@@ -72,7 +72,7 @@ STATE = {
     "drop_replies": 0, "double_replies": 0, "fragment": 0, "single_bytes": 0, "binary": 0,
     "huge": 0,
     "text": None,                   # the next reply is this text
-    "replace": None,                # [old, new] in the text of the next reply
+    "replace": None,                # [old, new] in the next reply that has the old text
 }
 ACTIONS = ("unasked", "ping")       # sent at once in the newest session, so many times
 
@@ -336,7 +336,7 @@ class Service:
             return
         if self.state["text"] is not None:
             text, self.state["text"] = self.state["text"], None
-        if self.state["replace"] is not None:
+        if self.state["replace"] is not None and self.state["replace"][0] in text:
             text, self.state["replace"] = text.replace(*self.state["replace"]), None
         if self.use("huge"):
             text = '{"padding": "' + "x" * (1 << 20) + '", ' + text[1:]

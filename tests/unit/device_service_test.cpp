@@ -431,6 +431,9 @@ TEST(DeviceService, AnArmThatMovesByItselfIsNamedAndItsForcesAreOff) {
   EXPECT_EQ(rig.device.stops, 1);
   EXPECT_TRUE(rig.Stop().ok());
   EXPECT_EQ(rig.device.stops, 2);
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_STOPPED));
+  EXPECT_EQ(rig.Calibrate(response, "fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_TRUE(rig.Disable().ok());
   // Held forces would come back once it is calibrated.
   rig.device.docked = true;
   ASSERT_TRUE(rig.Enable("fake-usb").ok());

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <atomic>
 #include <chrono>
+#include <stop_token>
 #include <thread>
 #include <utility>
 
@@ -76,7 +76,7 @@ FdSession::~FdSession() {
 
 FdAbilities FdSession::Abilities() const {
   const char* name = fd_.system_name(id_);
-  return {.system_name = name != nullptr ? name : "a device without a name",
+  return {.system_name = name != nullptr ? name : "",
           .has_wrist = fd_.has_wrist(id_),
           .has_torque = fd_.has_active_wrist(id_),
           .has_gripper = fd_.has_gripper(id_),
@@ -89,6 +89,9 @@ void FdSession::SetUp(const std::atomic<bool>& /*stop*/) {
   exchange_.hint = kNoStatus;
   const FdAbilities its = Abilities();
   const FdModel* const known = FdModelWith(its);
+  if (known == nullptr && its.system_name.empty()) {
+    throw BusError(BusFault::kBroken, "the device does not say who it is: " + library_.LastError());
+  }
   if (known != &model_) {
     throw BusError(BusFault::kUnsuitable,
                    fmt::format("the device is \"{}\", and [device] forcedimension_model is \"{}\": "
@@ -122,12 +125,15 @@ void FdSession::SetUp(const std::atomic<bool>& /*stop*/) {
 }
 
 bool FdSession::SetWatchdog() {
-  unsigned char steps = 0;
   fd_.enable_expert_mode();
   fd_.set_watchdog(kWatchdogSteps, id_);
-  const bool is_told = fd_.get_watchdog(&steps, id_) >= 0;
   fd_.disable_expert_mode();
-  return is_told && steps == kWatchdogSteps;
+  return HasWatchdog();
+}
+
+bool FdSession::HasWatchdog() {
+  unsigned char steps = 0;
+  return fd_.get_watchdog(&steps, id_) >= 0 && steps == kWatchdogSteps;
 }
 
 StreamReceived FdSession::Wait(std::chrono::microseconds /*longest*/, DeviceState& state) {
@@ -179,25 +185,39 @@ void FdSession::Watch(StreamReceived& received) {
     return;
   }
   WatchMotors(status, received);
-  if (exchange_.calibration_wanted.exchange(false)) {
-    calibrates_at_ns_ =
-        MonotonicNowNs() + std::chrono::nanoseconds(ForceDimensionBus::kCalibrationWarning).count();
-    received.warning = kWillMove;
-  }
   const char* const hint = HintOf(status);
-  is_calibrated_ = *hint == '\0';
-  const char* const old = exchange_.hint.exchange(calibrates_at_ns_ != 0 ? kWillMove : hint);
-  if (!is_calibrated_ && *old != '\0' && old != hint && received.warning.empty()) {
-    received.warning = hint;
+  const bool was_calibrated = std::exchange(is_calibrated_, *hint == '\0');
+  // A device that had no power, or was reset, has forgotten its settings.
+  if (!was_calibrated && is_calibrated_ && brakes_itself_ && !HasWatchdog()) {
+    throw BusError(BusFault::kBroken, "the device has lost its settings");
   }
-  if (calibrates_at_ns_ == 0) return;
-  if (exchange_.stops_moving) {
-    calibrates_at_ns_ = 0;
-    received.warning = "its arm does not move: it was stopped";
-  } else if (MonotonicNowNs() >= calibrates_at_ns_) {
-    calibrates_at_ns_ = 0;
+  const char* const shown = exchange_.calibrates ? kWillMove : hint;
+  const char* const old = exchange_.hint.exchange(shown);
+  if (shown == hint && *hint != '\0' && *old != '\0' && old != hint) received.warning = hint;
+  if (exchange_.calibrates) PrepareCalibration(status, received);
+}
+
+void FdSession::PrepareCalibration(const Status& status, StreamReceived& received) {
+  const std::int64_t now_ns = MonotonicNowNs();
+  const char* why_not = nullptr;
+  if (exchange_.is_stopped()) why_not = "it was stopped";
+  if (wants_motors_) why_not = "its forces are on; disable them first";
+  if (!brakes_itself_ && !options_.without_watchdog) why_not = kNoWatchdog;
+  if (status[fd::kStatusPower] == 0) why_not = kNoPower;
+  if (why_not != nullptr) {
+    received.warning = fmt::format("its arm does not move: {}", why_not);
+  } else if (calibrates_at_ns_ == 0) {
+    calibrates_at_ns_ =
+        now_ns + std::chrono::nanoseconds(ForceDimensionBus::kCalibrationWarning).count();
+    received.warning = kWillMove;
+    return;
+  } else if (now_ns < calibrates_at_ns_) {
+    return;
+  } else {
     Calibrate(received);
   }
+  calibrates_at_ns_ = 0;
+  exchange_.calibrates = false;
 }
 
 void FdSession::WatchMotors(const Status& status, StreamReceived& received) {
@@ -223,6 +243,7 @@ const char* FdSession::HintOf(const Status& status) const {
 }
 
 void FdSession::CheckMotors(const Status& status) {
+  if (status[fd::kStatusPower] == 0) throw BusError(BusFault::kBroken, kNoPower);
   const bool is_off = status[fd::kStatusForce] == 0;
   has_been_on_ = has_been_on_ || !is_off;
   const bool is_due = has_been_on_ || MonotonicNowNs() - switched_ns_ > kMotorsOnNs;
@@ -232,35 +253,32 @@ void FdSession::CheckMotors(const Status& status) {
 }
 
 void FdSession::Calibrate(StreamReceived& received) {
-  if (motors_on_) {
-    received.warning = "not calibrated: its forces are on; disable them first";
-    return;
-  }
   exchange_.hint = kCalibrates;
   const OrdinaryScheduling ordinary;
   const KeptSignals kept;
   // The library takes calls from any thread: this one ends the motion when somebody wants that.
-  std::atomic<bool> is_over{false};
-  std::thread stopper([&] {
-    while (!is_over && !exchange_.stops_moving) std::this_thread::sleep_for(kStopLook);
-    if (!is_over) fd_.enable_force(0, id_);
+  std::jthread stopper([&](const std::stop_token& is_over) {
+    while (!is_over.stop_requested()) {
+      if (exchange_.is_stopped()) fd_.enable_force(0, id_);
+      std::this_thread::sleep_for(kStopLook);
+    }
   });
   const bool is_done = fd_.calibrate(id_) >= 0;
-  const std::string error = is_done ? "" : library_.LastError();
-  is_over = true;
+  stopper.request_stop();
   stopper.join();
+  const std::string error = is_done ? "" : library_.LastError();
   fd_.end_calibration(true, id_);
   Switch(false);  // the library may have left them on
-  exchange_.calibration_wanted = false;
   received.warning = is_done ? "it has calibrated itself"
                              : "it could not calibrate itself: " +
-                                   (exchange_.stops_moving ? "it was stopped" : error);
+                                   (exchange_.is_stopped() ? "it was stopped" : error);
   timer_ = TickTimer(kPeriod, std::chrono::nanoseconds(0));
   missed_ = 0;
   received.restarted = true;
 }
 
 bool FdSession::TrySend(const DeviceCommand& command) {
+  wants_motors_ = command.motors_on;
   const std::int64_t now_ns = MonotonicNowNs();
   const bool has_braked =
       motors_on_ && brakes_itself_ && now_ns - commanded_ns_ > kWatchdogSteps * kWatchdogStepNs;
@@ -269,7 +287,6 @@ bool FdSession::TrySend(const DeviceCommand& command) {
   if (on != motors_on_) Switch(on);
   if (!motors_on_) return true;  // braked: there is nothing to send
   const int result = SetWrench(on ? command.wrench_M : Wrench{});
-  CheckForce(result);
   if (!Check(result, "dhdSetForceAndTorqueAndGripperForce", bad_forces_)) return true;
   if (result != fd::kSaturated) {
     saturated_since_ns_ = 0;
@@ -282,8 +299,8 @@ bool FdSession::TrySend(const DeviceCommand& command) {
 // Motors that stay on are a fault. That the device itself has ended its forces is not lost.
 void FdSession::Switch(bool on) {
   Status status;
-  if (motors_on_ && ReadStatus(status)) CheckMotors(status);
   if (motors_on_) SetWrench({});
+  if (motors_on_ && ReadStatus(status)) CheckMotors(status);
   if (!Check(fd_.enable_force(on ? 1 : 0, id_), "dhdEnableForce", bad_switches_)) {
     if (on) return;
     throw BusError(BusFault::kBroken, "its motors do not go off: " + library_.LastError());
@@ -311,21 +328,18 @@ bool FdSession::Check(int result, const char* call, int& errors_in_a_row) {
   const int error = fd_.last_error();
   if (error == fd::kErrorNoDevice) throw BusError(BusFault::kAbsent, "the device is gone");
   if (++errors_in_a_row < kLostCalls) return false;
-  throw BusError(BusFault::kBroken, fmt::format("{} fails: {}", call, library_.LastError()));
-}
-
-// The device may say by its status why it takes no force.
-void FdSession::CheckForce(int result) {
+  const std::string text = fmt::format("{} fails: {}", call, library_.LastError());
+  // The device may say by its status why it takes no force.
   Status status;
-  const bool is_last = result < 0 && bad_forces_ == kLostCalls - 1;
-  if (is_last && ReadStatus(status)) CheckMotors(status);
+  if (&errors_in_a_row == &bad_forces_ && ReadStatus(status)) CheckMotors(status);
+  throw BusError(BusFault::kBroken, text);
 }
 
 bool FdSession::LetGo() noexcept {
   const OrdinaryScheduling ordinary;
+  for (int n = 0; motors_on_ && n < kLastZeros; ++n) SetWrench({});
   bool is_off = false;
-  for (int n = 0; motors_on_ && n < kLastZeros; ++n) is_off |= SetWrench({}) >= 0;
-  is_off |= fd_.enable_force(0, id_) >= 0;
+  for (int n = 0; !is_off && n < kLastZeros; ++n) is_off = fd_.enable_force(0, id_) >= 0;
   fd_.close(id_);
   is_open_ = false;
   return is_off || brakes_itself_;

@@ -32,6 +32,7 @@ class FdSession final : public StreamSession {
   FdAbilities Abilities() const;
   // Returns whether the device will brake by itself.
   bool SetWatchdog();
+  bool HasWatchdog();
   void TakeReading(StreamReceived& received, DeviceState& state);
   using Status = std::array<int, fd::kStatusRoom>;
   // Returns false if the device does not tell it. Throws after some times in a row.
@@ -41,10 +42,11 @@ class FdSession final : public StreamSession {
   void Watch(StreamReceived& received);
   void WatchMotors(const Status& status, StreamReceived& received);
   const char* HintOf(const Status& status) const;
+  // After the warning, unless something speaks against it.
+  void PrepareCalibration(const Status& status, StreamReceived& received);
   void Calibrate(StreamReceived& received);
   void Switch(bool on);
   int SetWrench(const Wrench& wrench_M);
-  void CheckForce(int result);
   // Returns whether a call went well. Throws if the device is gone, or after some errors in a row.
   bool Check(int result, const char* call, int& errors_in_a_row);
 
@@ -66,6 +68,7 @@ class FdSession final : public StreamSession {
   int bad_readings_ = 0, bad_forces_ = 0, bad_statuses_ = 0, bad_switches_ = 0;  // in a row
   bool knows_calibration_ = false;
   bool is_calibrated_ = false;
+  bool wants_motors_ = false;  // by the last command
   bool motors_on_ = false;
   bool has_been_on_ = false;  // by the device's status, since they were switched on
   std::int64_t switched_ns_ = 0, commanded_ns_ = 0;

@@ -63,7 +63,7 @@ std::unique_ptr<StreamSession> ForceDimensionBus::Open(const std::atomic<bool>& 
       throw BusError(BusFault::kUnsuitable, error.what());
     }
   }
-  exchange_.calibration_wanted = false;
+  exchange_.calibrates = false;
   return std::make_unique<FdSession>(*library_, Choose(), model_, options_, exchange_);
 }
 
@@ -119,8 +119,11 @@ void ForceDimensionBus::RequestCalibration() {
                 fmt::format("an {} is calibrated by hand: put the calibration pole into its pit",
                             model_.name));
   }
-  exchange_.stops_moving = false;
-  exchange_.calibration_wanted = true;
+  const std::uint32_t stops = exchange_.stops;
+  if (exchange_.calibrates.exchange(true)) {
+    throw Error(ErrorKind::kConflict, "it is being calibrated already");
+  }
+  exchange_.stops_at_request = stops;
 }
 
 }  // namespace palpate

@@ -13,11 +13,14 @@
 //
 // Frame M: its middle is that of the workspace; see fd_models.h. Torques are about that point of
 // the wrist whose position is read.
-// Threads, errors: as StreamBus. The library's functions are called on the I/O thread only.
-// Verification level: none; we have not seen a device, and not run the vendor's library.
+// Threads, errors: as StreamBus. The library's functions are called on the I/O thread, but for what
+// ends a motion of the arm: the library takes calls from any thread, say its documents. Nobody of
+// us knows whether such a call waits for the motion's end. Verification level: none; we have not
+// seen a device, and not run the vendor's library.
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -54,15 +57,17 @@ class ForceDimensionBus final : public StreamBus {
   std::string calibration_hint() const override { return exchange_.hint.load(); }
   // The arm then moves by itself, after a warning and kCalibrationWarning, unless StopMoving comes.
   void RequestCalibration() override;
-  void StopMoving() noexcept override { exchange_.stops_moving = true; }
+  void StopMoving() noexcept override { ++exchange_.stops; }
 
   static constexpr std::chrono::seconds kCalibrationWarning{3};
 
   // What any thread tells the session, and it them.
   struct Exchange {
-    std::atomic<bool> calibration_wanted{false};
-    std::atomic<bool> stops_moving{false};  // since then
-    std::atomic<const char*> hint{""};      // why it is not calibrated, or why it gets no force
+    std::atomic<bool> calibrates{false};  // from the request to the end
+    std::atomic<std::uint32_t> stops{0};  // of motions
+    std::atomic<std::uint32_t> stops_at_request{0};
+    bool is_stopped() const { return stops != stops_at_request; }
+    std::atomic<const char*> hint{""};  // why it is not calibrated, or why it gets no force
   };
 
  private:

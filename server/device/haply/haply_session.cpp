@@ -44,6 +44,10 @@ const char* HintOfFlag(const std::string& flag) {
   return "not calibrated: calibrate it, as Haply Hub shows";
 }
 
+void Warn(const std::string& text, StreamReceived& received) {
+  received.warning += (received.warning.empty() ? "" : "; ") + text;
+}
+
 std::string NamesOf(const auto& devices) {
   std::string names;
   for (const auto& device : devices) names += (names.empty() ? "" : ", ") + device.id;
@@ -73,8 +77,14 @@ InverseReply HaplySession::Await(milliseconds longest, const std::atomic<bool>& 
 
 void HaplySession::Choose(const InverseReply& inventory) {
   const InverseArm* chosen = nullptr;
+  const bool is_found =
+      std::ranges::find(inventory.arms, options_.serial, &InverseArm::id) != inventory.arms.end();
+  if (inventory.has_strange_arm && !is_found) {
+    throw BusError(BusFault::kCorrupt, "what Haply's service tells of a device is not known");
+  }
   for (const InverseArm& arm : inventory.arms) {
     if (options_.serial.empty() || arm.id == options_.serial) chosen = &arm;
+    if (&arm != chosen) other_arms_.push_back(arm.id);
   }
   if (inventory.arms.empty()) {
     throw BusError(BusFault::kAbsent,
@@ -140,9 +150,16 @@ void HaplySession::SetUp(const std::atomic<bool>& stop) {
   ReadSettings(stop);
   if (!link_.ListenToEvents(options_.events_port, kConnectTime, stop)) identity_ += ", no events";
   link_.TrySend(InverseSetUp(arm_));
-  const InverseReply reply = Await(kConnectTime, stop);
-  const auto arm = std::ranges::find(reply.arms, arm_, &InverseArm::id);
-  is_configured_ = arm != reply.arms.end() && IsConfigured(*arm);
+  // Its answer has the full state: what came before it is not asked for.
+  const auto end = std::chrono::steady_clock::now() + kConnectTime;
+  bool is_answered = false;
+  while (!is_answered) {
+    const InverseReply reply = Await(kConnectTime, stop);
+    const auto arm = std::ranges::find(reply.arms, arm_, &InverseArm::id);
+    const bool is_full = arm != reply.arms.end() && arm->config.has_value();
+    is_answered = is_full || is_before_3_5_ || std::chrono::steady_clock::now() > end;
+    is_configured_ = arm != reply.arms.end() && IsConfigured(*arm);
+  }
   full_state_ns_ = MonotonicNowNs() + kFullStateNs;
 }
 
@@ -150,7 +167,7 @@ void HaplySession::SetUp(const std::atomic<bool>& stop) {
 void HaplySession::ReadSettings(const std::atomic<bool>& stop) {
   const InverseAnswer version = GetFromInverse(options_.port, "/version", kConnectTime, stop);
   const auto number = ParseInverseVersion(version.body);
-  if (version.status == 0 || (version.status == 200 && !number)) {
+  if (version.status != 404 && !(version.status == 200 && number)) {
     throw BusError(BusFault::kTimeout, "Haply's service does not tell its version");
   }
   is_before_3_5_ = !number || *number < std::array<int, 2>{3, 5};
@@ -173,6 +190,15 @@ void HaplySession::ReadSettings(const std::atomic<bool>& stop) {
 bool HaplySession::IsConfigured(const InverseArm& arm) const {
   const bool is_told = arm.config && arm.config->tells_placing;
   return arm.foreign.empty() && (is_told || is_before_3_5_);
+}
+
+bool HaplySession::IsFullAsAsked(bool is_full) {
+  constexpr int kMostMissing = 3;
+  const bool is_due = answers_to_full_ > 0 && --answers_to_full_ == 0;
+  if (is_before_3_5_) return true;
+  if (is_due) missing_full_ = is_full ? 0 : missing_full_ + 1;
+  if (missing_full_ >= kMostMissing) is_configured_ = false;
+  return is_due == is_full;
 }
 
 StreamReceived HaplySession::Wait(microseconds longest, DeviceState& state) {
@@ -200,8 +226,11 @@ void HaplySession::Take(const InverseLink::Message& message, StreamReceived& rec
                         DeviceState& state) {
   const std::optional<InverseReply> reply =
       unanswered_ > 0 ? ParseInverse(message.text) : std::nullopt;
-  unanswered_ = std::max(unanswered_ - 1, 0);
-  if (!reply || !TryTake(*reply, received, state)) {
+  const bool is_answer = std::exchange(unanswered_, std::max(unanswered_ - 1, 0)) > 0;
+  const auto has_config = [](const InverseArm& arm) { return arm.config.has_value(); };
+  const bool is_full = reply && std::ranges::any_of(reply->arms, has_config);
+  const bool is_right = is_answer && IsFullAsAsked(is_full) && reply;
+  if (!is_right || !TryTake(*reply, received, state)) {
     ++received.corrupt_frames;
     quiet_until_ns_ = message.time_ns + kQuietNs;
     return;
@@ -247,8 +276,8 @@ void HaplySession::TakeGrip(const InverseReply& reply, StreamReceived& received,
   state.R_MS = has_grip ? InverseGripToM(grip->orientation) : Eigen::Quaterniond::Identity();
   state.buttons = has_grip ? grip->buttons : 0;
   if (std::exchange(had_grip_, has_grip) && !has_grip) {
-    received.warning =
-        "its grip " + grip_.id + " sleeps or is gone: its turning and buttons are missing";
+    Warn("its grip " + grip_.id + " sleeps or is gone: its turning and buttons are missing",
+         received);
   }
 }
 
@@ -262,22 +291,27 @@ void HaplySession::CheckFelt(const InverseArm& arm, StreamReceived& received) {
     unfelt_since_ns_ = now_ns;
   } else if (now_ns - unfelt_since_ns_ > kUnfeltNs && now_ns > unfelt_told_ns_) {
     unfelt_told_ns_ = now_ns + kTellAgainNs;
-    received.warning =
-        "the service ignores our forces: its version may want other words; tell us its version";
+    Warn("the service ignores our forces: its version may want other words; tell us its version",
+         received);
   }
 }
 
 void HaplySession::TakeEvents(StreamReceived& received) {
   while (const std::optional<std::string> text = link_.TakeEvent()) {
     const std::optional<InverseEvent> event = ParseInverseEvent(*text);
-    if (!event || (!event->arm.empty() && event->arm != arm_)) continue;
+    // How events name a device is not written: what does not name another one is ours.
+    if (!event || std::ranges::find(other_arms_, event->arm) != other_arms_.end()) continue;
     if (event->ends_force) {
       throw BusError(BusFault::kBroken, "the device ended its forces: " + event->text);
     }
+    // A force that was commanded all the while comes back by a ramp.
+    received.restarted = received.restarted || event->frees;
     // Some come again and again.
-    if (!event->text.empty() && std::exchange(told_event_, event->text) != event->text) {
-      received.warning = event->text;
-    }
+    const std::int64_t now_ns = MonotonicNowNs();
+    if (event->text.empty() || (event->text == told_event_ && now_ns < told_event_ns_)) continue;
+    told_event_ = event->text;
+    told_event_ns_ = now_ns + kTellAgainNs;
+    Warn(event->text, received);
   }
 }
 
@@ -287,7 +321,8 @@ bool HaplySession::TrySend(const DeviceCommand& command) {
   const std::int64_t now_ns = MonotonicNowNs();
   const bool ends_force = force_n.isZero() && !sent_n_.isZero();
   const bool is_late = unanswered_ == 1 && now_ns - sent_ns_ > kLateNs;
-  const bool is_due = now_ns >= std::max(due_ns_, quiet_until_ns_);
+  // The end of a force waits for nothing but its turn.
+  const bool is_due = now_ns >= (ends_force ? due_ns_ : std::max(due_ns_, quiet_until_ns_));
   const bool may_send = unanswered_ == 0 ? is_due : ends_force && is_late;
   if (!may_send) return false;
   // A zero ends a force; then nothing is commanded.
@@ -300,8 +335,11 @@ bool HaplySession::Send(const std::optional<Vec3>& force_n) {
   const std::string_view text = writer_->Write(
       {.force_n = force_n, .wants_full_state = wants_full_state, .is_before_3_5 = is_before_3_5_});
   if (!link_.TrySend(text)) return false;
-  if (wants_full_state) full_state_ns_ = now_ns + kFullStateNs;
   ++unanswered_;
+  if (wants_full_state) {
+    full_state_ns_ = now_ns + kFullStateNs;
+    answers_to_full_ = unanswered_;
+  }
   sent_ns_ = now_ns;
   due_ns_ = std::max(due_ns_ + kPeriodNs, now_ns + kPeriodNs / 2);
   sent_n_ = force_n.value_or(Vec3::Zero());
@@ -321,13 +359,12 @@ bool HaplySession::LetGo() noexcept {
       link_.Wait(milliseconds(1));
       while (link_.TakeMessage()) {
         if (others-- > 0) continue;
-        ++zeros;
+        zeros += is_under_way ? 1 : 0;
         is_under_way = false;
       }
     }
   } catch (const std::exception&) {
-    // The session has ended, and its force with it.
-    zeros = 1;
+    // What the service does with its last force now, nobody knows.
   }
   link_.Close(kEndTime);
   return !has_pushed || zeros > 0;

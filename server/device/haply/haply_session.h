@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "server/device/haply/haply_bus.h"
 #include "server/device/haply/inverse_link.h"
@@ -34,6 +35,9 @@ class HaplySession final : public StreamSession {
   void CheckType(const InverseArm& arm) const;
   void ReadSettings(const std::atomic<bool>& stop);
   bool IsConfigured(const InverseArm& arm) const;
+  // Whether the full state is in the answer to who asked for it. Else answers are not those that
+  // they seem to be.
+  bool IsFullAsAsked(bool is_full);
   // Waits for a reply.
   InverseReply Await(std::chrono::milliseconds longest, const std::atomic<bool>& stop);
   void Take(const InverseLink::Message& message, StreamReceived& received, DeviceState& state);
@@ -60,7 +64,11 @@ class HaplySession final : public StreamSession {
 
   int unanswered_ = 0;               // messages
   std::int64_t quiet_until_ns_ = 0;  // nothing is sent: it is not clear what is answered
+  int answers_to_full_ = 0;          // until the one with the full state; 0: none is due
+  int missing_full_ = 0;             // in a row
   std::string told_event_;
+  std::int64_t told_event_ns_ = 0;
+  std::vector<std::string> other_arms_;  // their ids
   std::int64_t sent_ns_ = 0, due_ns_ = 0, full_state_ns_ = 0;
   Vec3 sent_n_ = Vec3::Zero();
   std::int64_t unfelt_since_ns_ = 0;  // 0: a commanded force is felt, or there is none

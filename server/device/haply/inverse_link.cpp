@@ -27,6 +27,8 @@ using ErrorCode = boost::system::error_code;
 using WebSocket = beast::websocket::stream<beast::tcp_stream>;
 
 constexpr milliseconds kLook{20};
+// Who sends without end would keep the thread in the handlers.
+constexpr int kMostHandlers = 256;
 
 asio::ip::tcp::endpoint Loopback(std::uint16_t port) {
   return {asio::ip::address_v4::loopback(), port};
@@ -46,7 +48,10 @@ bool Finish(asio::io_context& context, const bool& is_done, Clock::time_point en
 // A connected WebSocket, which collects its messages.
 class Line {
  public:
-  explicit Line(asio::io_context& context) : context_(context), socket_(context) {}
+  // is_asked: it gets answers only, and ends if it gets more. Else it waits for somebody to take
+  // them.
+  Line(asio::io_context& context, bool is_asked)
+      : context_(context), socket_(context), is_asked_(is_asked) {}
 
   // "": connected. Else why not.
   std::string Connect(std::uint16_t port, milliseconds longest, const std::atomic<bool>& stop) {
@@ -90,10 +95,19 @@ class Line {
     if (!Finish(context_, is_done, Clock::now() + longest, kNever)) Abandon("");
   }
 
-  int handle() { return beast::get_lowest_layer(socket_).socket().native_handle(); }
-  // Why it ended; "": it has not.
-  const std::string& ended() const { return ended_; }
-  std::deque<InverseLink::Message> messages;
+  // To poll for more; -1: there is nothing to wait for.
+  int handle() {
+    return is_paused_ ? -1 : beast::get_lowest_layer(socket_).socket().native_handle();
+  }
+  std::optional<InverseLink::Message> Take() {
+    if (messages_.empty()) return std::nullopt;
+    InverseLink::Message message = std::move(messages_.front());
+    messages_.pop_front();
+    if (ended_.empty() && std::exchange(is_paused_, false)) Read();
+    return message;
+  }
+  // Why there is no more to take; "": there may be.
+  std::string ended() const { return messages_.empty() ? ended_ : ""; }
 
  private:
   // Ends what is under way: its handlers run before this returns.
@@ -110,16 +124,13 @@ class Line {
         ended_ = error.message();
         return;
       }
-      // Who sends without end would keep the thread here.
-      if (messages.size() >= InverseLink::kMostMessages) {
-        ended_ = "it sends what nobody asked for";
-        return;
-      }
-      messages.push_back(
+      messages_.push_back(
           {.text = socket_.got_text() ? beast::buffers_to_string(buffer_.cdata()) : std::string(),
            .time_ns = MonotonicNowNs()});
       buffer_.consume(buffer_.size());
-      Read();
+      if (messages_.size() < InverseLink::kMostMessages) return Read();
+      is_paused_ = true;
+      if (is_asked_) ended_ = "it sends what nobody asked for";
     });
   }
 
@@ -127,7 +138,10 @@ class Line {
   WebSocket socket_;
   beast::flat_buffer buffer_;
   std::string sent_;
+  const bool is_asked_;
+  bool is_paused_ = false;
   bool is_writing_ = false;
+  std::deque<InverseLink::Message> messages_;
   std::string ended_;
 };
 
@@ -141,7 +155,8 @@ struct InverseLink::Impl {
 
 InverseLink::InverseLink(std::uint16_t port, milliseconds longest, const std::atomic<bool>& stop)
     : impl_(std::make_unique<Impl>()) {
-  const std::string problem = impl_->line.emplace(impl_->context).Connect(port, longest, stop);
+  const std::string problem =
+      impl_->line.emplace(impl_->context, true).Connect(port, longest, stop);
   if (problem.empty()) return;
   throw BusError(BusFault::kAbsent, "no service at 127.0.0.1:" + std::to_string(port) + " (" +
                                         problem +
@@ -154,7 +169,8 @@ InverseLink::~InverseLink() = default;
 
 bool InverseLink::ListenToEvents(std::uint16_t port, milliseconds longest,
                                  const std::atomic<bool>& stop) {
-  if (impl_->events.emplace(impl_->context).Connect(port, longest, stop).empty()) return true;
+  if (impl_->events.emplace(impl_->context, false).Connect(port, longest, stop).empty())
+    return true;
   impl_->events.reset();
   return false;
 }
@@ -162,38 +178,38 @@ bool InverseLink::ListenToEvents(std::uint16_t port, milliseconds longest,
 // The context's own wait has steps of whole ms.
 void InverseLink::Wait(microseconds longest) {
   Impl& impl = *impl_;
+  int handlers = 0;
+  const auto run = [&] {
+    while (handlers < kMostHandlers && impl.context.poll_one() > 0) ++handlers;
+  };
   impl.context.restart();
-  if (impl.context.poll() == 0 && longest.count() > 0) {
+  run();
+  if (handlers == 0 && longest.count() > 0) {
     std::array<pollfd, 2> sockets{};
     sockets[0] = {.fd = impl.line->handle(), .events = POLLIN, .revents = 0};
     sockets[1] = {.fd = impl.events ? impl.events->handle() : -1, .events = POLLIN, .revents = 0};
     const timespec time{.tv_sec = longest.count() / 1'000'000,
                         .tv_nsec = longest.count() % 1'000'000 * 1000};
     ppoll(sockets.data(), sockets.size(), &time, nullptr);
-    impl.context.poll();
+    run();
   }
-  const auto check = [](const Line& line, const char* what) {
-    if (line.ended().empty() || !line.messages.empty()) return;
-    throw BusError(BusFault::kBroken,
-                   std::string("Haply's service ended ") + what + " (" + line.ended() + ")");
-  };
-  check(*impl.line, "the connection");
-  if (impl.events) check(*impl.events, "its events");
+  std::string why = impl.line->ended();
+  if (handlers == kMostHandlers) why = "it sends without end";
+  if (!why.empty()) {
+    throw BusError(BusFault::kBroken, "Haply's service ended the connection (" + why + ")");
+  }
+  why = impl.events ? impl.events->ended() : "";
+  if (!why.empty()) {
+    throw BusError(BusFault::kBroken, "Haply's service ended its events (" + why + ")");
+  }
 }
 
-std::optional<InverseLink::Message> InverseLink::TakeMessage() {
-  std::deque<Message>& messages = impl_->line->messages;
-  if (messages.empty()) return std::nullopt;
-  Message message = std::move(messages.front());
-  messages.pop_front();
-  return message;
-}
+std::optional<InverseLink::Message> InverseLink::TakeMessage() { return impl_->line->Take(); }
 
 std::optional<std::string> InverseLink::TakeEvent() {
-  if (!impl_->events || impl_->events->messages.empty()) return std::nullopt;
-  std::string text = std::move(impl_->events->messages.front().text);
-  impl_->events->messages.pop_front();
-  return text;
+  std::optional<Message> event = impl_->events ? impl_->events->Take() : std::nullopt;
+  if (!event) return std::nullopt;
+  return std::move(event->text);
 }
 
 bool InverseLink::TrySend(std::string_view text) { return impl_->line->TrySend(text); }

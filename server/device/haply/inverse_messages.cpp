@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/error/one_line.h"
+#include "common/error/utf8.h"
 
 namespace palpate {
 namespace {
@@ -15,6 +16,7 @@ using Json = nlohmann::json;
 constexpr std::size_t kMostIdBytes = 64;  // it is written into messages
 constexpr std::size_t kMostTextBytes = 200;
 constexpr int kMostDepth = 16;
+constexpr std::size_t kMostDevices = 16;  // of a family
 constexpr double kSame = 1e-6;
 constexpr double kUnit = 0.01;
 constexpr double kMost_m = 10.0;
@@ -52,12 +54,13 @@ const Json& Part(const Json& json, const char* key) {
 
 std::string TextOf(const Json& json, const char* key) {
   const Json& part = Part(json, key);
-  return part.is_string() ? OneLine(part.get<std::string>()).substr(0, kMostTextBytes) : "";
+  if (!part.is_string()) return "";
+  // Cut, it may end within a character.
+  return Utf8(OneLine(part.get<std::string>()).substr(0, kMostTextBytes));
 }
 
 bool FlagOf(const Json& json, const char* key, bool otherwise) {
-  const Json& part = Part(json, key);
-  return part.empty() ? otherwise : part.get<bool>();
+  return json.contains(key) ? json[key].get<bool>() : otherwise;
 }
 
 Vec3 TripleOf(const Json& json) {
@@ -86,16 +89,31 @@ bool IsOne(const Json& scale) {
   return is_one(scale.at("x")) && is_one(scale.at("y")) && is_one(scale.at("z"));
 }
 
-// A part that is missing is as it was made.
-bool IsIdentity(const Json& placing) {
+// Where a device or what it shows is put. A part that is missing is as it was made.
+const Json& TransformOf(const Json& placing) {
   const Json& inner = Part(placing, "transform");
-  const Json& transform = inner.empty() ? placing : inner;
+  return inner.empty() ? placing : inner;
+}
+
+bool IsIdentity(const Json& placing) {
+  const Json& transform = TransformOf(placing);
   const Json& position = Part(transform, "position");
   const Json& rotation = Part(transform, "rotation");
   const Json& scale = Part(transform, "scale");
+  const auto is_turned = [](const Eigen::Quaterniond& q) {
+    return q.vec().norm() > kSame || std::abs(q.norm() - 1.0) > kUnit;
+  };
   return (position.empty() || TripleOf(position).norm() < kSame) &&
-         (rotation.empty() || RotationOf(rotation).vec().norm() < kSame) &&
-         (scale.is_object() && scale.empty() ? true : IsOne(scale));
+         (rotation.empty() || !is_turned(RotationOf(rotation))) &&
+         ((scale.is_object() && scale.empty()) || IsOne(scale));
+}
+
+// Of basis, mount and filters, all that palpated sets.
+bool TellsPlacing(const Json& config) {
+  const Json& mount = TransformOf(Part(config, "mount"));
+  return Part(Part(config, "basis"), "permutation").is_string() && mount.contains("position") &&
+         mount.contains("rotation") && mount.contains("scale") &&
+         Part(Part(Part(config, "filters"), "damping"), "scalar").is_number();
 }
 
 // "": as palpated sets it. Else what is not.
@@ -150,12 +168,9 @@ InverseArm ArmOf(const Json& device) {
   arm.foreign = ForeignOf(device);
   const Json& config = Part(device, "config");
   if (config.empty()) return arm;
-  const Json& type = Part(config, "type");
-  arm.config =
-      InverseConfig{.type = type.empty() ? "" : NameOf(type),
-                    .about = AboutOf(config),
-                    .tells_placing = config.contains("basis") && config.contains("mount") &&
-                                     config.contains("filters")};
+  arm.config = InverseConfig{.type = config.contains("type") ? NameOf(config["type"]) : "",
+                             .about = AboutOf(config),
+                             .tells_placing = TellsPlacing(config)};
   return arm;
 }
 
@@ -202,6 +217,9 @@ bool Take(const Json& json, const char* family, std::vector<Device>& devices, co
 std::optional<InverseReply> ParseInverse(std::string_view text) {
   const Json json = Parsed(text);
   if (!json.is_object()) return std::nullopt;
+  for (const Json& family : json) {
+    if (family.is_structured() && family.size() > kMostDevices) return std::nullopt;
+  }
   InverseReply reply;
   reply.has_strange_arm = !Take(json, "inverse3", reply.arms, ArmOf);
   for (const char* family : {"verse_grip", "wireless_verse_grip", "custom_verse_grip"}) {
@@ -236,6 +254,7 @@ std::optional<InverseEvent> ParseInverseEvent(std::string_view text) {
   const Json& data = Part(json, "data").is_object() ? Part(json, "data") : Json::object();
   const std::string safety = TextOf(data, "safety_type"), level = TextOf(json, "level");
   InverseEvent event{.arm = TextOf(data, "device_id")};
+  event.frees = safety == "ebrake_released";
   event.ends_force = safety == "ebrake_triggered" || safety == "stall_detected";
   if (event.ends_force || level == "warning" || level == "error" || level == "critical") {
     event.text = TextOf(json, "name") + (safety.empty() ? "" : ", " + safety) + ": " +

@@ -65,6 +65,7 @@ struct InverseEvent {
   std::string arm{};        // its id; "": not told
   std::string text{};       // for people; "": none
   bool ends_force = false;  // its brake or a stalled motor: the device is locked
+  bool frees = false;       // its brake let go
 };
 std::optional<InverseEvent> ParseInverseEvent(std::string_view text);
 

@@ -70,6 +70,8 @@ milliseconds StreamedDevice::Impl::Connect() {
     if (!link.stopping()) Explain(error, is_open);
   } catch (const std::exception& error) {
     seat.log().SetProblem(error.what());
+  } catch (...) {  // of a vendor's library
+    seat.log().SetProblem("failed in an unknown way; connecting again");
   }
   seat.SetConnection(DeviceConnection::kAbsent);
   return is_unsuitable ? kUnsuitableRetry : DeviceLink::kRetry;
@@ -81,6 +83,7 @@ void StreamedDevice::Impl::Stream(StreamSession& session) {
   wants_to_send = false;
   last_send_ns = 0;  // asks a request-response device at once
   last_reading_ns = MonotonicNowNs();
+  seat.Hold();
   while (!link.stopping()) {
     const StreamReceived received = session.Wait(kLongestWait, state);
     seat.counts.readings += received.readings;
@@ -94,6 +97,7 @@ void StreamedDevice::Impl::Stream(StreamSession& session) {
     const bool lost_its_place =
         received.has_reading && std::exchange(is_calibrated, state.calibrated) && !is_calibrated;
     if (received.restarted || lost_its_place) seat.Hold();
+    if (received.restarted) last_reading_ns = now_ns;
     if (received.has_reading) {
       seat.Take(state, received.time_ns);
       last_reading_ns = now_ns;
