@@ -119,11 +119,11 @@ void ForceDimensionBus::RequestCalibration() {
                 fmt::format("an {} is calibrated by hand: put the calibration pole into its pit",
                             model_.name));
   }
-  const std::uint32_t stops = exchange_.stops;
-  if (exchange_.calibrates.exchange(true)) {
-    throw Error(ErrorKind::kConflict, "it is being calibrated already");
-  }
-  exchange_.stops_at_request = stops;
+  const std::lock_guard lock(requests_);
+  // Its stops stay: a second request does not undo them.
+  if (exchange_.calibrates) throw Error(ErrorKind::kConflict, "it is being calibrated already");
+  exchange_.stops_at_request = exchange_.stops.load();
+  exchange_.calibrates = true;
 }
 
 }  // namespace palpate

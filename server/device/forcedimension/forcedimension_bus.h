@@ -23,6 +23,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -80,6 +81,7 @@ class ForceDimensionBus final : public StreamBus {
   const FdModel& model_;
   const DeviceDescription spec_;
   std::optional<FdLibrary> library_{};
+  std::mutex requests_;  // one at a time
   Exchange exchange_;
 };
 

@@ -27,9 +27,8 @@ constexpr std::int64_t kUnfeltNs = 100 * kMsNs, kTellAgainNs = 10'000 * kMsNs;
 constexpr int kLastZeros = 3;
 
 constexpr const char* kScaled =
-    "no forces: the service multiplies all forces by a factor, so that what is shown is not what "
-    "is "
-    "felt: set the force scale to 1 in Haply Hub, and start palpated again";
+    "no forces: the service multiplies all forces by a factor: what is shown is not what is felt; "
+    "set the force scale to 1 in Haply Hub, and start palpated again";
 constexpr const char* kUnknownScale =
     "no forces: the service does not tell whether it multiplies all forces by a factor: start it "
     "again, then palpated";
@@ -96,8 +95,7 @@ void HaplySession::Choose(const InverseReply& inventory) {
   }
   if (options_.serial.empty() && inventory.arms.size() > 1) {
     throw BusError(BusFault::kAmbiguous,
-                   "the service has several devices: set [device] serial to "
-                   "one of " +
+                   "the service has several devices: set [device] serial to one of " +
                        NamesOf(inventory.arms));
   }
   CheckType(*chosen);
