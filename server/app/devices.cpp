@@ -123,9 +123,11 @@ ListedDevice ListedOpenHaptics(const DeviceConfig& config) {
 // Opens none: the library tells serial numbers of opened devices only.
 ListedDevice ListedForceDimension(const DeviceConfig& config) {
   ListedDevice listed = Listed(FdSpec(FdModelOf(config.forcedimension.model)));
+  const FdOnUsb found = FindFdOnUsb();
   try {
     const FdLibrary library(config.forcedimension.library);
-    if (library.functions().device_count() <= 0) listed.problem = WhyNoFd();
+    if (found.count == 0) listed.problem = "not found: plug it in and switch it on";
+    if (!found.may_open) listed.problem = kPermissionHint;
   } catch (const Error& error) {
     listed.problem = error.what();
   }
@@ -184,7 +186,7 @@ void AppendUsb(const DeviceDescription& spec, const std::vector<UsbMatch::Ids>& 
   for (const UsbFound& device : found) {
     listed.port = device.port;
     listed.problem = problem_of(device.ids);
-    if (!device.may_open) listed.problem = kUsbPermissionHint;
+    if (!device.may_open) listed.problem = kPermissionHint;
     listed.usable = listed.problem.empty();
     devices.push_back(listed);
   }
@@ -200,7 +202,7 @@ void AppendOmniFirewire(const DeviceConfig& config, std::vector<ListedDevice>& d
   for (const FwFound& one : found) {
     listed.port = one.node;
     listed.serial = OmniSerialOf(one.guid);
-    listed.problem = one.may_open ? "" : kFwPermissionHint;
+    listed.problem = one.may_open ? "" : kPermissionHint;
     listed.usable = one.may_open;
     devices.push_back(listed);
   }

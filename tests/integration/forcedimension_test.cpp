@@ -1,6 +1,7 @@
 // Force Dimension's devices over a library of our own, in this process: set-up, axes and signs, and
-// each fault. vendor_daemon_test.cpp has the whole daemon, killed and frozen. What a real device
-// does is not shown here.
+// each fault. forcedimension_calibration_test.cpp has what keeps them from forces;
+// vendor_daemon_test.cpp has the whole daemon, killed and frozen. What a real device does is not
+// shown here.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -8,82 +9,14 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
-#include <functional>
-#include <memory>
 #include <string>
-#include <vector>
+#include <utility>
 
-#include "server/device/forcedimension/forcedimension_bus.h"
-#include "tests/support/fake_drd.h"
-#include "tests/support/places.h"
+#include "tests/support/forcedimension_rig.h"
 #include "tests/support/refusal.h"
-#include "tests/support/served_device.h"
-#include "tests/support/temporary_folder.h"
-#include "tests/support/vendor_hands.h"
 
 namespace palpate::test {
 namespace forcedimension {
-
-const Wrench kPush{.force_n = Vec3(0.5, -0.25, 1.0), .torque_n_mm = Vec3(10, 20, 30)};
-constexpr const char* kSigma = "sigma.7";
-
-// A sigma.7, the model that has all, unless the test says otherwise.
-class ForceDimensionTest : public ::testing::Test {
- protected:
-  ForceDimensionTest() {
-    fake().watchdog_slack_ms = 60'000;  // this machine may stop for long
-    Be(kSigma, true, true, true);
-  }
-  ~ForceDimensionTest() override {
-    device_.reset();
-    EXPECT_EQ(drd_.Breaches(), breaches_);
-    EXPECT_EQ(fake().gripper_force, 0.0);
-  }
-
-  FakeDrdDevice& fake(int n = 0) { return drd_.device(n); }
-  void Be(const char* name, bool has_wrist, bool has_torque, bool has_gripper) {
-    std::snprintf(fake().system_name, sizeof fake().system_name, "%s", name);
-    fake().has_wrist = has_wrist;
-    fake().has_active_wrist = has_torque;
-    fake().has_gripper = has_gripper;
-  }
-  void Make(ForceDimensionOptions options = {.model = kSigma}) {
-    if (options.library == FdLibrary::kDefaultPath) options.library = kFakeDrd;
-    device_.reset();
-    device_ = std::make_unique<ServedDevice>(std::make_unique<ForceDimensionBus>(options));
-  }
-  Vec3 Felt_M_n() { return hand_.Felt_n(); }
-  bool Feels(const Wrench& wrench_M) {
-    return (hand_.Felt_n() - wrench_M.force_n).norm() < 1e-9 &&
-           (hand_.FeltTorque_n_mm() - wrench_M.torque_n_mm).norm() < 1e-9;
-  }
-  bool Pushes() {
-    return device_->Serve(kPush, [&] { return Feels(kPush); });
-  }
-  bool PushesSoon() { return device_->Streams() && Pushes(); }
-  // Its last command was none, and its motors are off.
-  bool IsLetGoOf() {
-    return !fake().forces_enabled && fake().force[0] == 0.0 && fake().force[1] == 0.0 &&
-           fake().force[2] == 0.0 && fake().torque[0] == 0.0 && fake().torque[1] == 0.0 &&
-           fake().torque[2] == 0.0;
-  }
-  // The device is lost, says why, is let go of, and pushes again once it is well. `hears`: it can
-  // be told a zero.
-  void ExpectLost(const std::string& line, const std::function<void()>& mend, bool hears = true) {
-    EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
-    EXPECT_TRUE(Eventually([&] { return hears ? IsLetGoOf() : Feels({}); })) << line;
-    EXPECT_TRUE(device_->Logs(line)) << line << "; " << device_->log();
-    mend();
-    EXPECT_TRUE(Pushes()) << line;
-    device_->Forget();
-  }
-
-  TemporaryFolder folder_;
-  FakeDrd drd_{folder_.path()};
-  ForceDimensionHand hand_{drd_.device()};
-  std::unique_ptr<ServedDevice> device_;
-  std::vector<std::string> breaches_{};  // expected of the test
-};
 
 TEST_F(ForceDimensionTest, ALibraryThatIsMissingOldOrNotWholeIsNamed) {
   const std::pair<std::string, std::string> cases[] = {
@@ -126,22 +59,11 @@ TEST_F(ForceDimensionTest, IsSetUpWithItsWatchdogAndLetGoOfBraked) {
   EXPECT_FALSE(fake().opened);
 }
 
-// A plane on each side of the middle, 1 mm away, of 0.5 N/mm: the hand goes 2 mm into it.
 TEST_F(ForceDimensionTest, EachAxisIsReadAndPushedTheRightWay) {
   Be("omega.3", false, false, false);
   Make({.model = "omega.3"});
   ASSERT_TRUE(device_->Streams());
-  for (int n = 0; n < 6; ++n) {
-    Vec3 into = Vec3::Zero();
-    into[n / 2] = n % 2 == 0 ? 1.0 : -1.0;
-    hand_.Place(3.0 * into);
-    const auto plane = [&](const DeviceState& state) {
-      const double depth_mm = state.p_MHip_mm.dot(into) - 1.0;
-      return Wrench{.force_n = -0.5 * std::max(depth_mm, 0.0) * into};
-    };
-    EXPECT_TRUE(device_->Serve(plane, [&] { return (Felt_M_n() + into).norm() < 1e-9; }))
-        << into.transpose() << ", felt " << Felt_M_n().transpose();
-  }
+  ExpectPushedOutOfPlanes(*device_, hand_);
 }
 
 // As an Omni's stylus: -z is where the handle points, x is right, y is up.
@@ -211,18 +133,16 @@ TEST_F(ForceDimensionTest, WhatTheKernelKnowsOfADeviceThatIsNotFound) {
     std::filesystem::create_directories((folder_.path() / path).parent_path());
     std::ofstream(folder_.path() / path) << text << "\n";
   };
-  const auto says = [&](const char* part) {
-    return WhyNoFd(folder_.path()).find(part) != std::string::npos;
-  };
-  EXPECT_TRUE(says("plug it in"));
+  EXPECT_EQ(FindFdOnUsb(folder_.path()).count, 0);
   put("sys/bus/usb/devices/1-1/idVendor", "0403");
-  EXPECT_TRUE(says("plug it in"));
+  EXPECT_EQ(FindFdOnUsb(folder_.path()).count, 0);
   put("sys/bus/usb/devices/1-2/idVendor", "1451");
   put("sys/bus/usb/devices/1-2/busnum", "1");
   put("sys/bus/usb/devices/1-2/devnum", "7");
-  EXPECT_TRUE(says("70-palpate.rules"));
+  EXPECT_EQ(FindFdOnUsb(folder_.path()).count, 1);
+  EXPECT_FALSE(FindFdOnUsb(folder_.path()).may_open);
   put("dev/bus/usb/001/007", "");
-  EXPECT_TRUE(says("newer SDK"));
+  EXPECT_TRUE(FindFdOnUsb(folder_.path()).may_open);
 }
 
 TEST_F(ForceDimensionTest, TheSerialNumberChoosesAmongTwo) {
@@ -233,49 +153,6 @@ TEST_F(ForceDimensionTest, TheSerialNumberChoosesAmongTwo) {
   EXPECT_NE((*device_)->health().identity.find("54321"), std::string::npos);
   EXPECT_FALSE(fake(0).opened);
   EXPECT_TRUE(fake(1).opened);
-}
-
-// No force, and its motors stay off, until it is as it must be.
-TEST_F(ForceDimensionTest, WithoutCalibrationPowerOrWatchdogThereIsNoForce) {
-  const struct {
-    std::function<void(bool wrong)> make;
-    std::string part;
-  } cases[] = {
-      {[&](bool wrong) { fake().initialized = !wrong; }, "device calibrate forcedimension"},
-      {[&](bool wrong) { fake().is_reset = wrong; }, "device calibrate forcedimension"},
-      {[&](bool wrong) { fake().powered = !wrong; }, "power supply"}};
-  for (const auto& one : cases) {
-    one.make(true);
-    Make();
-    ASSERT_TRUE(device_->Streams());
-    const int enabled = fake().enable_ons;
-    EXPECT_TRUE(device_->Logs(one.part, kPush)) << device_->log();
-    EXPECT_TRUE(device_->HasProblem(one.part));
-    EXPECT_FALSE(device_->state().calibrated);
-    EXPECT_EQ(fake().enable_ons, enabled);
-    one.make(false);
-    EXPECT_TRUE(Pushes());
-    one.make(true);
-    EXPECT_TRUE(device_->Serve(kPush, [&] { return !fake().forces_enabled; }));
-    one.make(false);
-    EXPECT_TRUE(Pushes());
-  }
-  const auto no_watchdog = {std::function<void()>([&] { fake().watchdog_settable = false; }),
-                            std::function<void()>([&] {
-                              fake().watchdog_settable = true;
-                              fake().watchdog_reads_back = 0;
-                            })};
-  for (const std::function<void()>& change : no_watchdog) {
-    fake().watchdog_steps = 0;
-    change();
-    Make();
-    ASSERT_TRUE(device_->Streams());
-    const int enabled = fake().enable_ons;
-    EXPECT_TRUE(device_->Logs("forcedimension_without_watchdog", kPush));
-    EXPECT_EQ(fake().enable_ons, enabled);
-    Make({.model = kSigma, .without_watchdog = true});
-    EXPECT_TRUE(PushesSoon());
-  }
 }
 
 TEST_F(ForceDimensionTest, AStatusOfAnyLengthIsUnderstood) {
@@ -433,111 +310,6 @@ TEST_F(ForceDimensionTest, AServoThatIsSilentBrakesAndNoOldForceComesBack) {
   std::this_thread::sleep_for(std::chrono::milliseconds(3));
   EXPECT_TRUE(Feels({}));  // until zero was written
   EXPECT_TRUE(Pushes());
-}
-
-TEST_F(ForceDimensionTest, AnArmMovesByItselfOnlyWithForcesOffAndAfterAWarning) {
-  fake().initialized = false;
-  fake().auto_init_ms = 300;
-  Make();
-  ASSERT_TRUE(device_->Streams());
-  EXPECT_TRUE(device_->HasProblem("palpate device calibrate forcedimension"));
-  const auto asked = std::chrono::steady_clock::now();
-  (*device_)->Calibrate();
-  EXPECT_TRUE(device_->Logs("moves by itself in 3 s"));
-  EXPECT_TRUE(device_->HasProblem("keep clear"));
-  ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
-  EXPECT_GE(std::chrono::steady_clock::now() - asked, std::chrono::seconds(3));
-  using palpate::testing::Refusal;
-  EXPECT_EQ(Refusal([&] { (*device_)->Calibrate(); }), ErrorKind::kConflict);
-  EXPECT_TRUE(device_->Logs("has calibrated itself"));
-  EXPECT_FALSE(fake().forces_enabled);  // the library left them on
-  EXPECT_TRUE(Pushes());
-  EXPECT_EQ(fake().auto_inits, 1);
-  EXPECT_EQ(fake().drd_stops, 1);
-  EXPECT_EQ((*device_)->health().connections, 1u);
-  (*device_)->Calibrate();
-  EXPECT_TRUE(device_->Logs("forces are on", kPush));
-  EXPECT_EQ(fake().auto_inits, 1);
-  EXPECT_TRUE(Eventually([&] { return !fake().forces_enabled; }));
-
-  fake().auto_init_result = -1;
-  fake().initialized = false;
-  EXPECT_TRUE(device_->HasProblem("device calibrate forcedimension"));
-  (*device_)->Calibrate();
-  EXPECT_TRUE(device_->Logs("could not calibrate itself: error 12"));
-  EXPECT_FALSE(fake().forces_enabled);
-  EXPECT_EQ(fake().auto_inits, 2);
-}
-
-TEST_F(ForceDimensionTest, AnArmDoesNotMoveByItselfWithoutPowerOrWatchdog) {
-  fake().initialized = false;
-  fake().watchdog_settable = false;
-  Make();
-  ASSERT_TRUE(device_->Streams());
-  (*device_)->Calibrate();
-  EXPECT_TRUE(device_->Logs("does not move: no forces"));
-  fake().watchdog_settable = true;
-  Make();
-  ASSERT_TRUE(device_->Streams());
-  fake().powered = false;
-  (*device_)->Calibrate();
-  EXPECT_TRUE(device_->Logs("does not move: no power"));
-  EXPECT_EQ(fake().auto_inits, 0);
-}
-
-TEST_F(ForceDimensionTest, ADeviceThatLostItsSettingsIsSetUpAnew) {
-  Make();
-  ASSERT_TRUE(PushesSoon());
-  fake().powered = false;
-  ExpectLost("power supply", [&] {
-    fake().watchdog_steps = 0;
-    fake().powered = true;
-  });
-  EXPECT_EQ(fake().watchdog_steps, 160);
-  EXPECT_TRUE(Eventually([&] { return !fake().forces_enabled; }));
-  fake().powered = false;
-  EXPECT_TRUE(device_->HasProblem("power supply"));
-  fake().watchdog_steps = 0;
-  fake().powered = true;
-  EXPECT_TRUE(device_->Logs("lost its settings"));
-  EXPECT_TRUE(Pushes());
-  EXPECT_EQ(fake().watchdog_steps, 160);
-}
-
-// Somebody stops it before and while it moves; and palpated ends.
-TEST_F(ForceDimensionTest, AnArmThatMovesByItselfCanBeStopped) {
-  fake().initialized = false;
-  fake().auto_init_ms = 60'000;
-  Make();
-  ASSERT_TRUE(device_->Streams());
-  (*device_)->Calibrate();
-  EXPECT_TRUE(device_->Logs("moves by itself in 3 s"));
-  (*device_)->StopMoving();
-  EXPECT_TRUE(device_->Logs("it was stopped"));
-  EXPECT_EQ(fake().auto_inits, 0);
-  device_->Forget();
-  (*device_)->Calibrate();
-  ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
-  (*device_)->StopMoving();
-  EXPECT_TRUE(Eventually([&] { return !fake().in_auto_init; }));
-  EXPECT_TRUE(device_->Logs("it was stopped"));
-  EXPECT_FALSE(fake().forces_enabled);
-  (*device_)->Calibrate();
-  ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
-  (*device_)->Stop();
-  EXPECT_FALSE(fake().in_auto_init);
-  EXPECT_FALSE(fake().opened);
-}
-
-TEST_F(ForceDimensionTest, AnOmegaIsCalibratedByHandAndItsGripperMayBeAButton) {
-  Be("omega.7", true, false, true);
-  Make({.model = "omega.7", .gripper_button = true});
-  ASSERT_TRUE(device_->Streams());
-  EXPECT_TRUE(fake().emulates_button);
-  EXPECT_EQ(palpate::testing::Refusal([&] { (*device_)->Calibrate(); }),
-            ErrorKind::kInvalidArgument);
-  fake().buttons = 7;  // what the others are is not written
-  EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().buttons == 1; }));
 }
 
 // The shares judge, and not the clock.

@@ -90,21 +90,10 @@ TEST_F(HaplyTest, ASessionIsSetUpOnceAndEndsWithZeroAndInOrder) {
   EXPECT_EQ(Report()["close_code"], 1000);
 }
 
-// A plane on each side of the middle, 1 mm away, of 0.5 N/mm: the hand goes 2 mm into it.
 TEST_F(HaplyTest, EachAxisIsReadAndPushedTheRightWay) {
   Make();
   ASSERT_TRUE(device_->Streams());
-  for (int n = 0; n < 6; ++n) {
-    Vec3 into = Vec3::Zero();
-    into[n / 2] = n % 2 == 0 ? 1.0 : -1.0;
-    hand_.Place(3.0 * into);
-    const auto plane = [&](const DeviceState& state) {
-      const double depth_mm = state.p_MHip_mm.dot(into) - 1.0;
-      return Wrench{.force_n = -0.5 * std::max(depth_mm, 0.0) * into};
-    };
-    EXPECT_TRUE(device_->Serve(plane, [&] { return (Felt_M_n() + into).norm() < 1e-3; }))
-        << into.transpose() << ", felt " << Felt_M_n().transpose();
-  }
+  ExpectPushedOutOfPlanes(*device_, hand_);
 }
 
 // As an Omni's stylus: -z is where the grip points, x is right, y is up. The grip points along its

@@ -2,6 +2,9 @@
 // stage's answer to readings that are not good.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -77,5 +80,21 @@ class ServedDevice {
   DeviceStatus status_ = DeviceStatus::kFault;
   std::string log_;
 };
+
+// A plane on each side of the middle, 1 mm away, of 0.5 N/mm: the hand goes 2 mm into it.
+template <class Hand>
+void ExpectPushedOutOfPlanes(ServedDevice& device, Hand& hand) {
+  for (int n = 0; n < 6; ++n) {
+    Vec3 into = Vec3::Zero();
+    into[n / 2] = n % 2 == 0 ? 1.0 : -1.0;
+    hand.Place(3.0 * into);
+    const auto plane = [&](const DeviceState& state) {
+      const double depth_mm = state.p_MHip_mm.dot(into) - 1.0;
+      return Wrench{.force_n = -0.5 * std::max(depth_mm, 0.0) * into};
+    };
+    EXPECT_TRUE(device.Serve(plane, [&] { return (hand.Felt_n() + into).norm() < 1e-3; }))
+        << into.transpose() << ", felt " << hand.Felt_n().transpose();
+  }
+}
 
 }  // namespace palpate::test

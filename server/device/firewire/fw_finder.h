@@ -16,11 +16,6 @@ struct FwFound {
   bool may_open = false;  // this user may open it
 };
 
-// What to do after BusFault::kPermission.
-inline constexpr std::string_view kFwPermissionHint =
-    "this user may not open the device: install deploy/udev/70-palpate.rules, then unplug it and "
-    "plug it in again";
-
 // The nodes of other machines and devices whose GUID begins with `vendor` (24 bits), by GUID.
 std::vector<FwFound> FindFwNodes(std::uint32_t vendor);
 

@@ -26,7 +26,7 @@ std::uint64_t PointerTo(const void* data) { return reinterpret_cast<std::uintptr
     throw BusError(BusFault::kAbsent, "unplugged");
   }
   if (error == EACCES || error == EPERM) {
-    throw BusError(BusFault::kPermission, std::string(kFwPermissionHint));
+    throw BusError(BusFault::kPermission, std::string(kPermissionHint));
   }
   throw BusError(error == EBUSY ? BusFault::kBusy : BusFault::kBroken,
                  what + " failed: " + std::strerror(error));

@@ -25,24 +25,19 @@ Value LineOf(const std::filesystem::path& file) {
 
 }  // namespace
 
-std::string WhyNoFd(const std::filesystem::path& root) {
+FdOnUsb FindFdOnUsb(const std::filesystem::path& root) {
+  FdOnUsb found;
   std::error_code error;
-  bool is_plugged = false;
   for (const auto& entry :
        std::filesystem::directory_iterator(root / "sys/bus/usb/devices", error)) {
     const std::filesystem::path& device = entry.path();
     if (LineOf<std::string>(device / "idVendor") != kVendor) continue;
-    is_plugged = true;
+    ++found.count;
     const std::string node = fmt::format("dev/bus/usb/{:03}/{:03}", LineOf<int>(device / "busnum"),
                                          LineOf<int>(device / "devnum"));
-    if (access((root / node).c_str(), R_OK | W_OK) != 0) {
-      return "this user may not open the device: install deploy/udev/70-palpate.rules, then unplug "
-             "it and plug it in again";
-    }
+    found.may_open = found.may_open && access((root / node).c_str(), R_OK | W_OK) == 0;
   }
-  return is_plugged ? "it is on USB, but the library does not find it: end other programs that use "
-                      "it, or install a newer SDK"
-                    : "not found: plug it in and switch it on";
+  return found;
 }
 
 ForceDimensionBus::ForceDimensionBus(ForceDimensionOptions options)
@@ -70,8 +65,13 @@ std::unique_ptr<StreamSession> ForceDimensionBus::Open(const std::atomic<bool>& 
 char ForceDimensionBus::Choose() const {
   const int count = library_->functions().device_count();
   if (count <= 0) {
-    const std::string why = WhyNoFd();
-    throw BusError(why.starts_with("this user") ? BusFault::kPermission : BusFault::kAbsent, why);
+    const FdOnUsb found = FindFdOnUsb();
+    if (!found.may_open) throw BusError(BusFault::kPermission, std::string(kPermissionHint));
+    throw BusError(BusFault::kAbsent,
+                   found.count == 0
+                       ? "not found: plug it in and switch it on"
+                       : "it is on USB, but the library does not find it: end other programs that "
+                         "use it, or install a newer SDK");
   }
   std::string others, refused;
   const std::optional<char> chosen = OpenOne(count, others, refused);

@@ -41,9 +41,13 @@ struct ForceDimensionOptions {
   bool without_watchdog = false;  // forces also from a device that cannot brake by itself
 };
 
-// Why the library finds no device, as far as the kernel tells: whether one is plugged in, and
-// whether this user may open it. `root`: the folder that has sys and dev. Any thread.
-std::string WhyNoFd(const std::filesystem::path& root = "/");
+// The devices of this vendor on USB, by the kernel: it is asked beside a device that streams, which
+// the library is not. `root`: the folder that has sys and dev. Any thread.
+struct FdOnUsb {
+  int count = 0;
+  bool may_open = true;  // this user may open all of them
+};
+FdOnUsb FindFdOnUsb(const std::filesystem::path& root = "/");
 
 class ForceDimensionBus final : public StreamBus {
  public:

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace palpate {
 
@@ -20,6 +21,11 @@ enum class BusFault : std::uint8_t {
   kCorrupt,     // an invalid answer
   kBroken,      // any other failure of the bus
 };
+
+// What to do after kPermission.
+inline constexpr std::string_view kPermissionHint =
+    "this user may not open the device: install deploy/udev/70-palpate.rules, then unplug it and "
+    "plug it in again";
 
 // what() is one line: what is wrong, and what to do.
 class BusError : public std::runtime_error {

@@ -75,7 +75,7 @@ BusError ErrorOf(int libusb_error, const std::string& what) {
     case LIBUSB_ERROR_NOT_FOUND:
       return error(BusFault::kAbsent, "the device is gone: plug it in again");
     case LIBUSB_ERROR_ACCESS:
-      return error(BusFault::kPermission, std::string(kUsbPermissionHint));
+      return error(BusFault::kPermission, std::string(kPermissionHint));
     case LIBUSB_ERROR_BUSY:
       return error(
           BusFault::kBusy,

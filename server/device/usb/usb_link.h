@@ -44,11 +44,6 @@ struct UsbFound {
   bool may_open = false;  // this user may open it
 };
 
-// What to do after kPermission.
-inline constexpr std::string_view kUsbPermissionHint =
-    "this user may not open the device: install deploy/udev/70-palpate.rules, then unplug it and "
-    "plug it in again";
-
 // Returns the devices on all buses with one of the ids. Opens none.
 std::vector<UsbFound> FindUsbDevices(const std::vector<UsbMatch::Ids>& ids);
 
