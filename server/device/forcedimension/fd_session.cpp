@@ -142,7 +142,8 @@ StreamReceived FdSession::Wait(std::chrono::microseconds /*longest*/, DeviceStat
   received.lost_readings =
       static_cast<std::uint32_t>(tick.missed - std::exchange(missed_, tick.missed));
   if (received.lost_readings > 0) std::this_thread::sleep_for(kLateSleep);
-  // Soon after its motors were switched on: later, that they are off is news.
+  // Also in each tick until the device says that its motors are on. From then on, "off" means that
+  // the device has ended its forces.
   if (tick.started_ns >= next_watch_ns_ || (motors_on_ && !has_been_on_)) Watch(received);
   TakeReading(received, state);
   return received;

@@ -27,7 +27,7 @@ using ErrorCode = boost::system::error_code;
 using WebSocket = beast::websocket::stream<beast::tcp_stream>;
 
 constexpr milliseconds kLook{20};
-// Who sends without end would keep the thread in the handlers.
+// A peer that sends without end must not keep the thread in its handlers.
 constexpr int kMostHandlers = 256;
 
 asio::ip::tcp::endpoint Loopback(std::uint16_t port) {
@@ -48,8 +48,8 @@ bool Finish(asio::io_context& context, const bool& is_done, Clock::time_point en
 // A connected WebSocket, which collects its messages.
 class Line {
  public:
-  // is_asked: it gets answers only, and ends if it gets more. Else it waits for somebody to take
-  // them.
+  // is_asked: more than kMostMessages that nobody has taken end the line. Otherwise reading pauses
+  // until they are taken.
   Line(asio::io_context& context, bool is_asked)
       : context_(context), socket_(context), is_asked_(is_asked) {}
 

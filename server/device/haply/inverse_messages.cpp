@@ -24,10 +24,10 @@ constexpr double kSame = 1e-6;
 constexpr double kUnit = 0.01;
 constexpr double kMost_m = 10.0;
 
-// Whoever reads the texts throws this or Json::exception for what is not as documented.
+// Thrown, as Json::exception is, for a value that is not as documented.
 struct Strange {};
 
-// What is nested deeply would need a deep stack to be read.
+// Reading deeply nested text would need a deep stack.
 bool IsFlat(std::string_view text) {
   int depth = 0;
   bool is_quoted = false;

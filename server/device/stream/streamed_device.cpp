@@ -180,8 +180,8 @@ void StreamedDevice::Stop() noexcept {
   if (impl_->link.Stop(kLongestStop)) return;
   impl_->seat.SetConnection(DeviceConnection::kAbsent);
   impl_->seat.log().Add(DeviceEvent::Level::kError,
-                        "its thread does not end, so that it may not have been let go of: unplug "
-                        "it and plug it in again before its next use");
+                        "its thread does not end, and may still hold the device: unplug the device "
+                        "and plug it in again before its next use");
 }
 
 DeviceStatus StreamedDevice::Read(DeviceState& state) noexcept { return impl_->seat.Read(state); }
