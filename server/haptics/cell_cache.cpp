@@ -52,7 +52,9 @@ int HapticCell::CutEdges(int tetrahedron, double isovalue,
   return count;
 }
 
-void CellCache::FillGradients(HapticCell& entry, int tetrahedron) noexcept {
+template <int kXBits, int kYBits, int kZBits>
+void CellCacheOf<kXBits, kYBits, kZBits>::FillGradients(HapticCell& entry,
+                                                        int tetrahedron) noexcept {
   entry.known_gradients |= std::uint32_t{1} << tetrahedron;
   const auto& v = entry.parts.complex.vertices[tetrahedron];
   if (!entry.parts.is_plain) entry.weight[tetrahedron] = GradientsOfWeights(entry.vertex_mm, v);
@@ -63,8 +65,10 @@ void CellCache::FillGradients(HapticCell& entry, int tetrahedron) noexcept {
                   (d[v[3]] - d[v[0]]) * w[3].normal));
 }
 
-HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
-                            std::size_t slot) noexcept {
+template <int kXBits, int kYBits, int kZBits>
+HapticCell& CellCacheOf<kXBits, kYBits, kZBits>::Fill(const HapticSurface& surface,
+                                                      const Vec3i& cell,
+                                                      std::size_t slot) noexcept {
   const bool is_other_geometry = generation_ == kNoGeneration ||
                                  surface.geometry_revision != geometry_revision_ ||
                                  surface.lattice.refinement() != refinement_;
@@ -108,10 +112,11 @@ HapticCell& CellCache::Fill(const HapticSurface& surface, const Vec3i& cell,
   return entry;
 }
 
-const CellCache::VoxelCell& CellCache::VoxelCellOf(const HapticSurface& surface,
-                                                   const Vec3i& cell) noexcept {
-  VoxelCell& entry = voxel_cells_[static_cast<std::size_t>((cell.x() & 3) << 4 |
-                                                           (cell.y() & 3) << 2 | (cell.z() & 3))];
+template <int kXBits, int kYBits, int kZBits>
+auto CellCacheOf<kXBits, kYBits, kZBits>::VoxelCellOf(const HapticSurface& surface,
+                                                      const Vec3i& cell) noexcept
+    -> const VoxelCell& {
+  VoxelCell& entry = voxel_cells_[SlotOf(cell) % voxel_cells_.size()];
   const std::uint64_t revision = surface.volume->revision();
   const bool is_right = entry.filled == generation_ && entry.cell == cell &&
                         (entry.volume_revision == revision ||
@@ -127,8 +132,10 @@ const CellCache::VoxelCell& CellCache::VoxelCellOf(const HapticSurface& surface,
   return entry;
 }
 
-void CellCache::FillDecomposition(const HapticSurface& surface, HapticCell& entry) noexcept {
-  const bool was_plain = entry.parts.is_plain;
+template <int kXBits, int kYBits, int kZBits>
+void CellCacheOf<kXBits, kYBits, kZBits>::FillDecomposition(const HapticSurface& surface,
+                                                            HapticCell& entry) noexcept {
+  const bool was_plain = entry.parts.is_plain && entry.place == place_;
   DecomposeFelt(surface, entry.densities, entry.parts);
   entry.known_gradients = 0;
   entry.piece.tetrahedron = -1;
@@ -141,17 +148,22 @@ void CellCache::FillDecomposition(const HapticSurface& surface, HapticCell& entr
       entry.vertex_mm[v] = surface.X_DL.linear * entry.parts.position[v];
     }
   }
+  entry.place = place_;
   entry.decomposed = true;
 }
 
-void CellCache::FillPlainCell(const AffineMap& X_DL) noexcept {
+template <int kXBits, int kYBits, int kZBits>
+void CellCacheOf<kXBits, kYBits, kZBits>::FillPlainCell(const AffineMap& X_DL) noexcept {
   for (std::size_t v = 0; v < plain_vertex_mm_.size(); ++v) {
     plain_vertex_mm_[v] = X_DL.linear * Vec3::Map(kPlainPositions[v].data());
   }
   for (std::size_t t = 0; t < plain_weight_.size(); ++t) {
     plain_weight_[t] = GradientsOfWeights(plain_vertex_mm_, kDiamondComplexes[0].vertices[t]);
   }
-  for (HapticCell& entry : cells_) entry.parts.is_plain = false;  // none has these vertices yet
+  ++place_;
 }
+
+template class CellCacheOf<3, 2, 2>;
+template class CellCacheOf<4, 4, 3>;
 
 }  // namespace palpate

@@ -56,6 +56,7 @@ struct HapticCell {
   std::array<Vec3, kMaxVertices> vertex_mm;  // valid once `decomposed`; D axes, relative to d0
   Vec3 origin_mm = Vec3::Zero();             // valid once `decomposed`; position of d0 in D
   bool decomposed = false;
+  std::uint32_t place = 0;  // of the lattice, by which the vertices were filled
   std::uint32_t known_gradients = 0;                   // bit t: those of tetrahedron t are filled
   std::array<WeightGradients, kMaxTetrahedra> weight;  // not of a plain cell
   std::array<HalfSpace, kMaxTetrahedra> fall;
@@ -74,7 +75,9 @@ struct HapticCell {
   int CutEdges(int tetrahedron, double isovalue, std::array<CutEdge, 4>& cuts) const noexcept;
 };
 
-class CellCache {
+// kBits: of the numbers of slots along the three axes. Cells that far apart share a slot.
+template <int kXBits, int kYBits, int kZBits>
+class CellCacheOf {
  public:
   // Returns a cell with its densities only. The reference is valid until the next call for a cell
   // in the same slot: copy values that must last.
@@ -105,9 +108,11 @@ class CellCache {
   }
 
  private:
-  // Neighbouring cells get different slots: 8 × 4 × 4 cells fill the cache.
+  // Neighbouring cells get different slots.
   static std::size_t SlotOf(const Vec3i& cell) {
-    return static_cast<std::size_t>((cell.x() & 7) << 4 | (cell.y() & 3) << 2 | (cell.z() & 3));
+    const auto last = [](int coordinate, int bits) { return coordinate & ((1 << bits) - 1); };
+    return static_cast<std::size_t>(last(cell.x(), kXBits) << (kYBits + kZBits) |
+                                    last(cell.y(), kYBits) << kZBits | last(cell.z(), kZBits));
   }
   // The cell of the voxels from which sub-cells are interpolated.
   struct VoxelCell {
@@ -126,7 +131,7 @@ class CellCache {
   void FillDecomposition(const HapticSurface& surface, HapticCell& entry) noexcept;
   void FillGradients(HapticCell& entry, int tetrahedron) noexcept;
 
-  static constexpr std::size_t kSlots = 128;
+  static constexpr std::size_t kSlots = std::size_t{1} << (kXBits + kYBits + kZBits);
   static constexpr std::uint64_t kNoGeneration = 1;  // nothing was filled yet
 
   std::uint64_t geometry_revision_ = 0;
@@ -136,11 +141,19 @@ class CellCache {
   std::array<std::uint64_t, kSlots> volume_revision_{};  // revision for which the slot was last
                                                          // right
   std::uint64_t generation_ = kNoGeneration;
+  std::uint32_t place_ = 0;  // counts those of the lattice
   // What all plain cells (Decomposition::is_plain) have in common.
   std::array<Vec3, kFirstInteriorVertex> plain_vertex_mm_;
   std::array<WeightGradients, kDiamondComplexes[0].tetrahedron_count> plain_weight_;
   std::array<HapticCell, kSlots> cells_;
-  std::array<VoxelCell, 64> voxel_cells_;  // 4 × 4 × 4; without refinement, none is used
+  // 4 × 4 × 4 of a point's. Without refinement, none is used.
+  std::array<VoxelCell, kSlots / 2> voxel_cells_;
 };
+
+// For a point: 8 × 4 × 4 cells, 0.65 MB.
+class CellCache : public CellCacheOf<3, 2, 2> {};
+
+// For the balls of a tool: 16 × 16 × 8 cells, 10 MB.
+class ToolCellCache : public CellCacheOf<4, 4, 3> {};
 
 }  // namespace palpate

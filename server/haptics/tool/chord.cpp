@@ -1,0 +1,233 @@
+#include "server/haptics/tool/chord.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+// Tetrahedra overlap by this, in barycentric weights, so that rounding leaves no gap between them.
+constexpr double kOverlap = 1e-12;
+
+// The vertices above the bound.
+unsigned VerticesAbove(const HapticCell& cell, double bound) {
+  unsigned above = 0;
+  for (unsigned left = cell.parts.complex.used_vertices; left; left &= left - 1) {
+    const int v = std::countr_zero(left);
+    above |= static_cast<unsigned>(cell.parts.density[v] > bound) << v;
+  }
+  return above;
+}
+
+SurfacePlane PlaneOf(const HapticCell& cell, int tetrahedron, const HalfSpace& fall, double bound) {
+  const int v = cell.parts.complex.vertices[tetrahedron][0];
+  const double slope = std::sqrt(fall.normal2);
+  const Vec3 normal_D = fall.normal / slope;
+  // Where the density of the vertex is the bound's.
+  return {
+      normal_D,
+      normal_D.dot(cell.origin_mm + cell.vertex_mm[v]) + (cell.parts.density[v] - bound) / slope,
+      slope};
+}
+
+// A chord through one tetrahedron after the other.
+class Chord {
+ public:
+  Chord(const HapticSurface& surface, const Vec3& from_mm, const Vec3& to_mm, ToolCellCache& cache,
+        int& work)
+      : surface_(surface),
+        from_mm_(from_mm),
+        to_mm_(to_mm),
+        way_mm_(to_mm - from_mm),
+        bound_(DensityBound(surface)),
+        cache_(cache),
+        work_(work) {}
+
+  std::optional<ChordHit> Run() noexcept {
+    const Vec3 from = surface_.X_LD.Apply(from_mm_), way = surface_.X_LD.Apply(to_mm_) - from;
+    Vec3i cell = from.array().floor().matrix().cast<int>();
+    Vec3 next;  // share of the chord after which it leaves the cell, along each axis
+    const auto leaves = [&](int axis) {
+      if (way[axis] == 0.0) return std::numeric_limits<double>::infinity();
+      return (cell[axis] + (way[axis] > 0.0 ? 1 : 0) - from[axis]) / way[axis];
+    };
+    for (int axis = 0; axis < 3; ++axis) next[axis] = leaves(axis);
+    double entered = 0.0;
+    for (;;) {
+      ++work_;
+      if (Visit(cell, entered)) return hit_;
+      int axis = 0;
+      entered = next.minCoeff(&axis);
+      if (!(entered <= 1.0)) return std::nullopt;
+      cell[axis] += way[axis] > 0.0 ? 1 : -1;
+      next[axis] = leaves(axis);
+    }
+  }
+
+ private:
+  bool Visit(const Vec3i& at, double entered) noexcept {
+    if (!surface_.lattice.HasCell(at)) {
+      hit_ = {entered, std::nullopt};
+      return !surface_.IsFreeOutside();
+    }
+    HapticCell& cell = cache_.Densities(surface_, at);
+    if (cell.IsFree(surface_)) return false;
+    if (!cell.IsCrossed(surface_)) {
+      hit_ = {entered, std::nullopt};
+      return true;
+    }
+    cache_.Decompose(surface_, cell);
+    const Vec3 from_mm = from_mm_ - cell.origin_mm, to_mm = to_mm_ - cell.origin_mm;
+    const TetrahedralComplex& complex = cell.parts.complex;
+    const unsigned above = VerticesAbove(cell, bound_);
+    hit_.share = std::numeric_limits<double>::infinity();
+    int first = -1;
+    for (int t = 0; t < complex.tetrahedron_count; ++t) {
+      if ((complex.vertex_mask[t] & above) == 0) continue;
+      ++work_;
+      const double share = HitIn(cell, t, from_mm, to_mm, hit_.share);
+      if (share < hit_.share) hit_.share = share, first = t;
+    }
+    if (first < 0) return false;
+    hit_.plane = PlaneOf(cell, first, cache_.Gradients(cell, first).fall, bound_);
+    return true;
+  }
+
+  // Where the density rises above the bound, before `until`. It does not fall from above it: then
+  // it would have risen before.
+  double HitIn(HapticCell& cell, int t, const Vec3& from_mm, const Vec3& to_mm,
+               double until) noexcept {
+    const auto& v = cell.parts.complex.vertices[t];
+    const TetrahedronGradients gradients = cache_.Gradients(cell, t);
+    const Vec3 &base = cell.vertex_mm[v[0]], &fall = gradients.fall.normal;
+    const double room = bound_ - cell.parts.density[v[0]];  // to the bound, from the first vertex
+    const double start = room + fall.dot(from_mm - base), end = room + fall.dot(to_mm - base);
+    if (!(end < 0.0) || !(end < start)) return until;
+    double enter = std::max(0.0, start / (start - end));
+    double leave = std::min(until, 1.0);
+    Vec3 weight, rate;
+    for (int n = 0; n < 3; ++n) {
+      const Vec3& normal = gradients.weight[static_cast<std::size_t>(n) + 1].normal;
+      weight[n] = normal.dot(from_mm - base);
+      rate[n] = normal.dot(way_mm_);
+    }
+    const auto cut = [&](double at_start, double change) {
+      const double inside = at_start + kOverlap;
+      if (change > 0.0) {
+        if (inside < 0.0) enter = std::max(enter, -inside / change);
+      } else if (change < 0.0) {
+        leave = std::min(leave, -inside / change);
+      } else if (inside < 0.0) {
+        leave = -1.0;
+      }
+    };
+    for (int n = 0; n < 3; ++n) {
+      cut(weight[n], rate[n]);
+      if (!(enter <= leave)) return until;
+    }
+    cut(1.0 - weight.sum(), -rate.sum());
+    return enter <= leave ? enter : until;
+  }
+
+  const HapticSurface& surface_;
+  const Vec3 &from_mm_, &to_mm_;
+  const Vec3 way_mm_;
+  const double bound_;
+  ToolCellCache& cache_;
+  int& work_;
+  ChordHit hit_;
+};
+
+// Looks at the cells around a point.
+class View {
+ public:
+  View(const HapticSurface& surface, const Vec3& p_mm, double reach_mm, ToolCellCache& cache,
+       Surroundings& around, int& work)
+      : surface_(surface),
+        p_mm_(p_mm),
+        reach2_(reach_mm * reach_mm),
+        bound_(DensityBound(surface)),
+        cache_(cache),
+        around_(around),
+        work_(work) {}
+
+  void Run(double reach_mm) noexcept {
+    around_.count = 0;
+    around_.excess = -std::numeric_limits<double>::infinity();
+    const Vec3 p = surface_.X_LD.Apply(p_mm_);
+    const Vec3 reach = reach_mm * surface_.X_LD.linear.rowwise().norm();
+    const Vec3i first = (p - reach).array().floor().matrix().cast<int>();
+    const Vec3i last = (p + reach).array().floor().matrix().cast<int>();
+    middle_ = p.array().floor().matrix().cast<int>();
+    for (int x = first.x(); x <= last.x(); ++x) {
+      for (int y = first.y(); y <= last.y(); ++y) {
+        for (int z = first.z(); z <= last.z(); ++z) Visit({x, y, z});
+      }
+    }
+  }
+
+ private:
+  void Visit(const Vec3i& at) noexcept {
+    ++work_;
+    if (!surface_.lattice.HasCell(at)) {
+      if (at == middle_ && !surface_.IsFreeOutside())
+        around_.excess = std::numeric_limits<double>::infinity();
+      return;
+    }
+    HapticCell& cell = cache_.Densities(surface_, at);
+    if (cell.IsFree(surface_)) return;
+    cache_.Decompose(surface_, cell);
+    const unsigned above = VerticesAbove(cell, bound_);
+    for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) {
+      ++work_;
+      VisitTetrahedron(cell, t, at == middle_, (cell.parts.complex.vertex_mask[t] & above) == 0);
+    }
+  }
+
+  void VisitTetrahedron(HapticCell& cell, int t, bool may_hold, bool is_free) noexcept {
+    const int v = cell.parts.complex.vertices[t][0];
+    const TetrahedronGradients gradients = cache_.Gradients(cell, t);
+    const Vec3 from_base = p_mm_ - cell.origin_mm - cell.vertex_mm[v];
+    double rest = 1.0;
+    bool holds = may_hold;
+    const auto is_far = [&](double weight, const HalfSpace& inward) {
+      holds = holds && weight >= -kOverlap;
+      return weight < 0.0 && weight * weight > reach2_ * inward.normal2;
+    };
+    for (std::size_t n = 1; n < 4; ++n) {
+      const double weight = gradients.weight[n].normal.dot(from_base);
+      if (is_far(weight, gradients.weight[n])) return;
+      rest -= weight;
+    }
+    if (is_far(rest, gradients.weight[0])) return;
+    const HalfSpace& fall = gradients.fall;
+    if (holds) around_.excess = cell.parts.density[v] - fall.normal.dot(from_base) - bound_;
+    if (is_free || !(fall.normal2 > 0.0) || around_.count >= Surroundings::kMost) return;
+    around_.plane[static_cast<std::size_t>(around_.count++)] = PlaneOf(cell, t, fall, bound_);
+  }
+
+  const HapticSurface& surface_;
+  const Vec3& p_mm_;
+  const double reach2_;
+  const double bound_;
+  ToolCellCache& cache_;
+  Surroundings& around_;
+  int& work_;
+  Vec3i middle_;
+};
+
+}  // namespace
+
+std::optional<ChordHit> FirstHit(const HapticSurface& surface, const Vec3& from_mm,
+                                 const Vec3& to_mm, ToolCellCache& cache, int& work) noexcept {
+  return Chord(surface, from_mm, to_mm, cache, work).Run();
+}
+
+void Look(const HapticSurface& surface, const Vec3& p_mm, double reach_mm, ToolCellCache& cache,
+          Surroundings& around, int& work) noexcept {
+  View(surface, p_mm, reach_mm, cache, around, work).Run(reach_mm);
+}
+
+}  // namespace palpate

@@ -1,0 +1,507 @@
+#include "server/haptics/tool/tool_step.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "server/haptics/tool/chord.h"
+#include "server/haptics/tool/least_move.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kStandoffMm = 1e-3;
+constexpr double kStandoffVoxels = 0.01;
+// Tetrahedra so near that a ball may have to do with them.
+constexpr double kReachStandoffs = 4.0;
+// Ridges that a ball at rest tries to go over: so near that the standoff alone, times the depth of
+// a few mm, may lift the ball over them.
+constexpr double kRidgeMm = 0.1;
+constexpr double kRidgeVoxels = 0.25;
+// So near to H a ball may come on its way over a ridge, in standoffs.
+constexpr double kThinStandoffs = 0.1;
+// Shorter moves are rest, in standoffs.
+constexpr double kRestStandoffs = 0.02;
+constexpr int kMostPlanes = 256;
+// The longest move of a ball in one round.
+constexpr double kLongestWayVoxels = 8.0;
+constexpr double kLongestWayOutVoxels = 1.0;
+// The most work that one look takes, and one chord of a voxel: it meets 4 cells.
+constexpr int kMostLookWork = 8 * (1 + kMaxTetrahedra);
+constexpr int kMostVoxelWork = 4 * (1 + kMaxTetrahedra);
+constexpr double kLongestRoundTurnRad = 0.25;
+constexpr int kMostTries = 12;
+constexpr int kMostBends = 3;
+constexpr int kMostEjectSteps = 50;
+
+struct BallPlane {
+  int ball = 0;
+  SurfacePlane plane;
+
+  bool operator==(const BallPlane&) const = default;
+};
+
+template <class T, int kMost>
+struct List {
+  std::array<T, kMost> item;
+  int count = 0;
+
+  void Add(const T& added) {
+    if (count < kMost) item[static_cast<std::size_t>(count++)] = added;
+  }
+  std::span<const T> all() const { return {item.data(), static_cast<std::size_t>(count)}; }
+};
+
+using Planes = List<BallPlane, kMostPlanes>;
+
+// How the planes limit a move.
+enum class Limits : std::uint8_t {
+  kKeep,     // no ball comes nearer than its standoff, or than it is
+  kRestore,  // every ball gets its standoff back
+  kAcross,   // one ball may come as near as kThinStandoffs, and holds the plane beyond a ridge, too
+  kBeyond,   // it holds only that
+};
+
+struct Hit {
+  int ball = -1;
+  ChordHit chord;
+};
+
+class Stepper {
+ public:
+  Stepper(const RigidTool& tool, const ToolSurfaces& surfaces, const ToolPose& stylus, int work,
+          double eject_limit_mm, ToolState& state, ToolPath* path)
+      : tool_(tool),
+        surfaces_(surfaces),
+        stylus_(stylus),
+        most_work_(work),
+        eject_limit_mm_(eject_limit_mm),
+        rho_mm_(tool.rotation_length_mm),
+        state_(state),
+        path_(path),
+        pose_(state.pose) {
+    voxel_mm_ = std::numeric_limits<double>::infinity();
+    for (int n = 0; n < tool.radius_count; ++n) {
+      voxel_mm_ = std::min(voxel_mm_, surfaces.surface[static_cast<std::size_t>(n)]->voxel_mm);
+    }
+    standoff_mm_ = std::min(kStandoffMm, kStandoffVoxels * voxel_mm_);
+    // So short that all chords of a round fit into half the work.
+    const double voxels =
+        std::clamp(0.5 * work / (tool.count * kMostVoxelWork) - 1.0, 0.25, kLongestWayVoxels);
+    longest_way_mm_ = voxels * voxel_mm_;
+    most_chord_work_ = static_cast<int>((voxels + 1.0) * kMostVoxelWork);
+  }
+
+  ToolStep Run() noexcept {
+    Place();
+    step_.pose = pose_;
+    state_.pose = pose_;
+    return step_;
+  }
+
+ private:
+  // --- Poses
+
+  void SetPose(const ToolPose& pose) noexcept {
+    pose_ = pose;
+    const Mat3 R = pose.R_DS.toRotationMatrix();
+    for (int n = 0; n < tool_.count; ++n) {
+      arm_mm_[n] = R * tool_.ball[n].p_SBall_mm;
+      p_mm_[n] = pose.p_DS_mm + arm_mm_[n];
+    }
+    is_looked_ = false;
+  }
+
+  const HapticSurface& SurfaceOf(int ball) const {
+    return *surfaces_.surface[tool_.ball[ball].radius];
+  }
+  ToolCellCache& CacheOf(int ball) const { return *surfaces_.cache[tool_.ball[ball].radius]; }
+
+  // In the metric of the coupling.
+  Vec6 Metric(const ToolMove& move) const {
+    Vec6 x;
+    x << move.way_mm, rho_mm_ * move.turn_rad;
+    return x;
+  }
+  ToolMove Plain(const Vec6& x) const { return {x.head<3>(), x.tail<3>() / rho_mm_}; }
+  Vec6 Wanted() const { return Metric(MoveBetween(pose_, stylus_)); }
+
+  // --- What is around the balls
+
+  void Look() noexcept {
+    if (is_looked_) return;
+    is_looked_ = true;
+    // Those that are left: without them the tool would go to and fro in a shallow crease.
+    for (const BallPlane& left : near_.all()) Keep(left);
+    near_.count = 0;
+    inside_ = 0;
+    for (int n = 0; n < tool_.count; ++n) LookFrom(n);
+    int kept = 0;
+    for (const BallPlane& met : kept_.all()) {
+      if (Holds(met)) kept_.item[static_cast<std::size_t>(kept++)] = met;
+    }
+    kept_.count = kept;
+  }
+
+  void Keep(const BallPlane& plane) {
+    if (std::ranges::find(kept_.all(), plane) == kept_.all().end()) kept_.Add(plane);
+  }
+
+  // A plane counts as long as it does not overestimate the density where its ball is.
+  bool Holds(const BallPlane& met) const {
+    const double excess = met.plane.Excess(p_mm_[met.ball]);
+    return excess <= std::max(excess_[met.ball], 0.0) + kDensityMargin &&
+           (std::isinf(excess_[met.ball]) || excess <= excess_[met.ball] + kDensityMargin);
+  }
+
+  // Whether there is room for so much more work.
+  bool MayWork(int most) {
+    step_.capped = step_.capped || step_.work + most > most_work_;
+    return !step_.capped;
+  }
+
+  void LookFrom(int n) noexcept {
+    excess_[n] = 0.0;
+    if (!MayWork(kMostLookWork)) return;
+    palpate::Look(SurfaceOf(n), p_mm_[n], kReachStandoffs * standoff_mm_, CacheOf(n), around_,
+                  step_.work);
+    excess_[n] = around_.excess;
+    if (around_.excess > 0.5 * kDensityMargin) inside_ |= std::uint64_t{1} << n;
+    if (around_.count == 0) return;
+    for (int i = 0; i < around_.count; ++i) {
+      const BallPlane plane{n, around_.plane[static_cast<std::size_t>(i)]};
+      if (Holds(plane)) {
+        near_.Add(plane);
+      }
+    }
+  }
+
+  // --- The nearest move
+
+  MoveLimit LimitOf(const BallPlane& held, double least) const {
+    MoveLimit limit;
+    limit.along << held.plane.normal_D, arm_mm_[held.ball].cross(held.plane.normal_D) / rho_mm_;
+    limit.least = least;
+    return limit;
+  }
+
+  void Hold(std::span<const BallPlane> planes, int but_of) {
+    for (const BallPlane& plane : planes) {
+      if (plane.ball != but_of) held_.Add(plane);
+    }
+  }
+
+  // The nearest move in the planes at hand. `ridge`: see Limits; else null.
+  Vec6 Solve(const Vec6& wanted, Limits limits = Limits::kKeep,
+             const BallPlane* ridge = nullptr) noexcept {
+    held_.count = 0;
+    const int but_of = limits == Limits::kBeyond ? ridge->ball : -1;
+    Hold(near_.all(), but_of);
+    Hold(kept_.all(), but_of);
+    if (ridge != nullptr) held_.Add(*ridge);
+    thin_ball_ = ridge != nullptr ? ridge->ball : -1;
+    LeastMove move = Nearest(wanted, limits);
+    if (!move.feasible && limits == Limits::kRestore) move = Nearest(wanted, Limits::kKeep);
+    if (!move.feasible) move = {};
+    for (int n = 0; n < kMostBends && move.active_count > 0 && Straighten(move.x); ++n) {
+      const LeastMove better = Nearest(wanted);
+      if (!better.feasible) break;
+      move = better;
+    }
+    active_ = 0;
+    for (int n = 0; n < move.active_count; ++n) {
+      active_ |= std::uint64_t{1} << held_.item[static_cast<std::size_t>(move.active[n])].ball;
+    }
+    active_count_ = move.active_count;
+    return move.x;
+  }
+
+  LeastMove Nearest(const Vec6& wanted, Limits limits) noexcept {
+    for (int n = 0; n < held_.count; ++n) {
+      const BallPlane& held = held_.item[static_cast<std::size_t>(n)];
+      const double gap_mm = held.plane.Gap(p_mm_[held.ball]);
+      floor_mm_[n] = limits == Limits::kRestore ? standoff_mm_ : std::min(standoff_mm_, gap_mm);
+      if (held.ball == thin_ball_) floor_mm_[n] = kThinStandoffs * standoff_mm_;
+      limits_[n] = LimitOf(held, floor_mm_[n] - gap_mm);
+    }
+    return Nearest(wanted);
+  }
+  LeastMove Nearest(const Vec6& wanted) const noexcept {
+    return NearestMove(wanted, {limits_.data(), static_cast<std::size_t>(held_.count)},
+                       1e-3 * standoff_mm_);
+  }
+
+  // A turn bends the ways of the balls. Moves the limits by what they are off at the move's end;
+  // returns true if it was worth it.
+  bool Straighten(const Vec6& x) noexcept {
+    const ToolMove move = Plain(x);
+    if (!(move.turn_rad.norm() <= kLongestRoundTurnRad)) return false;
+    const ToolPose moved = Moved(pose_, move);
+    const Mat3 R = moved.R_DS.toRotationMatrix();
+    bool is_off = false;
+    for (int n = 0; n < held_.count; ++n) {
+      const BallPlane& held = held_.item[static_cast<std::size_t>(n)];
+      const double end_mm = held.plane.Gap(moved.p_DS_mm + R * tool_.ball[held.ball].p_SBall_mm);
+      if (end_mm > floor_mm_[n] - 0.1 * standoff_mm_) continue;
+      const double bent_mm = end_mm - held.plane.Gap(p_mm_[held.ball]) - limits_[n].along.dot(x);
+      limits_[n].least = floor_mm_[n] - held.plane.Gap(p_mm_[held.ball]) - bent_mm;
+      is_off = true;
+    }
+    return is_off;
+  }
+
+  // --- Moves
+
+  // The first hit on the way to a pose; its ball is -1 where there is none.
+  Hit Verify(const ToolPose& to) noexcept {
+    const Mat3 R = to.R_DS.toRotationMatrix();
+    Hit first;
+    for (int n = 0; n < tool_.count; ++n) {
+      next_mm_[n] = to.p_DS_mm + R * tool_.ball[n].p_SBall_mm;
+      if (inside_ >> n & 1) continue;
+      if (!MayWork(most_chord_work_)) return first;
+      const auto hit = FirstHit(SurfaceOf(n), p_mm_[n], next_mm_[n], CacheOf(n), step_.work);
+      if (hit && (first.ball < 0 || hit->share < first.chord.share)) first = {n, *hit};
+    }
+    return first;
+  }
+
+  double LongestWay(const ToolMove& move) const {
+    double longest2 = 0.0;
+    for (int n = 0; n < tool_.count; ++n) {
+      longest2 = std::max(longest2, (move.way_mm + move.turn_rad.cross(arm_mm_[n])).squaredNorm());
+    }
+    return std::sqrt(longest2);
+  }
+
+  bool Knows(const BallPlane& plane) const {
+    return std::ranges::find(held_.all(), plane) != held_.all().end();
+  }
+
+  enum class End : std::uint8_t { kMoved, kNewPlane, kBlocked };
+
+  // Goes as far along `x` as the chords are free. kNewPlane: there is one more plane to hold.
+  End Follow(const Vec6& x, bool to_stylus, bool may_resolve) noexcept {
+    ToolMove move = Plain(x);
+    const double way_mm = LongestWay(move), turn_rad = move.turn_rad.norm();
+    const double share =
+        std::min({1.0, (inside_ == 0 ? longest_way_mm_ : kLongestWayOutVoxels * voxel_mm_) / way_mm,
+                  kLongestRoundTurnRad / turn_rad});
+    if (share < 1.0) move = move * share, to_stylus = false;
+    End end = End::kBlocked;
+    for (int tries = 0; tries < kMostTries; ++tries) {
+      const ToolPose to = to_stylus ? stylus_ : Moved(pose_, move);
+      const Hit hit = Verify(to);
+      if (step_.capped) return End::kBlocked;
+      if (hit.ball < 0) {
+        SetPose(to);
+        may_rise_ = false;
+        if (path_ != nullptr) path_->pose[static_cast<std::size_t>(path_->count++)] = to;
+        return End::kMoved;
+      }
+      to_stylus = false;
+      double left = 0.5 * hit.chord.share;
+      if (hit.chord.plane) {
+        const BallPlane met{hit.ball, *hit.chord.plane};
+        const double from_mm = met.plane.Gap(p_mm_[met.ball]);
+        const double to_mm = met.plane.Gap(next_mm_[met.ball]);
+        left = 0.5;
+        if (!Knows(met)) {
+          Keep(met);
+          held_.Add(met);
+          end = End::kNewPlane;
+          if (may_resolve && Holds(met)) return end;
+          left = std::clamp((from_mm - standoff_mm_) / (from_mm - to_mm), 0.0, hit.chord.share);
+        }
+      }
+      move = move * left;
+      if (LongestWay(move) < standoff_mm_) return end;
+    }
+    return end;
+  }
+
+  // --- The step
+
+  bool IsRest(const Vec6& x) const { return x.norm() <= kRestStandoffs * standoff_mm_; }
+
+  void Place() noexcept {
+    const std::uint64_t loaded = surfaces_.surface[0]->volume->loaded_revision();
+    // Nobody asked for a push where a hand happens to be in another volume.
+    if (state_.placed && loaded != state_.loaded_revision) {
+      eject_limit_mm_ = std::min(eject_limit_mm_, voxel_mm_);
+    }
+    state_.loaded_revision = loaded;
+    SetPose(state_.placed && !state_.buried ? pose_ : stylus_);
+    Look();
+    if (inside_ != 0 && !state_.buried) {
+      step_.mode = ProxyMode::kEjecting;
+      const bool is_out = Eject();
+      if (step_.capped && ++state_.ejecting_steps < kMostEjectSteps) {
+        state_.placed = true;
+        return;
+      }
+      if (!is_out) inside_ = 1;
+    }
+    state_.ejecting_steps = 0;
+    state_.placed = true;
+    state_.buried = inside_ != 0;
+    if (!state_.buried) return Advance();
+    step_.mode = ProxyMode::kInside;
+    SetPose(stylus_);
+  }
+
+  // Moves the tool by as little as brings all balls out, down the densities. Returns false if that
+  // is too far, or no way out is found.
+  bool Eject() noexcept {
+    const ToolPose from = pose_;
+    while (inside_ != 0 && step_.rounds < kMostToolRounds) {
+      ++step_.rounds;
+      End end = End::kNewPlane;
+      for (int n = 0; n < kMostTries && end == End::kNewPlane; ++n) {
+        const Vec6 x = Solve(Vec6::Zero(), Limits::kRestore);
+        if (IsRest(x)) return false;
+        end = Follow(x, false, true);
+      }
+      if (end != End::kMoved) return false;
+      if (Metric(MoveBetween(from, pose_)).norm() > eject_limit_mm_) return false;
+      Look();
+      if (step_.capped) return false;
+    }
+    return inside_ == 0;
+  }
+
+  void Advance() noexcept {
+    bool is_sure = false;  // rest was looked for with the planes around the balls alone, and here
+    while (step_.rounds < kMostToolRounds) {
+      ++step_.rounds;
+      Look();
+      if (step_.capped) return Rest();
+      const Vec6 wanted = Wanted();
+      Vec6 x = Solve(wanted, may_rise_ ? Limits::kRestore : Limits::kKeep);
+      if (IsRest(x)) {
+        if (kept_.count > 0 && !is_sure) {
+          kept_.count = 0;
+          is_sure = true;
+          continue;
+        }
+        if (!GoOverRidge(wanted)) return Rest();
+        continue;
+      }
+      End end = End::kBlocked;
+      for (int n = 0; n < kMostTries; ++n) {
+        end = Follow(x, active_count_ == 0, n < 4);
+        if (end != End::kNewPlane) break;
+        x = Solve(wanted);
+        if (IsRest(x)) break;
+      }
+      if (step_.capped || end == End::kBlocked) return Rest();
+      if (end == End::kMoved) is_sure = false;
+    }
+    step_.capped = true;
+    Rest();
+  }
+
+  // Returns true if the tool could come nearer beyond a ridge.
+  bool GoOverRidge(const Vec6& wanted) noexcept {
+    const std::uint64_t holding = active_;
+    for (std::uint64_t left = holding; left != 0; left &= left - 1) {
+      const int ball = std::countr_zero(left);
+      if (GoOverRidgeOf(ball, wanted)) return true;
+      if (step_.capped) break;
+    }
+    active_ = holding;
+    return false;
+  }
+
+  bool GoOverRidgeOf(int ball, const Vec6& wanted) noexcept {
+    const double reach_mm = std::min(kRidgeMm, kRidgeVoxels * SurfaceOf(ball).voxel_mm);
+    if (!MayWork(kMostLookWork)) return false;
+    palpate::Look(SurfaceOf(ball), p_mm_[ball], reach_mm, CacheOf(ball), around_, step_.work);
+    for (int n = 0; n < around_.count && !step_.capped; ++n) {
+      const BallPlane ridge{ball, around_.plane[static_cast<std::size_t>(n)]};
+      if (!Holds(ridge) && GoOver(ridge, wanted)) return true;
+    }
+    return false;
+  }
+
+  // Goes to the ridge with what room the standoff gives, and on along the plane beyond it.
+  bool GoOver(const BallPlane& ridge, const Vec6& wanted) noexcept {
+    const double before = wanted.norm();
+    const double least_gain = std::max(2.0 * standoff_mm_, 1e-3 * before);
+    const auto gain = [&](const Vec6& x) { return before - (wanted - x).norm(); };
+    if (gain(Solve(wanted, Limits::kBeyond, &ridge)) < least_gain) return false;
+    const Vec6 across = Solve(wanted, Limits::kAcross, &ridge);
+    if (!(gain(across) > 0.0) || !IsFree(ridge.ball, across)) return false;
+    const ToolPose from = pose_;
+    const int path_count = path_ != nullptr ? path_->count : 0;
+    if (Follow(across, false, false) != End::kMoved) return false;
+    const Vec6 on = Wanted();
+    if (Follow(Solve(on, Limits::kBeyond, &ridge), false, false) == End::kMoved &&
+        before - Wanted().norm() >= least_gain) {
+      return true;
+    }
+    SetPose(from);
+    if (path_ != nullptr) path_->count = path_count;
+    return false;
+  }
+
+  // Whether a single ball could go so far.
+  bool IsFree(int ball, const Vec6& x) noexcept {
+    const ToolMove move = Plain(x);
+    if (move.turn_rad.norm() > kLongestRoundTurnRad || LongestWay(move) > longest_way_mm_ ||
+        !MayWork(most_chord_work_)) {
+      return false;
+    }
+    const ToolPose to = Moved(pose_, move);
+    const Vec3 to_mm = to.p_DS_mm + to.R_DS * tool_.ball[ball].p_SBall_mm;
+    return !FirstHit(SurfaceOf(ball), p_mm_[ball], to_mm, CacheOf(ball), step_.work);
+  }
+
+  void Rest() noexcept {
+    step_.touching = active_;
+    if (step_.mode == ProxyMode::kEjecting) return;
+    step_.mode = active_ != 0 ? ProxyMode::kConstrained : ProxyMode::kFree;
+  }
+
+  const RigidTool& tool_;
+  const ToolSurfaces& surfaces_;
+  const ToolPose& stylus_;
+  const int most_work_;
+  double eject_limit_mm_;
+  const double rho_mm_;
+  ToolState& state_;
+  ToolPath* path_;
+  ToolPose pose_;
+  double voxel_mm_ = 0.0;
+  double standoff_mm_ = 0.0;
+  double longest_way_mm_ = 0.0;  // of a ball in a round
+  int most_chord_work_ = 0;
+  ToolStep step_;
+
+  std::array<Vec3, kMostToolBalls> arm_mm_, p_mm_, next_mm_;
+  std::array<double, kMostToolBalls> excess_{};
+  bool is_looked_ = false;
+  // The first move of a step gives the balls their standoff back. From there on the energy only
+  // falls: so a step ends, and the next one of a resting hand is the same.
+  bool may_rise_ = true;
+  std::uint64_t inside_ = 0;
+  Surroundings around_;
+  Planes near_;  // of the tetrahedra around the balls
+  Planes kept_;  // of those that chords have met
+  Planes held_;  // those that limit the move
+  std::array<MoveLimit, kMostPlanes> limits_;
+  int thin_ball_ = -1;                        // that is on its way over a ridge; -1: none
+  std::array<double, kMostPlanes> floor_mm_;  // the least gaps that the limits ask for
+  std::uint64_t active_ = 0;                  // balls that hold the tool back
+  int active_count_ = 0;
+};
+
+}  // namespace
+
+ToolStep StepTool(const RigidTool& tool, const ToolSurfaces& surfaces, const ToolPose& stylus,
+                  double eject_limit_mm, int work, ToolState& state, ToolPath* path) noexcept {
+  return Stepper(tool, surfaces, stylus, work, eject_limit_mm, state, path).Run();
+}
+
+}  // namespace palpate

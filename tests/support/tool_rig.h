@@ -1,0 +1,90 @@
+// For tests of rigid tools: tools, a surface to feel them on, and a judge of their ways.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "server/haptics/cell_cache.h"
+#include "server/haptics/tool/tool_step.h"
+#include "server/lab/fresh_cells.h"
+
+namespace palpate::testing {
+
+// Balls in a line along z, the first at the origin.
+inline RigidTool Rod(int balls, double length_mm, double rotation_length_mm = 30.0) {
+  RigidTool tool;
+  tool.count = balls;
+  tool.radius_count = 1;
+  tool.rotation_length_mm = rotation_length_mm;
+  for (int n = 1; n < balls; ++n) {
+    tool.ball[n].p_SBall_mm = Vec3(0.0, 0.0, length_mm * n / (balls - 1));
+  }
+  return tool;
+}
+
+inline Eigen::Quaterniond Turn(double angle_rad, const Vec3& axis) {
+  return Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, axis.normalized()));
+}
+
+inline Vec3 BallAt(const RigidTool& tool, const ToolPose& pose, int ball) {
+  return pose.p_DS_mm + pose.R_DS * tool.ball[ball].p_SBall_mm;
+}
+
+// All balls are points.
+struct ToolRig {
+  ToolRig(const HapticSurface& felt, const RigidTool& held) : surface(felt), tool(held) {}
+
+  ToolStep Step(const ToolPose& stylus, ToolPath* path = nullptr) {
+    return StepTool(tool, {.surface = {&surface}, .cache = {cache.get()}}, stylus, eject_limit_mm,
+                    work, state, path);
+  }
+
+  HapticSurface surface;
+  RigidTool tool;
+  double eject_limit_mm = std::numeric_limits<double>::infinity();
+  int work = kLeastToolWork;
+  ToolState state;
+  std::unique_ptr<ToolCellCache> cache = std::make_unique<ToolCellCache>();
+};
+
+// Knows positions only: evaluates the decomposed volume afresh at points of straight chords.
+class ChordJudge {
+ public:
+  static constexpr int kPoints = 16;
+
+  ChordJudge(const HapticSurface& surface, const RigidTool& tool) : cells_(surface), tool_(tool) {}
+
+  // The points of the chords between two poses that are not in free space.
+  int Falls(const ToolPose& from, const ToolPose& to) {
+    cells_.Trim();
+    int falls = 0;
+    for (int n = 0; n < tool_.count; ++n) {
+      const Vec3 a = BallAt(tool_, from, n), b = BallAt(tool_, to, n);
+      for (int k = 1; k <= kPoints; ++k) falls += !IsFree(a + (b - a) * (1.0 * k / kPoints));
+    }
+    judged_ += tool_.count * kPoints;
+    return falls;
+  }
+  // Of a step from `from`.
+  int Falls(const ToolPose& from, const ToolPath& path) {
+    int falls = 0;
+    for (int n = 0; n < path.count; ++n)
+      falls += Falls(n == 0 ? from : path.pose[n - 1], path.pose[n]);
+    return falls;
+  }
+
+  long judged() const { return judged_; }
+
+ private:
+  bool IsFree(const Vec3& p_mm) {
+    return cells_.IsFree(cells_.HoldersOf(cells_.surface().X_LD.Apply(p_mm)).Density());
+  }
+
+  lab::FreshCells cells_;
+  const RigidTool& tool_;
+  long judged_ = 0;
+};
+
+}  // namespace palpate::testing

@@ -1,0 +1,180 @@
+// Rigid tools under random attack. Every chord of every ball is judged from positions alone.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <random>
+
+#include "tests/support/scaled.h"
+#include "tests/support/tick_rig.h"
+#include "tests/support/tool_rig.h"
+#include "tests/support/torture.h"
+
+namespace palpate {
+namespace {
+
+using testing::ChordJudge;
+using testing::Rod;
+using testing::ToolRig;
+
+struct Attack {
+  long steps = 0, contacts = 0, falls = 0, judged = 0, capped = 0, ejections = 0, most_work = 0;
+};
+
+Eigen::Quaterniond RandomTurn(std::mt19937_64& random, double most_rad) {
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform;
+  const Vec3 axis(normal(random), normal(random), normal(random));
+  return testing::Turn(most_rad * uniform(random), axis);
+}
+
+// Balls up to two voxels from the grip, some at one place.
+RigidTool RandomTool(std::mt19937_64& random, double voxel_mm) {
+  std::uniform_real_distribution<double> uniform;
+  constexpr int kCounts[] = {1, 2, 5, 16, 64};
+  RigidTool tool = Rod(kCounts[static_cast<int>(uniform(random) * 5.0)], 2.0 * voxel_mm,
+                       voxel_mm * std::pow(10.0, uniform(random)));
+  if (uniform(random) < 0.5) {
+    for (int n = 0; n < tool.count; ++n) {
+      const Vec3 r(uniform(random), uniform(random), uniform(random));
+      tool.ball[n].p_SBall_mm = voxel_mm * (3.0 * r - Vec3::Constant(1.5));
+    }
+  }
+  return tool;
+}
+
+void AttackGrid(std::mt19937_64& random, const VolumeSnapshot& volume, int refinement, int steps,
+                Attack& result) {
+  if (!testing::HasRange(volume)) return;
+  HapticSurface surface = testing::RandomSurface(random, volume, refinement);
+  std::uniform_real_distribution<double> uniform;
+  ToolRig rig(surface, RandomTool(random, surface.voxel_mm));
+  ChordJudge judge(surface, rig.tool);
+  Vec3 hip_I = Vec3::Constant(-3.0);
+  ToolPose hand;
+  for (int n = 0; n < steps; ++n) {
+    testing::MoveHip(random, hip_I);
+    hand.p_DS_mm = surface.X_DI.Apply(hip_I);
+    hand.R_DS = RandomTurn(random, uniform(random) < 0.02 ? 3.14 : 0.1) * hand.R_DS;
+    hand.R_DS.normalize();
+    const ToolState before = rig.state;
+    ToolPath path;
+    const ToolStep step = rig.Step(hand, &path);
+    ++result.steps;
+    result.contacts += step.mode == ProxyMode::kConstrained;
+    result.capped += step.capped;
+    result.most_work = std::max<long>(result.most_work, step.work);
+    if (before.placed && !before.buried) result.falls += judge.Falls(before.pose, path);
+  }
+  result.judged += judge.judged();
+}
+
+TEST(ToolTorture, NoBallEverCrossesH) {
+  std::mt19937_64 random(3);
+  for (const int levels : {0, 256, 16, 4, 2, 1}) {
+    Attack result;
+    for (int n = 0; n < std::max(6, test::Scaled(12)); ++n) {
+      AttackGrid(random, *testing::RandomVolume(random, levels), n % 3 == 2 ? 2 : 1, 200, result);
+    }
+    std::printf(
+        "levels %3d: %ld steps, %ld in contact, %ld of %ld points fell, %ld capped, work %ld\n",
+        levels, result.steps, result.contacts, result.falls, result.judged, result.capped,
+        result.most_work);
+    EXPECT_GT(result.contacts, result.steps / 20);
+    EXPECT_EQ(result.falls, 0);
+    EXPECT_LE(result.most_work, kLeastToolWork);
+    EXPECT_LT(result.capped, result.steps / 4);
+  }
+}
+
+// A change of τ either leaves the tool free, or brings it out, or buries it.
+TEST(ToolTorture, AfterAChangeOfTheIsovalueNoBallIsInside) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> uniform;
+  int ejected = 0, buried = 0, inside = 0;
+  for (int n = 0; n < std::max(4, test::Scaled(20)); ++n) {
+    const auto volume = testing::RandomVolume(random, 0);
+    HapticSurface surface = testing::RandomSurface(random, *volume, 1);
+    ToolRig rig(surface, RandomTool(random, surface.voxel_mm));
+    rig.eject_limit_mm = 2.0 * surface.voxel_mm;
+    Vec3 hip_I = Vec3::Constant(-3.0);
+    ToolPose hand;
+    for (int k = 0; k < 200; ++k) {
+      testing::MoveHip(random, hip_I);
+      hand.p_DS_mm = surface.X_DI.Apply(hip_I);
+      rig.surface.isovalue += 0.02 * (uniform(random) - 0.5);
+      const ToolStep step = rig.Step(hand);
+      ejected += step.mode == ProxyMode::kEjecting && !step.capped;
+      buried += rig.state.buried;
+      if (rig.state.buried || step.capped) continue;
+      ChordJudge judge(rig.surface, rig.tool);
+      inside += judge.Falls(step.pose, step.pose) > 0;
+    }
+  }
+  EXPECT_GT(ejected, 20);
+  EXPECT_GT(buried, 20);
+  EXPECT_EQ(inside, 0);
+}
+
+// --- Rest
+
+// How much nearer to the stylus a search of free ways brings the tool; ways that the standoff
+// allows do not count. In the metric of the coupling.
+double NearerBySearch(std::mt19937_64& random, const HapticSurface& surface, const RigidTool& tool,
+                      const ToolPose& rest, const ToolPose& hand) {
+  const double rho = tool.rotation_length_mm;
+  const auto distance = [&](const ToolPose& pose) {
+    const Eigen::AngleAxisd turn(hand.R_DS * pose.R_DS.conjugate());
+    return std::hypot((hand.p_DS_mm - pose.p_DS_mm).norm(), rho * turn.angle());
+  };
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform;
+  const auto vector = [&] { return Vec3(normal(random), normal(random), normal(random)); };
+  ChordJudge judge(surface, tool);
+  ToolPose at = rest;
+  double left = distance(rest);
+  for (int n = 0; n < 600; ++n) {
+    const double size_mm = 0.2 * std::pow(10.0, -3.0 * uniform(random));
+    const double back = 0.02 * uniform(random);
+    const Vec3 turn = size_mm / rho * vector();
+    ToolPose next{at.p_DS_mm + size_mm * vector() + back * (hand.p_DS_mm - at.p_DS_mm),
+                  Eigen::AngleAxisd(turn.norm(), turn.normalized()) * at.R_DS};
+    next.R_DS = next.R_DS.slerp(back, hand.R_DS);
+    if (distance(next) > left - 0.002 || judge.Falls(at, next) > 0) continue;
+    at = next;
+    left = distance(at);
+  }
+  return distance(rest) - left;
+}
+
+TEST(ToolTorture, AToolRestsWhereNothingFreeIsNearer) {
+  std::mt19937_64 random(9);
+  std::normal_distribution<double> normal;
+  const auto vector = [&] { return Vec3(normal(random), normal(random), normal(random)); };
+  const testing::PlacedVolume gyroid = testing::PlaceBuiltin("builtin:gyroid:64", 1.0);
+  int rests = 0, sticks = 0;
+  for (const int balls : {1, 8, 24}) {
+    ToolRig rig(gyroid.surface, Rod(balls, 16.0));
+    ToolPose hand, goal;
+    for (int n = 0; n < test::Scaled(1500); ++n) {
+      if (n % 100 == 0) {
+        goal = Moved(rig.state.pose, {6.0 * vector().normalized(), 0.3 * vector().normalized()});
+      }
+      const ToolMove way = MoveBetween(rig.state.pose, goal);
+      hand = Moved(
+          rig.state.pose,
+          way * (2.0 / std::max(2.0, std::hypot(way.way_mm.norm(), 10.0 * way.turn_rad.norm()))));
+      const ToolStep step = rig.Step(hand);
+      if (n % 20 != 0 || step.mode != ProxyMode::kConstrained) continue;
+      ++rests;
+      const double load_mm = std::hypot((hand.p_DS_mm - step.pose.p_DS_mm).norm(),
+                                        30.0 * MoveBetween(step.pose, hand).turn_rad.norm());
+      sticks +=
+          NearerBySearch(random, gyroid.surface, rig.tool, step.pose, hand) > 0.01 + 0.01 * load_mm;
+    }
+  }
+  EXPECT_GT(rests, 50);
+  EXPECT_EQ(sticks, 0) << "of " << rests;
+}
+
+}  // namespace
+}  // namespace palpate
