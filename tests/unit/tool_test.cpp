@@ -208,6 +208,27 @@ TEST(ToolStep, ARodOverAnEdgeTurnsAboutIt) {
   EXPECT_LE(std::abs(torque_n_mm.dot(arm_mm.normalized())), 1e-3 * torque_n_mm.norm());
 }
 
+// A roof, and a ball that comes down on it just beside the ridge, straight against that side. Only
+// on the other side is it nearer to the stylus.
+TEST(ToolStep, ABallBesideARidgeGoesOverIt) {
+  const auto roof = testing::MakeVolume(
+      Vec3i(41, 41, 41), [](int i, int, int k) { return 30.0 - k - 0.5 * std::abs(i - 20); });
+  const HapticSurface surface =
+      MakeHapticSurface(*roof, {Mat3::Identity(), Vec3(-20, -20, -20)}, roof->Normalize(10.0),
+                        DecompositionMethod::kTpbcc, 1);
+  const Vec3 normal = Vec3(-0.5, 0.0, 1.0).normalized();
+  for (const double beside_mm : {1e-4, 1e-3, 5e-3, 0.02}) {
+    ToolRig rig(surface, Rod(2, 15.0));
+    const Vec3 on_roof_mm(-beside_mm, 0.3, -0.5 * beside_mm);
+    rig.Step({on_roof_mm + 0.5 * normal, Eigen::Quaterniond::Identity()});
+    const Vec3 hip_mm = on_roof_mm - 2.0 * normal;
+    const ToolStep step = rig.Step({hip_mm, Eigen::Quaterniond::Identity()});
+    // The other side's distance.
+    const double depth_mm = -Vec3(0.5, 0.0, 1.0).normalized().dot(hip_mm);
+    EXPECT_LE((step.pose.p_DS_mm - hip_mm).norm(), depth_mm + 2.0 * kStandoffMm) << beside_mm;
+  }
+}
+
 // --- Against the point
 
 TEST(ToolStep, OneBallIsFeltAsThePointIs) {

@@ -21,6 +21,12 @@ unsigned VerticesAbove(const HapticCell& cell, double bound) {
   return above;
 }
 
+// Whether a box lies beyond one side of the padded lattice.
+bool IsBeyondASide(const HapticSurface& surface, const Vec3& low, const Vec3& high) {
+  return (high.array() < -1.0).any() ||
+         (low.array() > surface.lattice.size().cast<double>().array()).any();
+}
+
 SurfacePlane PlaneOf(const HapticCell& cell, int tetrahedron, const HalfSpace& fall, double bound) {
   const int v = cell.parts.complex.vertices[tetrahedron][0];
   const double slope = std::sqrt(fall.normal2);
@@ -46,7 +52,13 @@ class Chord {
         work_(work) {}
 
   std::optional<ChordHit> Run() noexcept {
-    const Vec3 from = surface_.X_LD.Apply(from_mm_), way = surface_.X_LD.Apply(to_mm_) - from;
+    const Vec3 from = surface_.X_LD.Apply(from_mm_), to = surface_.X_LD.Apply(to_mm_);
+    const Vec3 way = to - from;
+    // Far places do not fit an integer.
+    if (IsBeyondASide(surface_, from.cwiseMin(to), from.cwiseMax(to))) {
+      if (surface_.IsFreeOutside()) return std::nullopt;
+      return ChordHit{.share = 0.0, .plane = {}};
+    }
     Vec3i cell = from.array().floor().matrix().cast<int>();
     Vec3 next;  // share of the chord after which it leaves the cell, along each axis
     const auto leaves = [&](int axis) {
@@ -158,6 +170,10 @@ class View {
     around_.excess = -std::numeric_limits<double>::infinity();
     const Vec3 p = surface_.X_LD.Apply(p_mm_);
     const Vec3 reach = reach_mm * surface_.X_LD.linear.rowwise().norm();
+    if (IsBeyondASide(surface_, p - reach, p + reach)) {
+      if (!surface_.IsFreeOutside()) around_.excess = std::numeric_limits<double>::infinity();
+      return;
+    }
     const Vec3i first = (p - reach).array().floor().matrix().cast<int>();
     const Vec3i last = (p + reach).array().floor().matrix().cast<int>();
     middle_ = p.array().floor().matrix().cast<int>();
@@ -166,23 +182,33 @@ class View {
         for (int z = first.z(); z <= last.z(); ++z) Visit({x, y, z});
       }
     }
+    // In a free cell next to H, the density tells which side of a ridge is nearer.
+    if (around_.count > 0 && std::isinf(around_.excess) && surface_.lattice.HasCell(middle_)) {
+      VisitTetrahedra(cache_.Densities(surface_, middle_));
+      around_.excess = std::min(around_.excess, 0.0);
+    }
   }
 
  private:
   void Visit(const Vec3i& at) noexcept {
     ++work_;
     if (!surface_.lattice.HasCell(at)) {
-      if (at == middle_ && !surface_.IsFreeOutside())
+      if (at == middle_ && !surface_.IsFreeOutside()) {
         around_.excess = std::numeric_limits<double>::infinity();
+      }
       return;
     }
     HapticCell& cell = cache_.Densities(surface_, at);
-    if (cell.IsFree(surface_)) return;
+    if (!cell.IsFree(surface_)) VisitTetrahedra(cell);
+  }
+
+  void VisitTetrahedra(HapticCell& cell) noexcept {
     cache_.Decompose(surface_, cell);
     const unsigned above = VerticesAbove(cell, bound_);
     for (int t = 0; t < cell.parts.complex.tetrahedron_count; ++t) {
       ++work_;
-      VisitTetrahedron(cell, t, at == middle_, (cell.parts.complex.vertex_mask[t] & above) == 0);
+      VisitTetrahedron(cell, t, cell.cell == middle_,
+                       (cell.parts.complex.vertex_mask[t] & above) == 0);
     }
   }
 

@@ -48,7 +48,7 @@ std::optional<ChordHit> FirstHit(const HapticSurface& surface, const Vec3& from_
 struct Surroundings {
   static constexpr int kMost = 48;
 
-  // The density at the point, less the bound; minus infinity in a cell that is all free.
+  // The density at the point, less the bound; minus infinity in a free cell without planes near.
   double excess = 0.0;
   // Those of the tetrahedra within reach that H may cross, or that are all beyond it.
   std::array<SurfacePlane, kMost> plane;

@@ -28,11 +28,10 @@ constexpr int kMostPlanes = 256;
 constexpr double kLongestWayVoxels = 8.0;
 constexpr double kLongestWayOutVoxels = 1.0;
 // The most work that one look takes, and one chord of a voxel: it meets 4 cells.
-constexpr int kMostLookWork = 8 * (1 + kMaxTetrahedra);
+constexpr int kMostLookWork = 9 * (1 + kMaxTetrahedra);
 constexpr int kMostVoxelWork = 4 * (1 + kMaxTetrahedra);
 constexpr double kLongestRoundTurnRad = 0.25;
 constexpr int kMostTries = 12;
-constexpr int kMostBends = 3;
 constexpr int kMostEjectSteps = 50;
 
 struct BallPlane {
@@ -132,8 +131,6 @@ class Stepper {
   void Look() noexcept {
     if (is_looked_) return;
     is_looked_ = true;
-    // Those that are left: without them the tool would go to and fro in a shallow crease.
-    for (const BallPlane& left : near_.all()) Keep(left);
     near_.count = 0;
     inside_ = 0;
     for (int n = 0; n < tool_.count; ++n) LookFrom(n);
@@ -204,11 +201,6 @@ class Stepper {
     LeastMove move = Nearest(wanted, limits);
     if (!move.feasible && limits == Limits::kRestore) move = Nearest(wanted, Limits::kKeep);
     if (!move.feasible) move = {};
-    for (int n = 0; n < kMostBends && move.active_count > 0 && Straighten(move.x); ++n) {
-      const LeastMove better = Nearest(wanted);
-      if (!better.feasible) break;
-      move = better;
-    }
     active_ = 0;
     for (int n = 0; n < move.active_count; ++n) {
       active_ |= std::uint64_t{1} << held_.item[static_cast<std::size_t>(move.active[n])].ball;
@@ -221,34 +213,12 @@ class Stepper {
     for (int n = 0; n < held_.count; ++n) {
       const BallPlane& held = held_.item[static_cast<std::size_t>(n)];
       const double gap_mm = held.plane.Gap(p_mm_[held.ball]);
-      floor_mm_[n] = limits == Limits::kRestore ? standoff_mm_ : std::min(standoff_mm_, gap_mm);
-      if (held.ball == thin_ball_) floor_mm_[n] = kThinStandoffs * standoff_mm_;
-      limits_[n] = LimitOf(held, floor_mm_[n] - gap_mm);
+      double floor_mm = limits == Limits::kRestore ? standoff_mm_ : std::min(standoff_mm_, gap_mm);
+      if (held.ball == thin_ball_) floor_mm = kThinStandoffs * standoff_mm_;
+      limits_[n] = LimitOf(held, floor_mm - gap_mm);
     }
-    return Nearest(wanted);
-  }
-  LeastMove Nearest(const Vec6& wanted) const noexcept {
     return NearestMove(wanted, {limits_.data(), static_cast<std::size_t>(held_.count)},
                        1e-3 * standoff_mm_);
-  }
-
-  // A turn bends the ways of the balls. Moves the limits by what they are off at the move's end;
-  // returns true if it was worth it.
-  bool Straighten(const Vec6& x) noexcept {
-    const ToolMove move = Plain(x);
-    if (!(move.turn_rad.norm() <= kLongestRoundTurnRad)) return false;
-    const ToolPose moved = Moved(pose_, move);
-    const Mat3 R = moved.R_DS.toRotationMatrix();
-    bool is_off = false;
-    for (int n = 0; n < held_.count; ++n) {
-      const BallPlane& held = held_.item[static_cast<std::size_t>(n)];
-      const double end_mm = held.plane.Gap(moved.p_DS_mm + R * tool_.ball[held.ball].p_SBall_mm);
-      if (end_mm > floor_mm_[n] - 0.1 * standoff_mm_) continue;
-      const double bent_mm = end_mm - held.plane.Gap(p_mm_[held.ball]) - limits_[n].along.dot(x);
-      limits_[n].least = floor_mm_[n] - held.plane.Gap(p_mm_[held.ball]) - bent_mm;
-      is_off = true;
-    }
-    return is_off;
   }
 
   // --- Moves
@@ -491,9 +461,8 @@ class Stepper {
   Planes kept_;  // of those that chords have met
   Planes held_;  // those that limit the move
   std::array<MoveLimit, kMostPlanes> limits_;
-  int thin_ball_ = -1;                        // that is on its way over a ridge; -1: none
-  std::array<double, kMostPlanes> floor_mm_;  // the least gaps that the limits ask for
-  std::uint64_t active_ = 0;                  // balls that hold the tool back
+  int thin_ball_ = -1;        // that is on its way over a ridge; -1: none
+  std::uint64_t active_ = 0;  // balls that hold the tool back
   int active_count_ = 0;
 };
 

@@ -16,14 +16,13 @@
 //    have met in this step, as long as they do not overestimate the density where the ball is: so
 //    both sides of a crease hold a ball, and only one side of a ridge.
 // 2. The move nearest to the wanted one in these half-spaces (least_move.h).
-// 3. Turns bend the way of a ball: the half-spaces are corrected.
-// 4. Chords. A hit gives a new plane; the move ends before it, or is looked for again.
-// 5. At rest, each ball that holds the tool tries the planes beyond the ridges around it, alone.
+// 3. Chords. A hit gives a new plane; the move ends before it, or is looked for again.
+// 4. At rest, each ball that holds the tool tries the planes beyond the ridges around it, alone.
 //
 // Frame: D (mm). Threads: pure; one thread per state. Real-time: no allocation, no locks; the work
 // is bounded by what the caller gives, and the next step goes on.
 // Source: constraint-based rendering as M. Ortega, S. Redon, S. Coquillart, IEEE TVCG 13, 2007, on
-// the tetrahedra of Corenthy et al.; steps 1, 4 and 5 are ours.
+// the tetrahedra of Corenthy et al.; the rounds are ours.
 #pragma once
 
 #include <cstdint>
@@ -69,7 +68,7 @@ struct ToolPath {
 };
 
 // The least `work` of a step: every ball is looked at once.
-inline constexpr int kLeastToolWork = 16'000;
+inline constexpr int kLeastToolWork = 18'000;
 
 // `eject_limit_mm`: in the metric of the coupling, the farthest that a tool is moved that an edit
 // or another isovalue put into the object; else it is buried. `work`: the most cells and tetrahedra
