@@ -14,6 +14,7 @@ void AddSet(arguments::Command& app, Invocation& invocation);
 void AddSettings(arguments::Command& app, Invocation& invocation);
 void AddLayers(arguments::Command& app, Invocation& invocation);
 void AddLayer(arguments::Command& app, Invocation& invocation);
+void AddTool(arguments::Command& app, Invocation& invocation);
 void AddLoad(arguments::Command& app, Invocation& invocation);
 void AddUpload(arguments::Command& app, Invocation& invocation);
 void AddDownload(arguments::Command& app, Invocation& invocation);

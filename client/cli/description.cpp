@@ -50,6 +50,7 @@ Json ToJson(const client::Settings& settings) {
     json[std::string(setting.key)] = SettingJson(setting, settings);
   }
   json["layers"] = ToJson(settings.layers.layer);
+  json["tool"] = ToJson(settings.tool);
   json["ball"] = ToJson(settings.ball);
   return json;
 }
@@ -124,6 +125,7 @@ std::string Describe(const client::Settings& settings) {
   for (const SurfaceLayer& layer : settings.layers.layer) {
     AppendLine(text, "", "layer " + Describe(layer));
   }
+  if (!settings.tool.ball.empty()) AppendLine(text, "", Describe(settings.tool));
   std::string off;
   for (const Setting& setting : client::kHapticSettings) {
     if (SettingJson(setting, settings).is_null()) continue;  // an older daemon does not have it

@@ -25,6 +25,8 @@ void AppendLine(std::string& text, std::string_view subject, std::string_view co
 // one line.
 std::string Describe(const client::ServoDescription& servo);
 std::string Describe(const client::VolumeInfo& volume);
+// One line.
+std::string Describe(const HeldTool& tool);
 std::string Describe(const client::Settings& settings);
 // Returns the warnings of the volume's import, or "" if there are none.
 std::string DescribeWarnings(const client::VolumeInfo& volume);

@@ -66,6 +66,7 @@ int Main(int argc, char** argv) {
   AddSettings(app, invocation);
   AddLayers(app, invocation);
   AddLayer(app, invocation);
+  AddTool(app, invocation);
   AddLoad(app, invocation);
   AddPlace(app, invocation);
   AddEdit(app, invocation);

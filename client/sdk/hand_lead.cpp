@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "client/sdk/link.h"
+#include "common/wire/convert.h"
 #include "palpate/v1/device.grpc.pb.h"
 
 namespace palpate::client {
@@ -35,10 +36,11 @@ class HandLead::Parts {
   Parts(const Parts&) = delete;
   Parts& operator=(const Parts&) = delete;
 
-  void MoveTo(const Vec3& p_DTarget_mm, std::uint32_t buttons) {
+  void MoveTo(const Vec3& p_DTarget_mm, std::uint32_t buttons,
+              const std::optional<Eigen::Quaterniond>& R_DS) {
     {
       const std::lock_guard lock(mutex_);
-      target_ = {p_DTarget_mm, buttons};
+      target_ = {p_DTarget_mm, buttons, R_DS};
       is_new_ = true;
     }
     changed_.notify_all();
@@ -56,6 +58,7 @@ class HandLead::Parts {
   struct Target {
     Vec3 p_D_mm = Vec3::Zero();
     std::uint32_t buttons = 0;
+    std::optional<Eigen::Quaterniond> R_DS;
   };
 
   void Run() {
@@ -84,6 +87,7 @@ class HandLead::Parts {
       request.mutable_target_mm()->set_y(target->p_D_mm.y());
       request.mutable_target_mm()->set_z(target->p_D_mm.z());
       request.set_buttons(target->buttons);
+      if (target->R_DS) *request.mutable_orientation() = ToProto(*target->R_DS);
       if (!stream->Write(request)) break;
     }
     reads.join();
@@ -155,8 +159,9 @@ class HandLead::Parts {
 HandLead::HandLead(Link& link) : parts_(std::make_unique<Parts>(link)) {}
 HandLead::~HandLead() = default;
 
-void HandLead::MoveTo(const Vec3& p_DTarget_mm, std::uint32_t buttons) {
-  parts_->MoveTo(p_DTarget_mm, buttons);
+void HandLead::MoveTo(const Vec3& p_DTarget_mm, std::uint32_t buttons,
+                      const std::optional<Eigen::Quaterniond>& R_DS) {
+  parts_->MoveTo(p_DTarget_mm, buttons, R_DS);
 }
 HandLeadState HandLead::state() const { return parts_->state(); }
 std::string HandLead::problem() const { return parts_->problem(); }

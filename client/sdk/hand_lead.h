@@ -16,6 +16,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/geometry/geometry.h"
@@ -39,8 +40,10 @@ class HandLead {
   HandLead& operator=(const HandLead&) = delete;
 
   // Never waits. A target beyond the workspace counts as the nearest place of it; one that is not
-  // finite ends the lead. Bit n of `buttons`: the stylus's button n is pressed.
-  void MoveTo(const Vec3& p_DTarget_mm, std::uint32_t buttons = 0);
+  // finite ends the lead. Bit n of `buttons`: the stylus's button n is pressed. `R_DS`: how the
+  // stylus is to be turned, its axes in D; none: as it turns by itself.
+  void MoveTo(const Vec3& p_DTarget_mm, std::uint32_t buttons = 0,
+              const std::optional<Eigen::Quaterniond>& R_DS = {});
 
   HandLeadState state() const;
   // For people: who leads the hand instead, that the device is not the simulated one, that our role

@@ -80,6 +80,7 @@ Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision,
     result.unknown.set(n, !is_known);
   }
   result.layers = palpate::FromProto(settings.layers());
+  result.tool = palpate::FromProto(settings.tool());
   result.ball = palpate::FromProto(ball);
   return result;
 }
@@ -96,6 +97,10 @@ v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update) {
   if (update.layers) {
     *settings.mutable_layers() = palpate::ToProto(*update.layers);
     request.mutable_update_mask()->add_paths("layers");
+  }
+  if (update.tool) {
+    *settings.mutable_tool() = palpate::ToProto(*update.tool);
+    request.mutable_update_mask()->add_paths("tool");
   }
   if (update.expected_revision) request.set_expected_revision(*update.expected_revision);
   return request;

@@ -16,8 +16,13 @@ std::string InWords(const std::optional<RunningReplay>& replay) {
 
 std::string BallInWords(const Settings& settings) {
   const BallState& ball = settings.ball;
-  if (!ball.problem.empty()) return "the ball of the settings is not felt: " + ball.problem;
+  const bool has_tool = !settings.tool.ball.empty();
+  if (!ball.problem.empty()) {
+    return (has_tool ? "the tool is not felt: " : "the ball of the settings is not felt: ") +
+           ball.problem;
+  }
   if (!ball.is_awaited) return {};
+  if (has_tool) return "the fields of the tool's balls are being made";
   std::array<char, 120> text{};
   std::snprintf(text.data(), text.size(), "%s is felt; a ball of %.3g mm is being made (%.0f %%)",
                 ball.felt_radius_mm == 0.0 ? "a point" : "the ball before", settings.tool_radius_mm,

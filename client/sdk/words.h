@@ -22,7 +22,7 @@ std::string UnsavedInWords(std::uint64_t edits);
 // are off". None: without the file and who replays it.
 std::string InWords(const std::optional<RunningReplay>& replay);
 
-// What is felt of the settings' ball; empty: the ball itself.
+// What is felt of the settings' ball or tool; empty: that itself.
 std::string BallInWords(const Settings& settings);
 
 }  // namespace palpate::client

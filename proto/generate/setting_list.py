@@ -11,8 +11,8 @@ from contract import Fault, comments, option
 MESSAGE = "RenderSettings"
 # They belong to the volume: what is felt of it begins after them.
 ISOVALUES = ("isovalue", "normalized_isovalue")
-# No setting but a list of surfaces: whoever shows or takes it has code of its own.
-LAYERS = "layers"
+# No numbers, flags or choices: whoever shows or takes them has code of its own.
+MESSAGES = ("layers", "tool")
 
 Kind = descriptor_pb2.FieldDescriptorProto
 
@@ -92,7 +92,7 @@ def read(request: typing.Any) -> list[Setting]:
             if message.name == MESSAGE:
                 details = comments(file)
                 found = [_setting(field, says(field), words, details.get((4, index, 2, n), ""))
-                         for n, field in enumerate(message.field) if field.name != LAYERS]
+                         for n, field in enumerate(message.field) if field.name not in MESSAGES]
                 _check(found)
                 return found
     raise Fault(f"there is no message {MESSAGE}")

@@ -39,7 +39,8 @@ def daemon(settings: list[Setting]) -> str:
     text += "namespace palpate {\n\nstruct HapticSettings {\n"
     text += "".join(map(member, numbers + flags + choices))
     text += "  // By ascending isovalue; none: the one surface of the settings above\n"
-    text += "  SurfaceLayers layers{};\n};\n\n"
+    text += "  SurfaceLayers layers{};\n"
+    text += "  // Without balls: the tip is felt\n  HeldTool tool{};\n};\n\n"
     text += f"inline constexpr std::array<NumberSetting, {len(numbers)}> kNumberSettings = {{{{\n"
     for setting in numbers:
         unit = f" {setting.unit}" if setting.unit else ""
@@ -73,7 +74,8 @@ def client(settings: list[Setting]) -> str:
   std::bitset<{len(settings)}> unknown;
   // Felt in place of the one surface, by ascending isovalue; none: the one surface.
   SurfaceLayers layers{{}};
-  BallState ball{{}};  // what is felt of tool_radius_mm
+  HeldTool tool{{}};   // felt in place of the tip; without balls: none
+  BallState ball{{}};  // what is felt of tool_radius_mm, or of the tool
 }};
 
 // What is to change, all at one tick; what is absent stays. Of isovalue and normalized_isovalue
@@ -84,6 +86,7 @@ struct SettingsUpdate {{
                     for setting in by_number)
     text += """
   std::optional<SurfaceLayers> layers{};  // all of them
+  std::optional<HeldTool> tool{};         // all of it
   // Refuse with ErrorKind::kConflict unless the settings are at this revision.
   std::optional<std::uint64_t> expected_revision{};
 };

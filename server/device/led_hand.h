@@ -7,8 +7,10 @@
 // Real-time: Newest is wait-free. Ownership: outlives the device that follows it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "common/geometry/geometry.h"
@@ -22,6 +24,9 @@ struct LedTarget {
   double y_mm = 0.0;
   double z_mm = 0.0;
   std::uint32_t buttons = 0;  // bit n: button n pressed
+  // How the stylus is to be turned: a unit quaternion. `is_turned` is false: as it turns by itself.
+  bool is_turned = false;
+  std::array<double, 4> wxyz{1.0, 0.0, 0.0, 0.0};
 };
 
 class LedHand {
@@ -32,8 +37,10 @@ class LedHand {
   // `who`: for people, such as "token ada at ipv4:192.0.2.7:51544". Throws Error (kConflict) that
   // names who leads the hand already. The hand moves with the first MoveTo.
   Lead Take(const std::string& who);
-  // Ignored after GiveBack. Throws Error (kInvalidArgument) if the target is not finite.
-  void MoveTo(Lead lead, const Vec3& p_DTarget_mm, std::uint32_t buttons);
+  // Ignored after GiveBack. Throws Error (kInvalidArgument) if the target is not finite, or the
+  // orientation no unit quaternion but for rounding. No orientation: as the stylus turns by itself.
+  void MoveTo(Lead lead, const Vec3& p_DTarget_mm, std::uint32_t buttons,
+              const std::optional<Eigen::Quaterniond>& R_DS = {});
   // May be called again.
   void GiveBack(Lead lead);
 

@@ -41,19 +41,23 @@ StylusScript::Target LedScript::Next(const HandState& hand, const Wrench& felt_M
   const LedTarget& newest = led_.Newest();
   // Without time, the hand is asked where it begins: it is nowhere yet.
   if (!newest.is_led || !(dt_s > 0.0)) {
-    is_led_ = false;
+    is_led_ = is_turned_ = false;
     return unled_->Next(hand, felt_M, dt_s);
   }
   if (!is_led_) Begin(hand, felt_M.force_n);
+  R_MHeld_ = hand.R_MS;
   is_led_ = true;
   unled_->ResumeAt(hand);
   p_MTarget_mm_ = Vec3(newest.x_mm, newest.y_mm, newest.z_mm)
                       .cwiseMax(workspace_min_mm_)
                       .cwiseMin(workspace_max_mm_);
   Follow(dt_s);
+  Turn(newest, dt_s);
   return {.p_MTarget_mm = hand_.SpringEnd(Vec3::Zero()),
           .buttons = newest.buttons,
-          .p_MLed_mm = p_MTarget_mm_};
+          .p_MLed_mm = p_MTarget_mm_,
+          .is_turned = is_turned_,
+          .R_MTarget = UnalignedQuaternion(R_MTarget_)};
 }
 
 // Where the spring and the force that the hand feels are in balance, so that the hand stays.
@@ -61,6 +65,20 @@ void LedScript::Begin(const HandState& hand, const Vec3& felt_force_M_n) {
   p_MWay_mm_ = hand.p_MHip_mm - felt_force_M_n / kHandSpringNPerMm;
   hand_ = {.p_mm = p_MWay_mm_, .v_mm_s = hand.v_MHip_mm_s};
   mean_.Begin(p_MWay_mm_);
+}
+
+// Begins at how the stylus is held.
+void LedScript::Turn(const LedTarget& newest, double dt_s) {
+  if (newest.is_turned && !is_turned_) R_MTarget_ = R_MHeld_;
+  is_turned_ = newest.is_turned;
+  if (!is_turned_) return;
+  const auto& [w, x, y, z] = newest.wxyz;
+  const Eigen::Quaterniond goal(w, x, y, z);
+  const double angle_rad = R_MTarget_.angularDistance(goal);
+  const double share = dt_s / (kLedFollowS + dt_s);
+  const double most = angle_rad > 0.0 ? kLedRadPerS * dt_s / angle_rad : 1.0;
+  R_MTarget_ = R_MTarget_.slerp(std::min(share, most), goal);
+  R_MTarget_.normalize();
 }
 
 // Late ticks are made up for in steps: the same lag, however slow the machine is.

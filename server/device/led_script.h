@@ -4,7 +4,8 @@
 // Targets come at 60 to 250 Hz, unevenly, with gaps of up to a second. The hand goes to the newest
 // one smoothly, at most kLedMmPerS fast, and lags a moving target by about 25 ms. Targets beyond
 // the workspace count as the nearest place of it. The force that the hand feels deflects it: in
-// contact it is at target + force / kHandSpringNPerMm.
+// contact it is at target + force / kHandSpringNPerMm. A led orientation is followed at most
+// kLedRadPerS fast, with the same lag.
 //
 // Frame M, mm, N, s. Threads and real-time: as StylusScript; targets come by a wait-free exchange.
 // The same inputs and targets at the same ticks give the same bits.
@@ -21,6 +22,7 @@
 namespace palpate {
 
 inline constexpr double kLedMmPerS = 400.0;
+inline constexpr double kLedRadPerS = 4.0;
 
 class LedScript final : public StylusScript {
  public:
@@ -46,6 +48,7 @@ class LedScript final : public StylusScript {
 
   void Begin(const HandState& hand, const Vec3& felt_force_M_n);
   void Follow(double dt_s);
+  void Turn(const LedTarget& newest, double dt_s);
 
   std::unique_ptr<StylusScript> unled_;
   LedHand& led_;
@@ -57,6 +60,9 @@ class LedScript final : public StylusScript {
   Mean mean_;
   Vec3 p_MWay_mm_ = Vec3::Zero();  // on the way to the mean, no faster than the hand may be
   HandFollower hand_;
+  bool is_turned_ = false;
+  Eigen::Quaterniond R_MHeld_;    // of the stylus in this tick
+  Eigen::Quaterniond R_MTarget_;  // on the way to the led one
 };
 
 }  // namespace palpate

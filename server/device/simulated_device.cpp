@@ -12,6 +12,12 @@ namespace {
 
 constexpr double kSubstepS = 1e-4;
 
+// The wrist: a damped spring, a little more than critically damped, as the hand.
+constexpr double kWristKgMm2 = 90.0;  // 0.1 kg at 30 mm
+constexpr double kWristSpringNMmPerRad = 500.0;
+constexpr double kWristDamperNMmSPerRad = 20.0;
+constexpr double kKgMm2PerNMmS2 = 1e3;
+
 constexpr double kRestTiltRad = 0.6;  // barrel up from the user's direction
 constexpr double kTiltRadPerMmS = 0.003;
 constexpr double kLargestTiltRad = 0.35;
@@ -53,7 +59,7 @@ SimulatedDevice::SimulatedDevice(std::unique_ptr<StylusScript> script,
   }
   hand_.p_MHip_mm = script_->Next(hand_, Wrench(), 0.0).p_MTarget_mm;
   StopAtWorkspace();
-  TiltStylus(0.0);
+  R_MS_ = TiltedStylus(0.0);
 }
 
 DeviceStatus SimulatedDevice::Read(DeviceState& state) noexcept {
@@ -73,11 +79,37 @@ void SimulatedDevice::Write(const DeviceCommand& command, double dt_s) noexcept 
   const double move_s = std::min(dt_s, kLongestMoveS);
   const Wrench felt_M = {Saturated(command.wrench_M.force_n, spec_.max_force_n),
                          Saturated(command.wrench_M.torque_n_mm, spec_.max_torque_n_mm)};
+  hand_.R_MS = UnalignedQuaternion(R_MS_);
   const StylusScript::Target target = script_->Next(hand_, felt_M, move_s);
   buttons_ = target.buttons;
   p_MLed_mm_ = target.p_MLed_mm;
   MoveHand(target.p_MTarget_mm, felt_M.force_n, move_s);
-  TiltStylus(move_s);
+  const Eigen::Quaterniond by_itself = TiltedStylus(move_s);
+  TurnStylus(target.is_turned ? Eigen::Quaterniond(target.R_MTarget) : by_itself,
+             felt_M.torque_n_mm, move_s);
+}
+
+// As MoveHand.
+void SimulatedDevice::TurnStylus(const Eigen::Quaterniond& R_MTarget, const Vec3& torque_M_n_mm,
+                                 double dt_s) {
+  if (!(spec_.max_torque_n_mm > 0.0)) {
+    R_MS_ = R_MTarget;
+    return;
+  }
+  const int substeps = static_cast<int>(std::ceil(dt_s / kSubstepS));
+  const double substep_s = dt_s / substeps;
+  for (int i = 0; i < substeps; ++i) {
+    const Eigen::AngleAxisd away(R_MTarget * R_MS_.conjugate());
+    const Vec3 total_n_mm = torque_M_n_mm + kWristSpringNMmPerRad * away.angle() * away.axis() -
+                            kWristDamperNMmSPerRad * turn_rad_s_;
+    turn_rad_s_ += total_n_mm * (kKgMm2PerNMmS2 / kWristKgMm2 * substep_s);
+    const Vec3 turn_rad = turn_rad_s_ * substep_s;
+    const double angle_rad = turn_rad.norm();
+    if (angle_rad > 0.0) {
+      R_MS_ = Eigen::AngleAxisd(angle_rad, turn_rad / angle_rad) * R_MS_;
+      R_MS_.normalize();
+    }
+  }
 }
 
 // Semi-implicit Euler, so that a stiff spring gains no energy.
@@ -109,7 +141,7 @@ void SimulatedDevice::StopAtWorkspace() {
 }
 
 // The barrel points up and to the user, trails the tip's motion and sways a little.
-void SimulatedDevice::TiltStylus(double dt_s) {
+Eigen::Quaterniond SimulatedDevice::TiltedStylus(double dt_s) {
   smooth_velocity_mm_s_ +=
       (hand_.v_MHip_mm_s - smooth_velocity_mm_s_) * (dt_s / (kTiltFilterS + dt_s));
   sway_phase_rad_ =
@@ -120,12 +152,13 @@ void SimulatedDevice::TiltStylus(double dt_s) {
   Vec3 tilt_rad = smooth_velocity_mm_s_.cross(barrel) * kTiltRadPerMmS;
   tilt_rad += Vec3::UnitZ() * (kSwayRad * std::sin(sway_phase_rad_));
   const double angle_rad = tilt_rad.norm();
-  R_MS_ = rest;
+  Eigen::Quaterniond tilted = rest;
   if (angle_rad > 0.0) {
     const double limited_rad = std::min(angle_rad, kLargestTiltRad);
-    R_MS_ = Eigen::Quaterniond(Eigen::AngleAxisd(limited_rad, tilt_rad / angle_rad)) * rest;
+    tilted = Eigen::Quaterniond(Eigen::AngleAxisd(limited_rad, tilt_rad / angle_rad)) * rest;
   }
-  R_MS_.normalize();
+  tilted.normalize();
+  return tilted;
 }
 
 }  // namespace palpate

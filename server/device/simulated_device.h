@@ -38,14 +38,16 @@ class SimulatedDevice final : public HapticDevice {
   DeviceStatus Read(DeviceState& state) noexcept override;
 
   // Moves the hand on. A force or torque above its peak saturates, and one that is not finite
-  // counts as zero. The hand does not turn: the torque is only handed to the script. A time above
-  // 20 ms moves the hand by 20 ms, so that a stall does not cost the servo further time.
+  // counts as zero. With motors for torque, a wrist holds the stylus as a damped spring, which the
+  // torque turns; without them the stylus is turned as the hand wants. A time above 20 ms moves the
+  // hand by 20 ms, so that a stall does not cost the servo further time.
   void Write(const DeviceCommand& command, double dt_s) noexcept override;
 
  private:
   void MoveHand(const Vec3& p_MTarget_mm, const Vec3& force_M_n, double dt_s);
   void StopAtWorkspace();
-  void TiltStylus(double dt_s);
+  Eigen::Quaterniond TiltedStylus(double dt_s);
+  void TurnStylus(const Eigen::Quaterniond& R_MTarget, const Vec3& torque_M_n_mm, double dt_s);
 
   DeviceDescription spec_;
   std::unique_ptr<StylusScript> script_;
@@ -54,6 +56,7 @@ class SimulatedDevice final : public HapticDevice {
   Vec3 smooth_velocity_mm_s_ = Vec3::Zero();
   double sway_phase_rad_ = 0.0;
   Eigen::Quaterniond R_MS_;
+  Vec3 turn_rad_s_ = Vec3::Zero();
   std::uint32_t buttons_ = 0;
   Vec3 p_MLed_mm_ = kNowhere;
 };

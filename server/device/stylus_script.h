@@ -21,6 +21,7 @@ inline constexpr double kMmPerM = 1000.0;
 struct HandState {
   Vec3 p_MHip_mm = Vec3::Zero();
   Vec3 v_MHip_mm_s = Vec3::Zero();
+  UnalignedQuaternion R_MS = UnalignedQuaternion::Identity();  // of the stylus
 };
 
 class StylusScript {
@@ -29,6 +30,9 @@ class StylusScript {
     Vec3 p_MTarget_mm = Vec3::Zero();  // where the spring pulls the hand
     std::uint32_t buttons = 0;         // bit n: button n pressed
     Vec3 p_MLed_mm = kNowhere;         // where somebody leads the hand
+    // How the hand turns the stylus; none: as it is held by itself.
+    bool is_turned = false;
+    UnalignedQuaternion R_MTarget = UnalignedQuaternion::Identity();
   };
 
   virtual ~StylusScript() = default;

@@ -6,7 +6,10 @@
 namespace palpate {
 namespace {
 
-using State = PassivityState;
+template <int kDimensions>
+using State = PassivityStateOf<kDimensions>;
+template <int kDimensions>
+using Vector = typename PassivityStateOf<kDimensions>::Vector;
 
 // The full damper equals a spring that acts this much earlier: twice the device's delay of a tick,
 // and half a tick of hold.
@@ -22,43 +25,52 @@ constexpr double kForgivingS = 0.05;
 // Tolerates rounding where a value meets its limit exactly.
 constexpr double kSlack = 1.0 + 1e-6;
 
-int Before(const State& state, int ticks) {
-  return (state.newest - ticks + State::kPositionsKept) % State::kPositionsKept;
+template <int kDimensions>
+int Before(const State<kDimensions>& state, int ticks) {
+  return (state.newest - ticks + State<kDimensions>::kPositionsKept) %
+         State<kDimensions>::kPositionsKept;
 }
 
-bool WithinACount(const Vec3& d_mm, double count_mm) {
+template <int kDimensions>
+bool WithinACount(const Vector<kDimensions>& d_mm, double count_mm) {
   return d_mm.cwiseAbs().maxCoeff() <= count_mm * kSlack;
 }
 
-void Remember(const Vec3& p_DHip_mm, double dt_s, double count_mm, State& state) {
+template <int kDimensions>
+void Remember(const Vector<kDimensions>& p_DHip_mm, double dt_s, double count_mm,
+              State<kDimensions>& state) {
   const double now_s = state.started ? state.time_s[state.newest] + dt_s : 0.0;
-  state.newest = (state.newest + 1) % State::kPositionsKept;
+  state.newest = (state.newest + 1) % State<kDimensions>::kPositionsKept;
   state.p_DHip_mm[state.newest] = p_DHip_mm;
   state.time_s[state.newest] = now_s;
-  state.positions = std::min(state.positions + 1, State::kPositionsKept);
-  const bool rests = state.started && WithinACount(p_DHip_mm - state.rest_mm, count_mm);
+  state.positions = std::min(state.positions + 1, State<kDimensions>::kPositionsKept);
+  const bool rests =
+      state.started && WithinACount<kDimensions>(p_DHip_mm - state.rest_mm, count_mm);
   state.rested_s = rests ? state.rested_s + dt_s : 0.0;
   if (!rests) state.rest_mm = p_DHip_mm;
   state.started = true;
 }
 
 // True if the last `ticks` positions lie on a line of this slope, within a count.
-bool IsStraight(const State& state, int ticks, const Vec3& slope_mm_per_s, double count_mm) {
+template <int kDimensions>
+bool IsStraight(const State<kDimensions>& state, int ticks,
+                const Vector<kDimensions>& slope_mm_per_s, double count_mm) {
   for (int n = 1; n < ticks; ++n) {
     const int at = Before(state, n);
     const double ago_s = state.time_s[state.newest] - state.time_s[at];
-    const Vec3 moved_mm = state.p_DHip_mm[state.newest] - state.p_DHip_mm[at];
-    if (!WithinACount(moved_mm - slope_mm_per_s * ago_s, count_mm)) return false;
+    const Vector<kDimensions> moved_mm = state.p_DHip_mm[state.newest] - state.p_DHip_mm[at];
+    if (!WithinACount<kDimensions>(moved_mm - slope_mm_per_s * ago_s, count_mm)) return false;
   }
   return true;
 }
 
-Vec3 Velocity(const State& state, double count_mm) {
-  Vec3 velocity_mm_per_s = Vec3::Zero();
+template <int kDimensions>
+Vector<kDimensions> Velocity(const State<kDimensions>& state, double count_mm) {
+  Vector<kDimensions> velocity_mm_per_s = Vector<kDimensions>::Zero();
   for (int n = 1; n < state.positions; ++n) {
     const int at = Before(state, n);
-    const Vec3 moved_mm = state.p_DHip_mm[state.newest] - state.p_DHip_mm[at];
-    const Vec3 slope = moved_mm / (state.time_s[state.newest] - state.time_s[at]);
+    const Vector<kDimensions> moved_mm = state.p_DHip_mm[state.newest] - state.p_DHip_mm[at];
+    const Vector<kDimensions> slope = moved_mm / (state.time_s[state.newest] - state.time_s[at]);
     if (!IsStraight(state, n, slope, count_mm)) break;
     velocity_mm_per_s = slope;
   }
@@ -66,7 +78,8 @@ Vec3 Velocity(const State& state, double count_mm) {
 }
 
 // The least energy that the hand can have given while it moved by `moved_mm`.
-double LeastAbsorbed(const State& state, const Vec3& moved_mm) {
+template <int kDimensions>
+double LeastAbsorbed(const State<kDimensions>& state, const Vector<kDimensions>& moved_mm) {
   return -(moved_mm.transpose() * state.written_D_n).maxCoeff();
 }
 
@@ -88,8 +101,9 @@ double Bearable(double stiffness_n_per_mm, double depth_mm, double energy_mj, do
 }
 
 // Sets the stiffness that the tank allows, and the damping that fills the tank.
+template <int kDimensions>
 void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, double max_force_n,
-             State& state) {
+             State<kDimensions>& state) {
   const double spring_mj = Stored(state.scale * stiffness_n_per_mm, depth_mm, max_force_n);
   double forgiven_mj = kForgivenMjPerS * dt_s;
   if (depth_mm > 0.0) {
@@ -113,44 +127,51 @@ void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, double max
                Bearable(stiffness_n_per_mm, depth_mm, state.tank_mj + kCreditMj, max_force_n));
 }
 
-Vec3 Shortened(const Vec3& v, double length) {
+template <int kDimensions>
+Vector<kDimensions> Shortened(const Vector<kDimensions>& v, double length) {
   const double norm = v.norm();
-  return norm > length ? Vec3(v * (length / norm)) : v;
+  return norm > length ? Vector<kDimensions>(v * (length / norm)) : v;
 }
 
-Vec3 Limited(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
-             const PassivityDevice& device, const State& state) {
+template <int kDimensions>
+Vector<kDimensions> Limited(const Vector<kDimensions>& force_D_n, double stiffness_n_per_mm,
+                            double depth_mm, const PassivityDevice& device,
+                            const State<kDimensions>& state) {
   const double max_force_n = device.max_force_n;
   const double force_n = force_D_n.norm();
-  if (!(force_n > 0.0)) return Vec3::Zero();
-  const Vec3 direction = force_D_n / force_n;
+  if (!(force_n > 0.0)) return Vector<kDimensions>::Zero();
+  const Vector<kDimensions> direction = force_D_n / force_n;
   if (!(stiffness_n_per_mm * depth_mm > 0.0)) return direction * std::min(force_n, max_force_n);
   const double full =
       std::min(stiffness_n_per_mm * (kLeadTicks * device.tick_s), kMaxDampingNSPerMm);
-  const Vec3 drag_n = -state.damping * full * Velocity(state, device.resolution_mm);
+  const Vector<kDimensions> drag_n = -state.damping * full * Velocity(state, device.resolution_mm);
   // The spring is scaled first and limited afterwards.
   const double spring_n = std::min(state.scale * force_n, max_force_n);
   const double along_n = std::clamp(spring_n + drag_n.dot(direction), 0.0, max_force_n);
   // Across, at most as much as along, so that the force stays continuous at contact.
-  const Vec3 across = drag_n - drag_n.dot(direction) * direction;
-  return Shortened(along_n * direction + Shortened(across, along_n), max_force_n);
+  const Vector<kDimensions> across = drag_n - drag_n.dot(direction) * direction;
+  return Shortened<kDimensions>(along_n * direction + Shortened<kDimensions>(across, along_n),
+                                max_force_n);
 }
 
 }  // namespace
 
 bool IsDevice(const PassivityDevice& device) {
   const double numbers[] = {device.resolution_mm, device.max_force_n, device.tick_s};
-  return std::ranges::all_of(numbers, [](double n) { return std::isfinite(n) && n > 0.0; });
+  return std::ranges::all_of(numbers, [](double n) { return std::isfinite(n) && n > 0.0; }) &&
+         std::isfinite(device.max_torque_n_mm) && device.max_torque_n_mm >= 0.0;
 }
 
-Vec3 LimitToPassive(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
-                    const Vec3& p_DHip_mm, double budget_mj, double dt_s,
-                    const PassivityDevice& device, State& state) noexcept {
-  Vec3 limited_D_n = Vec3::Zero();
+template <int kDimensions>
+Vector<kDimensions> LimitToPassive(const Vector<kDimensions>& force_D_n, double stiffness_n_per_mm,
+                                   double depth_mm, const Vector<kDimensions>& p_DHip_mm,
+                                   double budget_mj, double dt_s, const PassivityDevice& device,
+                                   State<kDimensions>& state) noexcept {
+  Vector<kDimensions> limited_D_n = Vector<kDimensions>::Zero();
   if (force_D_n.allFinite() && p_DHip_mm.allFinite() && dt_s > 0.0 &&
       std::isfinite(stiffness_n_per_mm + depth_mm + budget_mj + dt_s)) {
     if (state.started) {
-      const Vec3 moved_mm = p_DHip_mm - state.p_DHip_mm[state.newest];
+      const Vector<kDimensions> moved_mm = p_DHip_mm - state.p_DHip_mm[state.newest];
       state.tank_mj += LeastAbsorbed(state, moved_mm) + budget_mj;
     }
     Remember(p_DHip_mm, dt_s, device.resolution_mm, state);
@@ -164,11 +185,16 @@ Vec3 LimitToPassive(const Vec3& force_D_n, double stiffness_n_per_mm, double dep
     state = {};
     limited_D_n.setZero();
   }
-  for (int n = State::kForcesCounted - 1; n > 0; --n) {
+  for (int n = State<kDimensions>::kForcesCounted - 1; n > 0; --n) {
     state.written_D_n.col(n) = state.written_D_n.col(n - 1);
   }
   state.written_D_n.col(0) = limited_D_n;
   return limited_D_n;
 }
+
+template Vec3 LimitToPassive<3>(const Vec3&, double, double, const Vec3&, double, double,
+                                const PassivityDevice&, PassivityStateOf<3>&) noexcept;
+template Vector<6> LimitToPassive<6>(const Vector<6>&, double, double, const Vector<6>&, double,
+                                     double, const PassivityDevice&, PassivityStateOf<6>&) noexcept;
 
 }  // namespace palpate

@@ -57,10 +57,14 @@ inline constexpr double kCreditMj = 0.8;
 inline constexpr double kForgivenMjPerS = 0.03;
 inline constexpr double kSafeNPerMm = 0.5;
 
-struct PassivityState {
+// kDimensions: 3 for a force alone. 6 for force and torque: positions are then (x, ρ turn) in mm,
+// forces (force, torque / ρ) in N, with a length ρ, so that their product is the work.
+template <int kDimensions>
+struct PassivityStateOf {
   static constexpr int kForcesCounted = 4;
   static constexpr int kPositionsKept = 10;
-  using Forces = Eigen::Matrix<double, 3, kForcesCounted>;
+  using Vector = Eigen::Matrix<double, kDimensions, 1>;
+  using Forces = Eigen::Matrix<double, kDimensions, kForcesCounted>;
 
   bool started = false;
   double tank_mj = 0.0;   // negative: a debt
@@ -71,29 +75,31 @@ struct PassivityState {
   // written force in the first column.
   Forces written_D_n = Forces::Zero();
   // The last positions of the HIP and their times: a ring.
-  std::array<Vec3, kPositionsKept> p_DHip_mm = [] {
-    std::array<Vec3, kPositionsKept> none;
-    none.fill(Vec3::Zero());
+  std::array<Vector, kPositionsKept> p_DHip_mm = [] {
+    std::array<Vector, kPositionsKept> none;
+    none.fill(Vector::Zero());
     return none;
   }();
   std::array<double, kPositionsKept> time_s{};
   int positions = 0;
   int newest = 0;
   // The place where the stylus rests within a count, and for how long.
-  Vec3 rest_mm = Vec3::Zero();
+  Vector rest_mm = Vector::Zero();
   double rested_s = 0.0;
 };
+using PassivityState = PassivityStateOf<3>;
 
 // Values of a device that the control needs. Defaults: a Phantom Omni.
 struct PassivityDevice {
   double resolution_mm = 0.055;  // of the position, above 0
   double max_force_n = 3.3;      // on the hand, above 0
   double tick_s = 1e-3;          // between two forces, above 0
+  double max_torque_n_mm = 0.0;  // on the hand; 0: the device has no torque
 
   bool operator==(const PassivityDevice&) const = default;
 };
 
-// True if all three values are finite and above 0.
+// True if the values are finite, and as above.
 bool IsDevice(const PassivityDevice& device);
 
 // Returns the contact force after the control.
@@ -105,8 +111,11 @@ bool IsDevice(const PassivityDevice& device);
 // dt_s: time since the last call; longer if ticks were missed.
 // If an input is not finite, or dt_s is not above 0, the force is zero and the account starts anew.
 // The result is finite and at most device.max_force_n.
-Vec3 LimitToPassive(const Vec3& force_D_n, double stiffness_n_per_mm, double depth_mm,
-                    const Vec3& p_DHip_mm, double budget_mj, double dt_s,
-                    const PassivityDevice& device, PassivityState& state) noexcept;
+template <int kDimensions>
+typename PassivityStateOf<kDimensions>::Vector LimitToPassive(
+    const typename PassivityStateOf<kDimensions>::Vector& force_D_n, double stiffness_n_per_mm,
+    double depth_mm, const typename PassivityStateOf<kDimensions>::Vector& p_DHip_mm,
+    double budget_mj, double dt_s, const PassivityDevice& device,
+    PassivityStateOf<kDimensions>& state) noexcept;
 
 }  // namespace palpate

@@ -22,19 +22,6 @@ constexpr double kVelocityCutoffHz = 40.0;
 
 bool IsPosition(const Vec3& p) { return p.allFinite() && p.cwiseAbs().maxCoeff() < kMaxHipMm; }
 
-void TrackHip(const Vec3& p_DHip_mm, double since_s, RendererState& state) {
-  // If positions were rejected, the way since the last good one took longer.
-  const double dt_s = since_s + state.rejected_s;
-  state.rejected_s = 0.0;
-  if (state.has_hip && dt_s > 0.0) {
-    const Vec3 velocity = (p_DHip_mm - state.p_DHip_mm) / dt_s;
-    const double share = std::min(1.0, 2.0 * std::numbers::pi * kVelocityCutoffHz * dt_s);
-    state.velocity_mm_per_s += share * (velocity - state.velocity_mm_per_s);
-  }
-  state.p_DHip_mm = p_DHip_mm;
-  state.has_hip = true;
-}
-
 // The layers of a surface.
 template <bool kLayered>
 class Layers {
@@ -378,12 +365,25 @@ void ForgetSurfaces(RendererState& state) noexcept {
 
 }  // namespace
 
+bool TrackHip(const Vec3& p_DHip_mm, double since_s, RendererState& state) noexcept {
+  if (!IsPosition(p_DHip_mm)) return false;
+  // If positions were rejected, the way since the last good one took longer.
+  const double dt_s = since_s + state.rejected_s;
+  state.rejected_s = 0.0;
+  if (state.has_hip && dt_s > 0.0) {
+    const Vec3 velocity = (p_DHip_mm - state.p_DHip_mm) / dt_s;
+    const double share = std::min(1.0, 2.0 * std::numbers::pi * kVelocityCutoffHz * dt_s);
+    state.velocity_mm_per_s += share * (velocity - state.velocity_mm_per_s);
+  }
+  state.p_DHip_mm = p_DHip_mm;
+  return state.has_hip = true;
+}
+
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
                           const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept {
   HapticOutput output;
-  if (IsPosition(p_DHip_mm)) {
-    TrackHip(p_DHip_mm, dt_s, state);
-  } else {
+  if (state.tool.state.placed) state.tool = ToolMemory();
+  if (!TrackHip(p_DHip_mm, dt_s, state)) {
     output.input_rejected = true;
     state.rejected_s += dt_s;
     if (!state.has_hip) return output;
@@ -413,14 +413,11 @@ VisualProxy VisualProxyOf(const HapticSurface& surface, const HapticOutput& outp
 
 HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept {
   HapticOutput output;
-  output.input_rejected = !IsPosition(p_DHip_mm);
-  if (output.input_rejected) {
-    state.rejected_s += dt_s;
-  } else {
-    TrackHip(p_DHip_mm, dt_s, state);
-  }
+  output.input_rejected = !TrackHip(p_DHip_mm, dt_s, state);
+  if (output.input_rejected) state.rejected_s += dt_s;
   output.p_DHip_mm = output.proxy.p_DH_mm = state.p_DLastHip_mm = state.p_DHip_mm;
   state.proxy = Proxy();
+  state.tool = ToolMemory();
   state.friction = FrictionState();
   state.passivity = PassivityState();
   state.passed = 0;

@@ -25,6 +25,7 @@
 #include "server/haptics/passivity.h"
 #include "server/haptics/proxy.h"
 #include "server/haptics/settings.h"
+#include "server/haptics/tool/tool_memory.h"
 #include "server/haptics/visual_proxy.h"
 
 namespace palpate {
@@ -56,6 +57,7 @@ struct RendererMemory {
   int touched = 0;                    // id of the layer in contact; negative: from within; 0: none
   double slack_mm = 0.0;
   bool layered = false;  // the last step was on layers
+  ToolMemory tool;       // of steps with a tool (tool/tool_renderer.h)
 };
 
 struct RendererState : RendererMemory {
@@ -79,10 +81,16 @@ struct HapticOutput {
   int contact_layer = 0;                  // its id; 0: no contact, or no layers
   bool popped = false;                    // the pop is in this step
   bool input_rejected = false;
+  bool has_tool = false;
+  ToolStep tool;                      // with a tool; `proxy` is its origin then
+  Vec3 torque_D_n_mm = Vec3::Zero();  // of a tool, about the HIP; not limited yet
 };
 
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
                           const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
+
+// Takes the position for the next step. Returns false if it is none; the last good one stays.
+bool TrackHip(const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
 
 // SCP_V of the last step, which gave `output`. No force depends on it, so a step does without.
 VisualProxy VisualProxyOf(const HapticSurface& surface, const HapticOutput& output,

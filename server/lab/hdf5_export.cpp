@@ -163,6 +163,9 @@ class Tables {
       Row<double>(path_ + name, numbers, 4);
     } else if constexpr (std::is_same_v<Field, std::optional<Vec3>>) {
       AddField(name, field.value_or(Vec3::Constant(TickSample::kNone)));
+    } else if constexpr (std::is_same_v<Field, std::optional<UnalignedQuaternion>>) {
+      constexpr double kNone = TickSample::kNone;
+      AddField(name, field.value_or(UnalignedQuaternion(kNone, kNone, kNone, kNone)));
     } else if constexpr (std::is_same_v<Field, std::optional<double>>) {
       AddField(name, field.value_or(TickSample::kNone));
     } else if constexpr (std::is_same_v<Field, PoseSample>) {

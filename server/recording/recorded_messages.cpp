@@ -1,7 +1,9 @@
 #include "server/recording/recorded_messages.h"
 
+#include <algorithm>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "common/error/error.h"
 #include "common/wire/convert.h"
@@ -9,6 +11,8 @@
 #include "common/wire/volume_message.h"
 #include "server/recording/bytes.h"
 #include "server/recording/voxel_log.h"
+#include "server/scene/felt_tip.h"
+#include "server/session/held_tool.h"
 #include "server/session/layers.h"
 #include "server/volume/ball.h"
 #include "server/volume/brick_packer.h"
@@ -53,8 +57,10 @@ void TakeSettings(const v1::RenderSettings& message, RecordedScene& scene) {
     setting.set(scene.settings, number);
   }
   scene.settings.layers = FromProto(message.layers());
+  scene.settings.tool = FromProto(message.tool());
   try {
     OrderLayers({}, scene.settings.layers);
+    CheckTool(scene.settings.tool);
   } catch (const Error& error) {
     throw DamagedBytes(std::string("damaged: ") + error.what());
   }
@@ -64,6 +70,36 @@ void TakeSettings(const v1::RenderSettings& message, RecordedScene& scene) {
   }
   for (int n = 0; n < unknown.field_count(); ++n) {
     scene.unknown_settings.push_back("number " + std::to_string(unknown.field(n).number()));
+  }
+}
+
+Ball BallOf(const v1::RecordedBall& message) {
+  const Ball ball{.radius_mm = message.radius_mm(),
+                  .device_from_index = FromProto(message.device_from_index()).linear,
+                  .is_least = message.is_least()};
+  if (!CanBe(ball)) throw DamagedBytes("damaged: its ball cannot be");
+  return ball;
+}
+
+void Put(const Ball& ball, v1::RecordedBall& message) {
+  message.set_radius_mm(ball.radius_mm);
+  *message.mutable_device_from_index() = ToProto(AffineMap{ball.device_from_index, Vec3::Zero()});
+  message.set_is_least(ball.is_least);
+}
+
+void TakeTool(const v1::RecordedTool& message, RecordedScene& scene) {
+  scene.tool = FromProto(message.tool());
+  scene.fields.clear();
+  for (const v1::RecordedBall& field : message.field()) scene.fields.push_back(BallOf(field));
+  const std::vector<double> radii = RadiiOf(scene.tool);
+  const auto with_field = std::ranges::count_if(radii, [](double mm) { return mm > 0.0; });
+  try {
+    CheckTool(scene.tool);
+  } catch (const Error&) {
+    throw DamagedBytes("damaged: its tool cannot be");
+  }
+  if (scene.tool.ball.empty() || with_field != std::ssize(scene.fields)) {
+    throw DamagedBytes("damaged: its tool has other fields");
   }
 }
 
@@ -124,6 +160,7 @@ v1::RenderSettings ToProto(const RenderSettings& settings) {
   if (!settings.haptics.layers.layer.empty()) {
     *out.mutable_layers() = ToProto(settings.haptics.layers);
   }
+  if (!settings.haptics.tool.ball.empty()) *out.mutable_tool() = ToProto(settings.haptics.tool);
   return out;
 }
 
@@ -158,13 +195,13 @@ v1::RecordedScene ToProto(const RecordedScene& scene) {
   out.mutable_device()->set_resolution_mm(scene.device.resolution_mm);
   out.mutable_device()->set_max_force_n(scene.device.max_force_n);
   out.mutable_device()->set_tick_s(scene.device.tick_s);
+  out.mutable_device()->set_max_torque_n_mm(scene.device.max_torque_n_mm);
   if (scene.series_position_frames) out.set_series_position_frames(*scene.series_position_frames);
-  if (scene.ball) {
-    v1::RecordedBall& ball = *out.mutable_ball();
-    ball.set_radius_mm(scene.ball->radius_mm);
-    *ball.mutable_device_from_index() =
-        ToProto(AffineMap{scene.ball->device_from_index, Vec3::Zero()});
-    ball.set_is_least(scene.ball->is_least);
+  if (!scene.tool.ball.empty()) {
+    *out.mutable_tool()->mutable_tool() = ToProto(scene.tool);
+    for (const Ball& field : scene.fields) Put(field, *out.mutable_tool()->add_field());
+  } else if (!scene.fields.empty()) {
+    Put(scene.fields.front(), *out.mutable_ball());
   }
   return out;
 }
@@ -197,14 +234,11 @@ RecordedScene FromProto(const v1::RecordedScene& in) {
   if (in.has_world_from_index()) scene.X_WI = FromProto(in.world_from_index());
   if (in.has_series_position_frames()) scene.series_position_frames = in.series_position_frames();
   if (in.has_device()) {
-    scene.device = {in.device().resolution_mm(), in.device().max_force_n(), in.device().tick_s()};
+    scene.device = {in.device().resolution_mm(), in.device().max_force_n(), in.device().tick_s(),
+                    in.device().max_torque_n_mm()};
   }
-  if (in.has_ball()) {
-    scene.ball = Ball{.radius_mm = in.ball().radius_mm(),
-                      .device_from_index = FromProto(in.ball().device_from_index()).linear,
-                      .is_least = in.ball().is_least()};
-    if (!CanBe(*scene.ball)) throw DamagedBytes("damaged: its ball cannot be");
-  }
+  if (in.has_ball()) scene.fields.push_back(BallOf(in.ball()));
+  if (in.has_tool()) TakeTool(in.tool(), scene);
   if (!IsDevice(scene.device)) throw DamagedBytes("damaged: its device cannot be");
   TakeSettings(in.settings(), scene);
   return scene;

@@ -1,6 +1,8 @@
 #include "server/recording/recorded_scene.h"
 
+#include <algorithm>
 #include <utility>
+#include <vector>
 
 #include "common/error/error.h"
 #include "server/scene/felt_surface.h"
@@ -19,6 +21,30 @@ bool IsPlaceOfVolume(const AffineMap& X_DI) {
   };
   return within(X_DI.linear, kFarthestMm) && within(X_DI.translation, kFarthestMm) &&
          within(X_DI.Inverse().linear, kMostVoxelsPerMm);
+}
+
+std::vector<Ball> FieldsOf(const Scene& scene) {
+  if (scene.tool) return scene.tool->fields;
+  if (scene.ball) return {scene.ball->ball};
+  return {};
+}
+
+// The fields that the tip had go on to the scene's.
+FeltTip TipOf(const RecordedScene& recorded, const VolumeSnapshot& volume, FeltTip before) {
+  std::vector<FeltBall> fields;
+  for (const Ball& ball : recorded.fields) {
+    const auto had = std::ranges::find_if(
+        before.fields, [&](const FeltBall& field) { return field.ball() == ball; });
+    if (had != before.fields.end()) {
+      fields.push_back(*had);
+      fields.back().Follow(volume);
+    } else {
+      fields.emplace_back(ball, volume);
+    }
+  }
+  FeltTip tip = MakeTip(recorded.tool, std::move(fields));
+  if (tip.has_tool() && tip.tool == before.tool) tip.caches = std::move(before.caches);
+  return tip;
 }
 
 }  // namespace
@@ -48,11 +74,12 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
           .is_level_set = scene.volume->metadata().is_level_set,
           .X_WI = scene.volume->metadata().WorldFromIndex(),
           .series_position_frames = scene.series_position_frames,
-          .ball = scene.ball ? std::optional(scene.ball->ball) : std::nullopt};
+          .tool = scene.tool ? scene.tool->held : HeldTool(),
+          .fields = FieldsOf(scene)};
 }
 
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,
-              const VolumeHash& hash, std::optional<FeltBall>& ball) {
+              const VolumeHash& hash, FeltTip& tip) {
   if (hash != recorded.volume_hash) {
     throw Error(ErrorKind::kConflict,
                 "another volume was recorded: load " + recorded.volume_source + " as it was then");
@@ -65,14 +92,12 @@ Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapsho
   if (!IsPlaceOfVolume(recorded.X_DI)) {
     throw Error(ErrorKind::kInvalidArgument, "the recording's place of the volume is no place");
   }
-  if (!recorded.ball || (ball && ball->ball() != *recorded.ball)) ball.reset();
-  if (ball) ball->Follow(*volume);
-  if (recorded.ball && !ball) ball.emplace(*recorded.ball, *volume);
+  tip = TipOf(recorded, *volume, std::move(tip));
   Scene scene;
   scene.volume = std::move(volume);
   scene.isovalue = recorded.isovalue;
   scene.settings = recorded.settings;
-  FeelSurface(recorded.X_DI, recorded.normalized_isovalue, recorded.geometry_revision, ball, scene);
+  FeelSurface(recorded.X_DI, recorded.normalized_isovalue, recorded.geometry_revision, tip, scene);
   scene.settings_revision = recorded.settings_revision;
   scene.scene_revision = recorded.scene_revision;
   scene.forces_off = recorded.forces_off;

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "server/recording/recording.h"
-#include "server/scene/felt_ball.h"
+#include "server/scene/felt_tip.h"
 #include "server/scene/scene.h"
 
 namespace palpate {
@@ -18,8 +18,8 @@ RecordedScene ToRecorded(const Scene& scene, const VolumeHash& hash, double tick
 // Returns a scene in which a tick gives the recorded bits. `hash`: the hash of `volume`.
 // Throws Error: kConflict if `volume` is not the recorded volume, or if the scene has settings that
 // this program does not know.
-// `ball`: of the scene before, none at first; goes on to this scene's.
+// `tip`: of the scene before, empty at first; goes on to this scene's.
 Scene ToScene(const RecordedScene& recorded, std::shared_ptr<const VolumeSnapshot> volume,
-              const VolumeHash& hash, std::optional<FeltBall>& ball);
+              const VolumeHash& hash, FeltTip& tip);
 
 }  // namespace palpate

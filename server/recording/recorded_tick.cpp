@@ -32,6 +32,9 @@ TickSample SampleOf(const RecordedTick& tick) {
   const PoseSample& pose = tick.pose;
   const auto& q = pose.stylus_orientation;
   const Vec3 kNone = Vec3::Constant(TickSample::kNone);
+  const UnalignedQuaternion no_tool(TickSample::kNone, TickSample::kNone, TickSample::kNone,
+                                    TickSample::kNone);
+  const UnalignedQuaternion tool = pose.tool_orientation.value_or(no_tool);
   const TickSample sample{
       .tick = pose.tick,
       .time_ns = pose.time_ns,
@@ -45,12 +48,14 @@ TickSample SampleOf(const RecordedTick& tick) {
       .torque_n_mm = ArrayOf(pose.torque_n_mm),
       .led_target_mm = ArrayOf(tick.led_target_mm.value_or(kNone)),
       .push_n = ArrayOf(tick.push_n.value_or(kNone)),
+      .tool_orientation = {tool.w(), tool.x(), tool.y(), tool.z()},
       .density = pose.density,
       .isovalue = pose.isovalue,
       .force_limit_n = pose.forces.limit_n,
       .torque_limit_n_mm = pose.forces.torque_limit_n_mm,
       .series_position_frames = tick.series_position_frames.value_or(TickSample::kNone),
       .tool_radius_mm = pose.tool_radius_mm,
+      .touching_balls = pose.touching_balls,
       .scene_revision = tick.scene_revision,
       .settings_revision = pose.settings_revision,
       .volume_revision = pose.volume_revision,

@@ -112,7 +112,8 @@ struct RecordedScene {
   // that an older program made.
   std::optional<AffineMap> X_WI{};
   std::optional<double> series_position_frames{};  // as SeriesState; none: no series
-  std::optional<Ball> ball{};                      // that is felt; none: a point
+  HeldTool tool{};             // that is felt; without balls: none
+  std::vector<Ball> fields{};  // of its radii above 0; without a tool of the ball, if one is felt
 
   // True for a frame of a series as it was loaded or edited. A blend hardly ever comes again.
   bool ShowsFrame() const {

@@ -39,7 +39,8 @@ void CheckOrder(const RecordedScene& before, const RecordedScene& scene) {
   const bool good = scene.geometry_revision >= before.geometry_revision &&
                     scene.volume_revision >= before.volume_revision &&
                     (!same_geometry || (scene.settings.method == before.settings.method &&
-                                        scene.X_DI == before.X_DI && scene.ball == before.ball &&
+                                        scene.X_DI == before.X_DI && scene.tool == before.tool &&
+                                        scene.fields == before.fields &&
                                         scene.loaded_revision == before.loaded_revision)) &&
                     (!same_volume || scene.volume_hash == before.volume_hash);
   if (good) return;
@@ -84,7 +85,7 @@ void Replayer::Begin(const RecordedScene& recorded) {
     if (recorded.tick_period_s != kTickPeriodS) {
       throw Error(ErrorKind::kConflict, "the recording has another tick rate than this program");
     }
-    scene_ = ToScene(recorded, std::move(volume), recorded.volume_hash, ball_);
+    scene_ = ToScene(recorded, std::move(volume), recorded.volume_hash, tip_);
   } catch (const Error& error) {
     volume_error_ = error;
   }

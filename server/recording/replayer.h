@@ -15,7 +15,7 @@
 
 #include "server/recording/recorded_volumes.h"
 #include "server/recording/recording.h"
-#include "server/scene/felt_ball.h"
+#include "server/scene/felt_tip.h"
 #include "server/servo/tick_computation.h"
 
 namespace palpate {
@@ -76,7 +76,7 @@ class Replayer {
   PassivityDevice device_{};
   std::optional<RecordedScene> last_;
   Scene scene_;  // volume is null if it is not known
-  std::optional<FeltBall> ball_;
+  FeltTip tip_;
   bool in_step_ = false;  // computation_ is at the next tick
   ReplayCounts counts_;
   std::optional<ReplayDifference> difference_;

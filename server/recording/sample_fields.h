@@ -61,6 +61,11 @@ constexpr void VisitFields(Sample& sample, Visit&& visit) {
   visit("hand", sample.hand);
   vector(sample.torque_n_mm, "torque_x_n_mm", "torque_y_n_mm", "torque_z_n_mm");
   visit("force_torque_limit_n_mm", sample.torque_limit_n_mm);
+  visit("tool_w", sample.tool_orientation[0]);
+  visit("tool_x", sample.tool_orientation[1]);
+  visit("tool_y", sample.tool_orientation[2]);
+  visit("tool_z", sample.tool_orientation[3]);
+  visit("touching_balls", sample.touching_balls);
 }
 
 // The list covers the whole sample except for `surface_place`, `replayed` and the padding at its

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -21,6 +22,7 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr milliseconds kLongestSilence{1000};
+constexpr double kUnitLengthTolerance = 1e-3;
 constexpr milliseconds kLook{2};  // while the servo does not follow the first target yet
 
 class Lead final : public LeadHandReactor, public std::enable_shared_from_this<Lead> {
@@ -70,9 +72,17 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
     if (!request_.has_target_mm()) Refuse("a request that leads the hand needs target_mm");
     const Vec3 p_DTarget_mm(target.x(), target.y(), target.z());
     if (!p_DTarget_mm.allFinite()) Refuse("target_mm needs three finite numbers");
+    std::optional<Eigen::Quaterniond> turned;
+    if (request_.has_orientation()) {
+      const v1::Quaternion& q = request_.orientation();
+      turned.emplace(q.w(), q.x(), q.y(), q.z());
+      if (!(std::abs(turned->norm() - 1.0) < kUnitLengthTolerance)) {
+        Refuse("orientation needs a unit quaternion");
+      }
+    }
     const bool takes = lead_ == 0;
     if (takes) lead_ = parts_.hand.Take(who_);
-    parts_.hand.MoveTo(lead_, p_DTarget_mm, request_.buttons() & parts_.buttons);
+    parts_.hand.MoveTo(lead_, p_DTarget_mm, request_.buttons() & parts_.buttons, turned);
     newest_target_ = Clock::now();
     if (takes) {
       // The present tick may have read the target before this one. The next tick certainly knows

@@ -55,6 +55,8 @@ void Take(const v1::RenderSettings& in, const std::string& name, SettingsUpdate&
     update.normalized_isovalue = in.normalized_isovalue();
   } else if (name == "layers") {
     update.layers = FromProto(in.layers());
+  } else if (name == "tool") {
+    update.tool = FromProto(in.tool());
   } else if (!TakeListed(in, name, update)) {
     Refuse("update_mask names an unknown field: " + name);
   }

@@ -43,6 +43,11 @@ PoseSample PoseOf(const TickSample& sample) {
   pose.tool_radius_mm = sample.tool_radius_mm;
   pose.hand = sample.hand;
   pose.torque_n_mm = VectorOf(sample.torque_n_mm);
+  if (sample.has_tool()) {
+    const auto& [tool_w, tool_x, tool_y, tool_z] = sample.tool_orientation;
+    pose.tool_orientation = {tool_w, tool_x, tool_y, tool_z};
+  }
+  pose.touching_balls = sample.touching_balls;
   return pose;
 }
 

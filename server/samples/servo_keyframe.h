@@ -20,7 +20,7 @@ inline constexpr std::uint64_t kKeyframeTicks = 64;
 
 // Trivially copyable: it goes through a ring to the pump thread.
 struct ServoKeyframe {
-  static constexpr std::size_t kBytes = 1112;
+  static constexpr std::size_t kBytes = 2400;
 
   std::uint64_t tick = 0;  // the tick that starts from this state
   std::size_t size = 0;    // of the bytes that are used

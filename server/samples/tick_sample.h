@@ -41,12 +41,14 @@ struct TickSample {
   std::array<double, 3> torque_n_mm{};
   std::array<double, 3> led_target_mm{kNone, kNone, kNone};  // kNone: nobody leads the hand
   std::array<double, 3> push_n{kNone, kNone, kNone};         // kNone: nobody tries the motors
+  std::array<double, 4> tool_orientation{kNone, kNone, kNone, kNone};  // kNone: no tool
   double density = 0.0;
   double isovalue = 0.0;
   double force_limit_n = 0.0;             // the greatest force that the motors' warmth allows
   double torque_limit_n_mm = 0.0;         // as force_limit_n
   double series_position_frames = kNone;  // kNone: the volume is no series
   double tool_radius_mm = 0.0;            // of the ball that is felt; 0: a point
+  std::uint64_t touching_balls = 0;       // bit n: ball n holds the tool back
   std::uint64_t scene_revision = 0;       // rises with everything that is published to the servo
   std::uint64_t settings_revision = 0;
   std::uint64_t volume_revision = 0;
@@ -81,6 +83,7 @@ struct TickSample {
   bool replayed = false;
 
   bool is_led() const { return !std::isnan(led_target_mm[0]); }
+  bool has_tool() const { return !std::isnan(tool_orientation[0]); }
   bool is_pushed() const { return !std::isnan(push_n[0]); }
   bool shows_series() const { return !std::isnan(series_position_frames); }
 };

@@ -19,11 +19,11 @@ int Threads() { return static_cast<int>(std::clamp(std::thread::hardware_concurr
 
 }  // namespace
 
-std::optional<Ball> BallOf(const HapticSettings& settings, const AffineMap& X_DI) {
-  if (!(settings.tool_radius_mm > 0.0)) return std::nullopt;
-  return Ball{.radius_mm = settings.tool_radius_mm,
+std::optional<Ball> BallOf(double radius_mm, FreeSide side, const AffineMap& X_DI) {
+  if (!(radius_mm > 0.0)) return std::nullopt;
+  return Ball{.radius_mm = radius_mm,
               .device_from_index = X_DI.linear,
-              .is_least = settings.free_side == FreeSide::kAbove};
+              .is_least = side == FreeSide::kAbove};
 }
 
 bool HaveSameField(const Ball& one, const Ball& other) {

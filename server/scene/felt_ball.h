@@ -16,8 +16,8 @@
 
 namespace palpate {
 
-// The ball of these settings on a volume that lies so; none: a point.
-std::optional<Ball> BallOf(const HapticSettings& settings, const AffineMap& X_DI);
+// A ball of this radius on a volume that lies so; none: a point.
+std::optional<Ball> BallOf(double radius_mm, FreeSide side, const AffineMap& X_DI);
 // Whether both have the same field, but for rounding.
 bool HaveSameField(const Ball& one, const Ball& other);
 

@@ -1,9 +1,9 @@
-// What is felt of a volume: an isovalue or layers, by a point or by a ball.
+// What is felt of a volume: an isovalue or layers, by a point, a ball or a tool.
 //
 // Threads: pure functions. Errors: none.
 #pragma once
 
-#include "server/scene/felt_ball.h"
+#include "server/scene/felt_tip.h"
 #include "server/scene/scene.h"
 
 namespace palpate {
@@ -13,9 +13,9 @@ namespace palpate {
 double DensityOf(const VolumeSnapshot& volume, double isovalue);
 
 // Makes the surface of a scene that has its volume and settings. `density`: of the one surface,
-// which layers replace; they are in order (OrderLayers). `ball`: of the volume; none: a point.
-// While the field of another side is being made, the ball's side is felt.
+// which layers replace; they are in order (OrderLayers). `tip`: its fields are of the volume. While
+// the field of another side is being made, the side of the tip's is felt.
 void FeelSurface(const AffineMap& X_DI, double density, std::uint64_t geometry_revision,
-                 const std::optional<FeltBall>& ball, Scene& scene);
+                 const FeltTip& tip, Scene& scene);
 
 }  // namespace palpate

@@ -8,13 +8,18 @@
 // servo and the pump have moved on. The servo never touches the shared_ptr.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "common/contract/render.h"
+#include "server/haptics/cell_cache.h"
 #include "server/haptics/haptic_surface.h"
 #include "server/haptics/settings.h"
+#include "server/haptics/tool/tool_renderer.h"
 #include "server/realtime/snapshot_handoff.h"
 #include "server/volume/ball.h"
 
@@ -28,11 +33,25 @@ struct SceneBall {
   AffineMap X_DI;                               // of the volume; the surface's is the field's
 };
 
+// One for each radius of a tool. Scenes share them: they hold no state. The servo thread's alone.
+using ToolCaches = std::array<std::unique_ptr<ToolCellCache>, kMostToolRadii>;
+
+// The rigid tool that is felt.
+struct SceneTool {
+  HeldTool held;             // as the settings have it
+  std::vector<Ball> fields;  // that its fields were made for: of each radius above 0
+  std::array<std::shared_ptr<const VolumeSnapshot>, kMostToolRadii> volume;  // of each radius
+  std::shared_ptr<ToolCaches> caches;
+  FeltTool felt;  // borrows the volumes and the caches
+};
+
 struct Scene {
   std::shared_ptr<const VolumeSnapshot> volume;
-  std::optional<SceneBall> ball;               // none: a point
+  std::shared_ptr<const SceneTool> tool;       // null: none
+  std::optional<SceneBall> ball;               // none: a point, or a tool
   std::shared_ptr<const HapticLayers> layers;  // null: the one surface
-  HapticSurface surface;                       // borrows *layers, and *ball->field or else *volume
+  HapticSurface surface;                       // borrows *layers, and *ball->field or else *volume;
+                                               // with a tool, the tip's
   double isovalue = 0.0;                       // data units
   HapticSettings settings;
   std::uint64_t settings_revision = 0;

@@ -12,7 +12,8 @@ namespace palpate {
 namespace {
 
 // Version of the byte layout. Raise it whenever the meaning of the bytes changes.
-constexpr std::uint8_t kLayout = 7;  // 6 knew no torque
+constexpr std::uint8_t kLayout = 8;
+constexpr std::uint8_t kLayoutWithoutTools = 7;  // 6 knew no torque
 // It knew no layers: after a pop, densities changed their sign. A refinement other than 1 follows
 // the rest.
 constexpr std::uint8_t kLayoutWithoutLayers = 5;
@@ -79,11 +80,39 @@ void VisitPassivity(Passivity& passivity, Visit& visit) {
   visit(rested_s);
 }
 
+// Without a tool it is not there.
+template <class Tool, class Visit>
+void VisitTool(Tool& tool, Visit& visit) {
+  auto& [state, felt, touches, slope_per_mm, R_DS, turned_rad, spring_mj, wrench_D, port,
+         passivity] = tool;
+  auto& [placed, buried, pose, ejecting_steps, loaded_revision] = state;
+  visit(placed);
+  if (!placed) return;
+  visit(buried);
+  VisitVector(pose.p_DS_mm, visit);
+  VisitVector(pose.R_DS.coeffs(), visit);
+  visit(ejecting_steps);
+  visit(loaded_revision);
+  auto& [geometry_revision, volume_revision, refinement, free_side, isovalue] = felt;
+  for (auto* revision : {&geometry_revision, &volume_revision}) visit(*revision);
+  visit(refinement);
+  visit(free_side);
+  visit(isovalue);
+  visit(touches);
+  for (auto* number : {&slope_per_mm, &spring_mj}) visit(*number);
+  VisitVector(R_DS.coeffs(), visit);
+  for (auto* v : {&turned_rad, &wrench_D.force_n, &wrench_D.torque_n_mm}) VisitVector(*v, visit);
+  auto& [tank_mj, written_D_n] = port;
+  visit(tank_mj);
+  VisitVector(written_D_n, visit);
+  VisitPassivity(passivity, visit);
+}
+
 template <class Renderer, class Visit>
 void VisitRenderer(Renderer& renderer, int layout, Visit& visit) {
   auto& [proxy, has_hip, p_DHip_mm, p_DLastHip_mm, velocity_mm_per_s, friction, passed, rejected_s,
          spring_mj, felt_D_n, pop_force_D_n, pop_fade, passivity, limited_D_n, by_design_D_n,
-         touched, slack_mm, layered] = renderer;
+         touched, slack_mm, layered, tool] = renderer;
   VisitProxy(proxy, layout, visit);
   visit(has_hip);
   for (auto* v : {&p_DHip_mm, &p_DLastHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
@@ -99,6 +128,7 @@ void VisitRenderer(Renderer& renderer, int layout, Visit& visit) {
   visit(slack_mm);
   visit(slid_mm);
   visit(layered);
+  if (layout > kLayoutWithoutTools) VisitTool(tool, visit);
 }
 
 template <class SafetyT, class Visit>
@@ -112,7 +142,7 @@ void VisitSafety(SafetyT& safety, int layout, Visit& visit) {
   for (auto* flag : {&was_suspended, &resumes, &has_hip}) visit(*flag);
   for (auto* v : {&force_n, &p_DHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
   for (auto* number : {&ramp_s, &ramp_in_s, &heat_n2, &hip_age_s, &missed_ticks}) visit(*number);
-  if (layout < kLayout) return;
+  if (layout < kLayoutWithoutTools) return;
   VisitVector(torque_n_mm, visit);
   VisitVector(R_DS.coeffs(), visit);
   for (auto* number : {&heat_n_mm2, &turn_rad_per_s}) visit(*number);
@@ -209,11 +239,29 @@ bool IsBound(double isovalue, double unbounded) {
   return std::abs(isovalue) <= kGreatestIsovalue || isovalue == unbounded;
 }
 
+template <int kDimensions>
+bool IsPassivity(const PassivityStateOf<kDimensions>& passivity) {
+  constexpr int kKept = PassivityStateOf<kDimensions>::kPositionsKept;
+  return passivity.positions >= 0 && passivity.positions <= kKept && passivity.newest >= 0 &&
+         passivity.newest < kKept;
+}
+
+bool IsUnit(const Eigen::Vector4d& q) { return std::abs(q.norm() - 1.0) < kUnitTolerance; }
+
+bool IsTool(const ToolMemory& tool) {
+  return IsPosition(tool.state.pose.p_DS_mm) && IsUnit(tool.state.pose.R_DS.coeffs()) &&
+         IsUnit(tool.R_DS.coeffs()) && IsBound(tool.felt.isovalue, kUnbounded) &&
+         tool.felt.refinement >= 1 && tool.felt.refinement <= kMaxRefinement &&
+         tool.slope_per_mm >= 0.0 && tool.spring_mj >= 0.0 && tool.turned_rad.allFinite() &&
+         tool.wrench_D.force_n.allFinite() && tool.wrench_D.torque_n_mm.allFinite() &&
+         std::isfinite(tool.port.tank_mj) && tool.port.written_D_n.allFinite() &&
+         IsPassivity(tool.passivity);
+}
+
 // Checks that indices stay within their arrays and lattices, and that lengths are finite.
 bool IsInRange(const ServoMemory& memory) {
   const RendererMemory& renderer = memory.renderer;
   const Proxy& proxy = renderer.proxy;
-  const PassivityState& passivity = renderer.passivity;
   const bool on_simplex = proxy.placed && proxy.place.kind == Place::Kind::kSimplex;
   return IsPlace(proxy.place) && IsPosition(proxy.p_DH_mm) && IsBound(proxy.isovalue, kUnbounded) &&
          IsBound(proxy.lower, -kUnbounded) && proxy.refinement >= 1 &&
@@ -223,9 +271,8 @@ bool IsInRange(const ServoMemory& memory) {
          renderer.slack_mm <= kFarthestMm && renderer.friction.slid_mm >= 0.0 &&
          renderer.friction.slid_mm <= kFarthestMm && IsPosition(renderer.p_DHip_mm) &&
          IsPosition(renderer.p_DLastHip_mm) &&
-         renderer.friction.normal_D.norm() < 1.0 + kUnitTolerance && passivity.positions >= 0 &&
-         passivity.positions <= PassivityState::kPositionsKept && passivity.newest >= 0 &&
-         passivity.newest < PassivityState::kPositionsKept;
+         renderer.friction.normal_D.norm() < 1.0 + kUnitTolerance &&
+         IsPassivity(renderer.passivity) && IsTool(renderer.tool);
 }
 
 // Gives a proxy that has popped through the one surface its bound, with the sign of the settings'

@@ -1,5 +1,6 @@
 #include "server/servo/tick_computation.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -11,6 +12,12 @@ namespace {
 
 std::array<double, 3> ToArray(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
+void DescribeTool(const HapticOutput& output, TickSample& sample) {
+  const Eigen::Quaterniond& q = output.tool.pose.R_DS;
+  sample.tool_orientation = {q.w(), q.x(), q.y(), q.z()};
+  sample.touching_balls = output.tool.touching;
+}
+
 void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample) {
   sample.hip_mm = ToArray(output.p_DHip_mm);
   sample.scp_h_mm = ToArray(output.proxy.p_DH_mm);
@@ -20,7 +27,8 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
   sample.layers_passed = static_cast<std::uint32_t>(output.layers_passed);
   sample.contact_layer = static_cast<std::uint32_t>(output.contact_layer);
   if (scene.ball) sample.tool_radius_mm = scene.ball->radius_mm;
-  sample.contact = !output.proxy.normal_D.isZero();
+  sample.contact = !output.proxy.normal_D.isZero() || output.tool.touching != 0;
+  if (output.has_tool) DescribeTool(output, sample);
   sample.input_rejected = output.input_rejected;
   sample.density = scene.volume->Denormalize(output.proxy.density);
   sample.iterations = static_cast<std::uint32_t>(output.proxy.moves);
@@ -55,6 +63,7 @@ PassivityDevice PassivityDeviceOf(const DeviceDescription& spec) {
   PassivityDevice device{.tick_s = kTickPeriodS};
   if (spec.position_resolution_mm > 0.0) device.resolution_mm = spec.position_resolution_mm;
   if (spec.max_force_n > 0.0) device.max_force_n = spec.max_force_n;
+  device.max_torque_n_mm = std::max(0.0, spec.max_torque_n_mm);
   return device;
 }
 
@@ -90,19 +99,23 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   if (suspended || pushed) {
     output = SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_);
     if (pushed) output.force_D_n = input.push_D_n;
+  } else if (scene.tool != nullptr) {
+    output = StepWithTool(scene.tool->felt, scene.settings, stylus.p_DHip_mm, stylus.R_DS,
+                          elapsed_s, kToolWork, renderer_);
+    if (renderer_.has_hip) sample.isovalue = IsovalueOf(scene, output.isovalue);
   } else {
     output = StepRenderer(surface, scene.settings, stylus.p_DHip_mm, elapsed_s, renderer_);
     if (renderer_.has_hip) sample.isovalue = IsovalueOf(scene, output.isovalue);
   }
   Describe(scene, output, sample);
   sample.surface_place = PlaceOf(renderer_.proxy);
-  sample.refinement = static_cast<std::uint32_t>(surface.lattice.refinement());
+  sample.refinement = static_cast<std::uint32_t>(output.has_tool ? renderer_.tool.felt.refinement
+                                                                 : surface.lattice.refinement());
   if (suspended || pushed) {
     sample.mode = ProxyMode::kSuspended;
     sample.free_side = surface.free_side;
   }
-  // A point has no torque.
-  const Wrench wrench_D = safety_.Step({.wrench_D = {.force_n = output.force_D_n},
+  const Wrench wrench_D = safety_.Step({.wrench_D = {output.force_D_n, output.torque_D_n_mm},
                                         .p_DHip_mm = output.p_DHip_mm,
                                         .R_DS = stylus.R_DS,
                                         .device = input.device,
@@ -119,7 +132,11 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
     sample.mode = ProxyMode::kFault;
     ++faulty_ticks_;
   }
-  TellWrittenForce(wrench_D.force_n, renderer_);
+  if (output.has_tool) {
+    TellWrittenWrench(wrench_D, scene.tool->felt.tool.rotation_length_mm, renderer_);
+  } else {
+    TellWrittenForce(wrench_D.force_n, renderer_);
+  }
   capped_ticks_ += output.proxy.capped;
   sample.faulty_ticks = faulty_ticks_;
   sample.capped_ticks = capped_ticks_;

@@ -17,6 +17,8 @@
 namespace palpate {
 
 inline constexpr double kTickPeriodS = 1e-3;
+// The most work of a tool in a tick: at its worst some 0.3 ms. Several hands would share it.
+inline constexpr int kToolWork = 20'000;
 
 // What a device read, in D. Members as in DeviceState.
 struct HandInput {

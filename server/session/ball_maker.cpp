@@ -2,8 +2,10 @@
 
 #include <pthread.h>
 
+#include <algorithm>
 #include <exception>
 #include <utility>
+#include <vector>
 
 #include "server/log/log.h"
 #include "server/realtime/thread_setup.h"
@@ -15,9 +17,10 @@ constexpr int kNice = 10;
 
 }  // namespace
 
-std::string RefusalOfBall(const HapticSettings& settings, const AffineMap& X_DI) {
-  const std::optional<Ball> ball = BallOf(settings, X_DI);
-  if (!ball || CanBe(*ball)) return {};
+std::string RefusalOfTip(const HapticSettings& settings, const AffineMap& X_DI) {
+  const std::vector<Ball> fields = FieldsOf(settings, X_DI);
+  const auto ball = std::ranges::find_if_not(fields, CanBe);
+  if (ball == fields.end()) return {};
   const auto [low, high] = BallRange(X_DI.linear);
   return fmt::format(
       "a ball of {:g} mm cannot be felt here: its radius can be {:.4g} to {:.4g} mm ({:g} to {:g} "

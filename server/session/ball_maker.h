@@ -14,14 +14,13 @@
 #include <string>
 #include <thread>
 
-#include "server/scene/felt_ball.h"
+#include "server/scene/felt_tip.h"
 #include "server/store/memory_budget.h"
 
 namespace palpate {
 
-// Why a volume that lies so cannot have the settings' ball, for people; empty: it can, or a point
-// is felt.
-std::string RefusalOfBall(const HapticSettings& settings, const AffineMap& X_DI);
+// Why a volume that lies so cannot have the balls of the settings' tip, for people; empty: it can.
+std::string RefusalOfTip(const HapticSettings& settings, const AffineMap& X_DI);
 
 // In messages about memory.
 inline constexpr char kBallInMessages[] = "the field of the ball at the tip";

@@ -7,6 +7,7 @@
 #include "common/error/error.h"
 #include "server/log/log.h"
 #include "server/scene/felt_surface.h"
+#include "server/session/held_tool.h"
 #include "server/session/layers.h"
 #include "server/session/range.h"
 #include "server/store/load_warnings.h"
@@ -94,6 +95,7 @@ void Session::SetInitial(const RenderSettings& settings) {
   HapticSettings haptics = settings.haptics;
   CheckHaptics({}, haptics);
   CheckSide(haptics.layers, haptics.free_side);
+  CheckHeld(haptics, device_);
   const std::lock_guard lock(mutex_);
   if (settings_revision_ > 0) return;
   settings_.haptics = std::move(haptics);
@@ -109,8 +111,8 @@ void Session::PublishLocked(std::span<const BrickChange> changes) {
   scene->patient_axes = patient_axes_;
   scene->forces_off = forces_off_ || !has_volume_;
   scene->series_position_frames = volume_->metadata().series_position_frames;
-  if (ball_ && !MayStay(*ball_)) SetBallLocked({});
-  FeelSurface(X_DI_, DensityOf(*volume_, settings_.isovalue), geometry_revision_, ball_, *scene);
+  ChooseTipLocked();
+  FeelSurface(X_DI_, DensityOf(*volume_, settings_.isovalue), geometry_revision_, tip_, *scene);
   if (has_volume_) {
     for (SceneListener* listener : listeners_) listener->OnScene(*scene, changes);
   }
@@ -151,9 +153,10 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     const RenderSettings changed = Changed(*volume_, settings_, update);
     CheckSide(changed.haptics.layers, changed.haptics.free_side);
     if (update.layers) CheckLayers(changed.haptics.layers, volume_->metadata());
-    if (has_volume_ && update.Names(&HapticSettings::tool_radius_mm)) {
-      const std::string refusal = RefusalOfBall(changed.haptics, X_DI_);
-      if (!refusal.empty()) throw RangeError("tool_radius_mm", refusal);
+    CheckHeld(changed.haptics, device_);
+    if (has_volume_ && update.NamesTip()) {
+      const std::string refusal = RefusalOfTip(changed.haptics, X_DI_);
+      if (!refusal.empty()) throw RangeError(update.tool ? "tool" : "tool_radius_mm", refusal);
       ball_maker_.ForgetProblem();
     }
     // Another decomposition makes another surface for the proxy.
@@ -257,7 +260,7 @@ FreeSide Session::SideOf(const VolumeMetadata& metadata, const LoadRequest& requ
 }
 
 void Session::TellBeforeOtherVolume(const HapticSettings& felt, const AffineMap& X_DI,
-                                    double isovalue, const std::optional<FeltBall>& ball,
+                                    double isovalue, const std::vector<FeltBall>& fields,
                                     std::shared_ptr<const VolumeSnapshot> volume) const {
   if (!before_other_volume_) return;
   Scene scene;
@@ -265,7 +268,9 @@ void Session::TellBeforeOtherVolume(const HapticSettings& felt, const AffineMap&
   scene.settings = felt;
   if (!felt.layers.layer.empty()) isovalue = felt.layers.layer.front().isovalue;
   scene.settings.layers = {};
-  FeelSurface(X_DI, DensityOf(*scene.volume, isovalue), 1, ball, scene);
+  FeltTip tip;
+  if (felt.tool.ball.empty()) tip.fields = fields;
+  FeelSurface(X_DI, DensityOf(*scene.volume, isovalue), 1, tip, scene);
   before_other_volume_(scene.surface);
 }
 
@@ -278,8 +283,9 @@ HapticSettings Session::FeltOn(const LoadRequest& request, const SettingsUpdate&
   felt.free_side = SideOf(metadata, request, settings);
   lock.unlock();
   if (settings.layers) CheckLayers(felt.layers, metadata);
-  const std::string refusal = RefusalOfBall(felt, X_DI);
-  if (!refusal.empty() && settings.Names(&HapticSettings::tool_radius_mm)) Refuse(refusal);
+  CheckHeld(felt, device_);
+  const std::string refusal = RefusalOfTip(felt, X_DI);
+  if (!refusal.empty() && settings.NamesTip()) Refuse(refusal);
   const std::string left = FitLayers(metadata, felt.free_side, felt.layers);
   if (!left.empty() && settings.layers) Refuse(left);
   if (!left.empty()) metadata.warnings.push_back(left);
@@ -301,15 +307,16 @@ VolumeState Session::PublishVolume(const LoadRequest& request, VolumeMetadata me
                                       values->suggested.front().isovalue);
   const double isovalue =
       ChosenIsovalue(*next, settings.isovalue, settings.normalized_isovalue, start);
-  std::optional<FeltBall> ball = BallFor(felt, settings, X_DI, *next, progress);
-  TellBeforeOtherVolume(felt, X_DI, isovalue, ball, next);
+  std::vector<FeltBall> fields = FieldsFor(felt, settings, X_DI, *next, progress);
+  TellBeforeOtherVolume(felt, X_DI, isovalue, fields, next);
   VolumeState state;
   const auto publish = [&](const std::shared_ptr<const VolumeSnapshot>& volume,
                            std::span<const BrickChange>) {
     const std::lock_guard lock(mutex_);
     TakeLoaded(request, settings, registration, volume, isovalue);
-    if (ball) ball->TakeRevisions(*volume);
-    SetBallLocked(ball && IsWanted(*ball) ? ball : std::nullopt);
+    for (FeltBall& field : fields) field.TakeRevisions(*volume);
+    SetTipLocked({});
+    made_ = std::move(fields);
     values_ = values;
     has_volume_ = true;
     PublishLocked();
@@ -355,20 +362,22 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
 
 std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
                                      std::span<const BrickChange> changes) {
-  // Nobody else gives a ball meanwhile: this is a transaction.
+  // Nobody else gives fields meanwhile: this is a transaction.
   std::unique_lock lock(mutex_);
-  std::optional<FeltBall> ball = ball_;
+  std::vector<FeltBall> felt = tip_.fields, made = made_;
   lock.unlock();
-  if (ball) ball = Following(*ball, *volume);
+  const bool tip_follows = Follow(felt, *volume);
+  if (!Follow(made, *volume)) made.clear();
   lock.lock();
   if (volume != volume_) {
-    const auto before =
-        std::tuple(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_, ball_);
-    if (ball_ && ball) {
-      retired().Add(ball_->field());
-      ball_ = std::move(ball);
-    } else if (ball_) {
-      SetBallLocked({});
+    const auto before = std::tuple(volume_, is_reshaped_, X_DI_, registration_, settings_,
+                                   held_isovalue_, tip_, made_);
+    made_ = std::move(made);
+    if (tip_follows) {
+      for (const FeltBall& field : tip_.fields) retired().Add(field.field());
+      tip_.fields = std::move(felt);
+    } else {
+      SetTipLocked({});
     }
     const bool has_other_lattice = volume->loaded_revision() != volume_->loaded_revision();
     try {
@@ -376,8 +385,8 @@ std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>
       if (has_other_lattice) TakeLattice();
       PublishLocked(changes);
     } catch (...) {
-      std::tie(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_, ball_) =
-          before;
+      std::tie(volume_, is_reshaped_, X_DI_, registration_, settings_, held_isovalue_, tip_,
+               made_) = before;
       throw;
     }
   }

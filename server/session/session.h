@@ -127,11 +127,12 @@ class Session {
   SettingsState settings() const;
   VolumeState volume() const;
   FeltSession Felt() const;
-  // What is felt of the settings' ball.
+  // What is felt of the settings' ball or tool.
   BallState ball() const;
 
   // Waits until the servo has used the change. Throws kInvalidArgument, kConflict, kUnavailable,
-  // kTooLarge if there is no room for the ball, and kLoading for an isovalue before the first
+  // kTooLarge if there is no room for the ball or tool, kFailedPrecondition for a tool that the
+  // device or other settings forbid, and kLoading for an isovalue before the first
   // volume. If the servo stops before it uses the change, the change is taken back, unless somebody
   // else has changed settings since.
   SettingsApplied Update(const SettingsUpdate& update);
@@ -192,13 +193,13 @@ class Session {
  private:
   HapticSettings FeltOn(const LoadRequest& request, const SettingsUpdate& settings,
                         const AffineMap& X_DI, VolumeMetadata& metadata) const;
-  std::optional<FeltBall> BallFor(const HapticSettings& felt, const SettingsUpdate& settings,
+  std::vector<FeltBall> FieldsFor(const HapticSettings& felt, const SettingsUpdate& settings,
                                   const AffineMap& X_DI, const VolumeSnapshot& volume,
                                   const LoadProgress& progress) const;
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
   void TellBeforeOtherVolume(const HapticSettings& felt, const AffineMap& X_DI, double isovalue,
-                             const std::optional<FeltBall>& ball,
+                             const std::vector<FeltBall>& fields,
                              std::shared_ptr<const VolumeSnapshot> volume) const;
   VolumePlace PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
   FreeSide SideOf(const VolumeMetadata& metadata, const LoadRequest& request,
@@ -209,19 +210,19 @@ class Session {
                   const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue);
   void TakeLattice();
   void FitLayersLocked();
-  std::optional<FeltBall> Following(FeltBall ball, const VolumeSnapshot& volume) const;
+  bool Follow(std::vector<FeltBall>& fields, const VolumeSnapshot& volume) const;
   std::uint64_t PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
                               std::span<const BrickChange> changes);
   void PublishLocked(std::span<const BrickChange> changes = {});
-  // Throws Error (kTooLarge) if there is no room for the ball that the update asks for.
+  // Throws Error (kTooLarge) if there is no room for the tip that the update asks for.
   void CheckRoom(const SettingsUpdate& update) const;
-  // The ball of these settings, unless it is felt.
-  std::optional<BallMaker::Wanted> MissingBall(const HapticSettings& haptics) const;
-  bool MayStay(const FeltBall& ball) const;
-  bool IsWanted(const FeltBall& ball) const;
+  // A field that the tip of these settings lacks.
+  std::optional<BallMaker::Wanted> MissingField(const HapticSettings& haptics) const;
+  bool MayStay(const FeltTip& tip) const;
   // Returns false if it is not wanted any more.
-  bool TakeBall(FeltBall made);
-  void SetBallLocked(std::optional<FeltBall> ball);
+  bool TakeField(FeltBall made);
+  void ChooseTipLocked();
+  void SetTipLocked(FeltTip tip);
   VolumeState VolumeLocked() const;
   LoadedVolume LoadBricks(const LoadRequest& request, const LoadProgress& progress,
                           const LoadCancelled& cancelled, MemoryClaim& claim,
@@ -248,9 +249,10 @@ class Session {
   std::optional<std::pair<double, double>> held_isovalue_{};
   VolumePlace registration_;
   AffineMap X_DI_;
-  std::optional<FeltBall> ball_;  // that is felt; none: a point
-  std::string patient_axes_;      // of the file or answered; empty: unknown
-  std::string voxels_name_;       // of the voxels as loaded, for answers
+  FeltTip tip_;                 // that is felt
+  std::vector<FeltBall> made_;  // fields of the settings' tip, of which others are missing yet
+  std::string patient_axes_;    // of the file or answered; empty: unknown
+  std::string voxels_name_;     // of the voxels as loaded, for answers
   RenderSettings settings_;
   FreeSide side_of_densities_ = FreeSide::kBelow;  // the free side to restore after a level set
   std::atomic<bool> forces_off_{false};            // written under the lock
@@ -267,9 +269,9 @@ class Session {
   BallMaker ball_maker_{loader_.budget,
                         [this] {
                           const std::lock_guard lock(mutex_);
-                          return MissingBall(settings_.haptics);
+                          return MissingField(settings_.haptics);
                         },
-                        [this](FeltBall made) { return TakeBall(std::move(made)); }};
+                        [this](FeltBall made) { return TakeField(std::move(made)); }};
 };
 
 }  // namespace palpate

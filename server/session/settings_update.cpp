@@ -3,6 +3,7 @@
 #include <string>
 
 #include "common/error/error.h"
+#include "server/session/held_tool.h"
 #include "server/session/layers.h"
 #include "server/session/range.h"
 
@@ -34,6 +35,7 @@ void CheckHaptics(const SurfaceLayers& felt, HapticSettings& haptics) {
                 fmt::format("{} is {}: it must be {}", setting.key, value, setting.what()));
   }
   OrderLayers(felt, haptics.layers);
+  CheckTool(haptics.tool);
 }
 
 namespace {
@@ -81,6 +83,7 @@ RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
   for (const auto& [member, value] : update.flags) haptics.*member = value;
   for (const auto& [setting, number] : update.choices) setting->set(haptics, number);
   if (update.layers) haptics.layers = *update.layers;
+  if (update.tool) haptics.tool = *update.tool;
   CheckHaptics(felt, haptics);
   return settings;
 }

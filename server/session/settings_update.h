@@ -28,12 +28,15 @@ struct SettingsUpdate {
   // Settings of kChoiceSettings and the numbers of their enumerators.
   std::vector<std::pair<const ChoiceSetting*, int>> choices{};
   std::optional<SurfaceLayers> layers{};
+  std::optional<HeldTool> tool{};
   bool behind_layers = false;  // may change what layers replace, although they are felt
   std::optional<std::uint64_t> expected_revision{};
 
   bool Names(double HapticSettings::*number) const {
     return std::ranges::any_of(numbers, [&](const auto& one) { return one.first == number; });
   }
+  // The ball or the tool.
+  bool NamesTip() const { return tool || Names(&HapticSettings::tool_radius_mm); }
 };
 
 // For a volume whose range is not known yet.
@@ -43,13 +46,13 @@ SettingsUpdate WithoutIsovalue(SettingsUpdate update);
 double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>& isovalue,
                       const std::optional<double>& normalized, double otherwise);
 
-// Checks numbers, and puts layers in order. `felt`: the layers until now, which keep their ids.
+// Checks numbers and the tool, and puts layers in order. `felt`: the layers until now, which keep their ids.
 void CheckHaptics(const SurfaceLayers& felt, HapticSettings& haptics);
 
 // Throws if the update changes what the felt layers replace.
 void CheckReplaced(const SurfaceLayers& felt, const SettingsUpdate& update);
 
-// Without a look at what depends on the volume: the layers' isovalues, the side and the ball.
+// Without a look at what depends on the volume: the layers' isovalues, the side and the tip.
 RenderSettings Changed(const VolumeSnapshot& volume, RenderSettings settings,
                        const SettingsUpdate& update);
 

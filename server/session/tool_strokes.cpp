@@ -1,6 +1,7 @@
 #include "server/session/tool_strokes.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -19,6 +20,13 @@ constexpr double kAheadVoxels = 1.5;
 constexpr double kUnitTolerance = 1e-3;
 
 Vec3 ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+// Of the stylus or the tool; of none, the identity.
+Eigen::Quaterniond Rotation(const std::array<double, 4>& wxyz) {
+  const Eigen::Quaterniond q(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+  const bool is_one = std::abs(q.norm() - 1.0) <= kUnitTolerance;
+  return is_one ? q.normalized() : Eigen::Quaterniond::Identity();
+}
 
 std::optional<Eigen::Quaterniond> Orientation(const TickSample& sample) {
   const auto& [w, x, y, z] = sample.stylus_orientation;
@@ -72,21 +80,30 @@ void ToolStrokes::OnScene(const Scene& scene) {
   tools.carve = settings.carve_tool;
   tools.X_WD = metadata.WorldFromIndex() * scene.X_DI().Inverse();
   const double W_from_D = tools.X_WD.linear.col(0).norm();
-  tools.full_mm = W_from_D * 0.5 * settings.carve_radius_mm;
-  tools.radius_mm = W_from_D * settings.carve_radius_mm;
-  if (scene.ball) {
-    const double ball_mm = W_from_D * scene.ball->radius_mm;
-    const double beyond_mm = W_from_D * kBeyondBallVoxels * scene.surface.longest_voxel_mm;
-    tools.full_mm = std::max(tools.full_mm, ball_mm);
-    tools.radius_mm = std::max(tools.radius_mm, ball_mm + beyond_mm);
-    if (settings.carve_rate_per_s > 0.0) {
-      tools.ahead_mm = kAheadVoxels * scene.surface.longest_voxel_mm;
+  const double voxel_mm = scene.surface.longest_voxel_mm;
+  const auto bur_of = [&](const Vec3& p_SBur_mm, double ball_mm, double carve_mm) {
+    const double beyond_mm = ball_mm > 0.0 ? ball_mm + kBeyondBallVoxels * voxel_mm : 0.0;
+    return Bur{p_SBur_mm, W_from_D * std::max(0.5 * carve_mm, ball_mm),
+               W_from_D * std::max(carve_mm, beyond_mm)};
+  };
+  if (scene.tool) {
+    for (const HeldToolBall& ball : scene.tool->held.ball) {
+      if (ball.carves) tools.burs.push_back(bur_of(ball.center_mm, ball.radius_mm, 0.0));
     }
+  } else {
+    const double ball_mm = scene.ball ? scene.ball->radius_mm : 0.0;
+    tools.burs.push_back(bur_of(Vec3::Zero(), ball_mm, settings.carve_radius_mm));
+  }
+  if ((scene.ball || scene.tool) && settings.carve_rate_per_s > 0.0) {
+    tools.ahead_mm = kAheadVoxels * voxel_mm;
   }
   tools.value_per_s = settings.carve_rate_per_s * (metadata.value_max - metadata.value_min);
   if (!tools_.empty()) {
     const Tools& last = tools_.back();
-    const bool same = tools.loaded_revision == last.loaded_revision && tools.X_WD == last.X_WD;
+    const bool has_other_burs =
+        !std::ranges::equal(tools.burs, last.burs, {}, &Bur::p_SBur_mm, &Bur::p_SBur_mm);
+    const bool same =
+        tools.loaded_revision == last.loaded_revision && tools.X_WD == last.X_WD && !has_other_burs;
     tools.placement = last.placement + !same;
   }
   tools_.push_back(tools);
@@ -114,7 +131,8 @@ bool ToolStrokes::OnSample(const TickSample& sample) {
     FollowClutch(suspended && tools->clutch && (sample.buttons & kClutchButton) != 0, sample);
     FollowCarve(!suspended && tools->carve && (sample.buttons & kCarveButton) != 0, *tools, sample);
   }
-  return clutch_.due || !carve_.due.empty();
+  return clutch_.due ||
+         std::ranges::any_of(carves_, [](const Carve& carve) { return !carve.due.empty(); });
 }
 
 void ToolStrokes::FollowClutch(bool held, const TickSample& sample) {
@@ -151,54 +169,68 @@ std::optional<RigidMotion> ToolStrokes::TakeMotion() {
 }
 
 void ToolStrokes::FollowCarve(bool held, const Tools& tools, const TickSample& sample) {
-  if (!held) {
-    if (std::exchange(carve_.held, false)) EndCarveStep();
-    return;
+  const bool began = held && !carves_held_;
+  const bool moved = carves_held_ && placement_ != tools.placement;
+  if (carves_held_ && (!held || moved)) {
+    for (Carve& carve : carves_) EndCarveStep(carve);
   }
-  const Vec3 scp_h_mm = ToVector(sample.scp_h_mm), pressed_mm = ToVector(sample.hip_mm) - scp_h_mm;
+  carves_held_ = held;
+  if (!held) return;
+  if (began || loaded_revision_ != tools.loaded_revision) ++strokes_;
+  loaded_revision_ = tools.loaded_revision;
+  placement_ = tools.placement;
+  carves_.resize(std::max(carves_.size(), tools.burs.size()));
+  for (std::size_t n = 0; n < tools.burs.size(); ++n) {
+    FollowBur(tools.burs[n], tools, sample, began || moved, carves_[n]);
+  }
+}
+
+void ToolStrokes::FollowBur(const Bur& bur, const Tools& tools, const TickSample& sample,
+                            bool begins, Carve& carve) const {
+  const Vec3 arm_mm = bur.p_SBur_mm;
+  const Vec3 at_mm = ToVector(sample.scp_h_mm) + Rotation(sample.tool_orientation) * arm_mm;
+  const Vec3 pressed_mm =
+      ToVector(sample.hip_mm) + Rotation(sample.stylus_orientation) * arm_mm - at_mm;
   const double share = std::min(1.0, tools.ahead_mm / std::max(pressed_mm.norm(), 1e-9));
-  const Vec3 p_W_mm = tools.X_WD.Apply(scp_h_mm + share * pressed_mm);
-  const bool began = !std::exchange(carve_.held, true);
-  if (!began && carve_.placement != tools.placement) EndCarveStep();
-  if (began || carve_.step.loaded_revision != tools.loaded_revision) ++strokes_;
-  if (began || carve_.placement != tools.placement) {
-    BeginCarveStep(tools, p_W_mm, sample.time_ns);
-  }
+  const Vec3 p_W_mm = tools.X_WD.Apply(at_mm + share * pressed_mm);
+  if (begins) BeginCarveStep(p_W_mm, sample.time_ns, carve);
   // The stylus feels the values away from its free side as material.
   const double away = sample.free_side == FreeSide::kBelow ? -1.0 : 1.0;
   // After a fault, carves at most for the time of one step.
-  const std::int64_t since_ns = std::min(sample.time_ns - carve_.until_ns, kToolStepNs);
-  carve_.step.value += away * tools.value_per_s * (1e-9 * static_cast<double>(since_ns));
-  carve_.step.full_mm = tools.full_mm;
-  carve_.step.radius_mm = tools.radius_mm;
-  carve_.step.p_WTo_mm = p_W_mm;
-  carve_.until_ns = sample.time_ns;
-  if (sample.time_ns - carve_.since_ns >= kToolStepNs) {
-    EndCarveStep();
-    BeginCarveStep(tools, p_W_mm, sample.time_ns);
+  const std::int64_t since_ns = std::min(sample.time_ns - carve.until_ns, kToolStepNs);
+  carve.step.value += away * tools.value_per_s * (1e-9 * static_cast<double>(since_ns));
+  carve.step.full_mm = bur.full_mm;
+  carve.step.radius_mm = bur.radius_mm;
+  carve.step.p_WTo_mm = p_W_mm;
+  carve.until_ns = sample.time_ns;
+  if (sample.time_ns - carve.since_ns >= kToolStepNs) {
+    EndCarveStep(carve);
+    BeginCarveStep(p_W_mm, sample.time_ns, carve);
   }
 }
 
-void ToolStrokes::BeginCarveStep(const Tools& tools, const Vec3& p_W_mm, std::int64_t time_ns) {
-  carve_.step = {.stroke = strokes_,
-                 .loaded_revision = tools.loaded_revision,
-                 .p_WFrom_mm = p_W_mm,
-                 .p_WTo_mm = p_W_mm};
-  carve_.placement = tools.placement;
-  carve_.since_ns = carve_.until_ns = time_ns;
+void ToolStrokes::BeginCarveStep(const Vec3& p_W_mm, std::int64_t time_ns, Carve& carve) const {
+  carve.step = {.stroke = strokes_,
+                .loaded_revision = loaded_revision_,
+                .p_WFrom_mm = p_W_mm,
+                .p_WTo_mm = p_W_mm};
+  carve.since_ns = carve.until_ns = time_ns;
 }
 
-void ToolStrokes::EndCarveStep() {
-  carve_.step.duration_ns = carve_.until_ns - carve_.since_ns;
-  if (carve_.step.value == 0.0) return;
-  if (!carve_.due.empty() && Joined(carve_.step, carve_.due.back())) return;
-  carve_.due.push_back(carve_.step);
-  if (carve_.due.size() > kMostCarveSteps) carve_.due.pop_front();
+void ToolStrokes::EndCarveStep(Carve& carve) {
+  carve.step.duration_ns = carve.until_ns - carve.since_ns;
+  if (carve.step.value == 0.0) return;
+  if (!carve.due.empty() && Joined(carve.step, carve.due.back())) return;
+  carve.due.push_back(carve.step);
+  if (carve.due.size() > kMostCarveSteps) carve.due.pop_front();
 }
 
 std::vector<CarveStep> ToolStrokes::TakeCarving() {
-  std::vector<CarveStep> steps(carve_.due.begin(), carve_.due.end());
-  carve_.due.clear();
+  std::vector<CarveStep> steps;
+  for (Carve& carve : carves_) {
+    steps.insert(steps.end(), carve.due.begin(), carve.due.end());
+    carve.due.clear();
+  }
   return steps;
 }
 

@@ -3,7 +3,7 @@
 //   clutch  (kClutchButton) moves the volume as the stylus moves: translation and
 //           turn of the stylus since the press
 //   carve   (kCarveButton) removes material within a sphere that SCP_H sweeps,
-//           at a rate; a negative rate adds material
+//           at a rate; a negative rate adds material. Of a rigid tool, its balls that carve do
 // Both tools work in steps of kToolStepNs. The last, shorter step ends when the button is
 // released. Each sample is judged by the scene that its tick used: if a tool is switched on or
 // the volume is moved in mid-stroke, the change takes effect from that very tick.
@@ -39,9 +39,9 @@ struct RigidMotion {
   }
 };
 
-// One step of carving: the change to the voxels along the path of SCP_H.
+// One step of carving: the change to the voxels along the path of SCP_H, or of a ball of a tool.
 struct CarveStep {
-  std::uint64_t stroke = 0;           // 1, 2, ...; a new one for each press or volume
+  std::uint64_t stroke = 0;           // 1, 2, ...; a new one for each press, volume or tool
   std::uint64_t loaded_revision = 0;  // of the volume that was felt
   Vec3 p_WFrom_mm = Vec3::Zero();     // of SCP_H; of a ball a little ahead, towards HIP
   Vec3 p_WTo_mm = Vec3::Zero();
@@ -74,17 +74,23 @@ class ToolStrokes {
     Vec3 p_D_mm = Vec3::Zero();
     Eigen::Quaterniond R_DS = Eigen::Quaterniond::Identity();
   };
+  // What carves: the tip, or a ball of a rigid tool.
+  struct Bur {
+    Vec3 p_SBur_mm = Vec3::Zero();
+    double full_mm = 0.0, radius_mm = 0.0;  // as in CarveStep
+    friend bool operator==(const Bur&, const Bur&) = default;
+  };
   // The parts of a scene that the tools need.
   struct Tools {
     std::uint64_t scene_revision = 0;
     std::uint64_t loaded_revision = 0;
     bool clutch = false;
     bool carve = false;
-    double full_mm = 0.0, radius_mm = 0.0;  // as in CarveStep
-    double ahead_mm = 0.0;                  // in D, from SCP_H towards HIP
-    double value_per_s = 0.0;               // data units
+    std::vector<Bur> burs;
+    double ahead_mm = 0.0;     // in D, from where a bur is towards where it is pressed to
+    double value_per_s = 0.0;  // data units
     AffineMap X_WD;
-    std::uint64_t placement = 0;  // changes when X_WD or the volume changes
+    std::uint64_t placement = 0;  // changes when X_WD, the volume or the burs change
   };
   struct Clutch {
     bool held = false;
@@ -93,13 +99,11 @@ class ToolStrokes {
     RigidMotion pending;
     bool due = false;
   };
+  // Of one bur.
   struct Carve {
-    bool held = false;
     CarveStep step;  // the step that is growing
-    std::uint64_t placement = 0;
     std::int64_t since_ns = 0;
     std::int64_t until_ns = 0;
-    double value_per_s = 0.0;
     std::deque<CarveStep> due;
   };
 
@@ -107,14 +111,19 @@ class ToolStrokes {
   void FollowClutch(bool held, const TickSample& sample);
   void EndMotion();
   void FollowCarve(bool held, const Tools& tools, const TickSample& sample);
-  void BeginCarveStep(const Tools& tools, const Vec3& p_W_mm, std::int64_t time_ns);
-  void EndCarveStep();
+  void FollowBur(const Bur& bur, const Tools& tools, const TickSample& sample, bool begins,
+                 Carve& carve) const;
+  void BeginCarveStep(const Vec3& p_W_mm, std::int64_t time_ns, Carve& carve) const;
+  static void EndCarveStep(Carve& carve);
 
   std::deque<Tools> tools_;  // of scenes that samples may still name, oldest first
   std::uint64_t next_tick_ = 0;
   std::uint64_t strokes_ = 0;
   Clutch clutch_;
-  Carve carve_;
+  bool carves_held_ = false;
+  std::uint64_t loaded_revision_ = 0;  // of the stroke
+  std::uint64_t placement_ = 0;
+  std::vector<Carve> carves_;
 };
 
 }  // namespace palpate

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/tool/tool_file.h"
 #include "server/state/layer_toml.h"
 #include "server/state/state_file.h"
 
@@ -73,6 +74,8 @@ toml::table HapticsTable(const RenderSettings& settings) {
   }
   const SurfaceLayers& layers = settings.haptics.layers;
   if (!layers.layer.empty()) table.insert("layer", LayersToToml(layers));
+  const HeldTool& tool = settings.haptics.tool;
+  if (!tool.ball.empty() && HoldsAsToml(tool.name)) table.insert("tool", ToolToToml(tool));
   return table;
 }
 
@@ -91,6 +94,7 @@ RenderSettings SettingsOf(const toml::table& table) {
     haptics.*setting.member = table[setting.key].value_or(haptics.*setting.member);
   }
   if (const toml::node* layers = table.get("layer")) haptics.layers = LayersFromToml(*layers);
+  if (const toml::table* tool = table["tool"].as_table()) haptics.tool = ToolFromToml(*tool);
   return settings;
 }
 
@@ -122,7 +126,7 @@ SessionFile ReadSessionFile(const std::filesystem::path& path) try {
   session.felt.settings.isovalue = *isovalue;
   return {std::move(session), ""};
 } catch (const Error& error) {
-  return {{}, std::string("a layer in it ") + error.what()};
+  return {{}, std::string("a layer or tool in it: ") + error.what()};
 }
 
 void WriteSessionFile(const std::filesystem::path& path, const SavedSession& session) {

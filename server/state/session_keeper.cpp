@@ -62,6 +62,7 @@ void TakeChanges(const SavedSession& saved, const LoadRequest& now,
     take(was.*setting.member, is.*setting.member, haptics.*setting.member);
   }
   take(was.layers, is.layers, haptics.layers);
+  take(was.tool, is.tool, haptics.tool);
   if (haptics.free_side == FreeSide::kAbove && !haptics.layers.layer.empty()) {
     LogWarning("layers do not come back: they are felt from below, and free_side is above");
     haptics.layers = {};

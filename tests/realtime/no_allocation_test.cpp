@@ -96,7 +96,7 @@ std::unique_ptr<Scene> WithBall(const Scene& scene, double radius_mm, std::uint6
   auto felt = std::make_unique<Scene>(scene);
   const AffineMap X_DI = scene.X_DI();
   const FeltBall ball({radius_mm, X_DI.linear, false}, *scene.volume);
-  FeelSurface(X_DI, scene.isovalue, revision, ball, *felt);
+  FeelSurface(X_DI, scene.isovalue, revision, MakeTip({}, {ball}), *felt);
   return felt;
 }
 

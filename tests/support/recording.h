@@ -42,6 +42,7 @@ inline TickSample RandomSample(std::uint64_t tick) {
   const double none = TickSample::kNone, number = static_cast<double>(random());
   sample.led_target_mm.fill(random() % 2 == 0 ? none : number);
   sample.push_n.fill(random() % 2 == 0 ? none : number);
+  sample.tool_orientation.fill(random() % 2 == 0 ? none : number);
   sample.hand = 0;
   sample.series_position_frames = random() % 2 == 0 ? none : number;
   return sample;

@@ -107,9 +107,10 @@ class SceneRig {
   }
   // A ball of this radius; none: a point.
   void SetBall(const std::optional<double>& radius_mm, bool is_least) {
-    ball_.reset();
+    tip_ = {};
     if (radius_mm) {
-      ball_.emplace(palpate::Ball{*radius_mm, 1.7 * Mat3::Identity(), is_least}, *volume_);
+      tip_.fields.emplace_back(palpate::Ball{*radius_mm, 1.7 * Mat3::Identity(), is_least},
+                               *volume_);
     }
     geometry_revision_ += 1000;
     Publish(0);
@@ -139,8 +140,8 @@ class SceneRig {
     AffineMap X_DI;
     X_DI.linear *= 1.7;
     X_DI.translation = Vec3(-40.0, -40.0, -40.0);
-    if (ball_) ball_->Follow(*volume_);
-    FeelSurface(X_DI, tau_, geometry_revision_ + revision_, ball_, scene_);
+    for (FeltBall& field : tip_.fields) field.Follow(*volume_);
+    FeelSurface(X_DI, tau_, geometry_revision_ + revision_, tip_, scene_);
     if (recorder_) Note(changed_bytes);
   }
   void Note(std::uint64_t changed_bytes) {
@@ -156,7 +157,7 @@ class SceneRig {
   std::shared_ptr<const VolumeSnapshot> volume_;
   std::uint64_t revision_ = 1;
   std::uint64_t geometry_revision_ = 0;
-  std::optional<FeltBall> ball_;
+  FeltTip tip_;
   double tau_ = 0.5;
   Scene scene_;
   std::uint64_t missed_ = 0;

@@ -9,6 +9,8 @@
 #include "server/haptics/cell_cache.h"
 #include "server/haptics/tool/tool_step.h"
 #include "server/lab/fresh_cells.h"
+#include "tests/support/made_volume.h"
+#include "tests/support/tick_rig.h"
 
 namespace palpate::testing {
 
@@ -30,6 +32,18 @@ inline Eigen::Quaterniond Turn(double angle_rad, const Vec3& axis) {
 
 inline Vec3 BallAt(const RigidTool& tool, const ToolPose& pose, int ball) {
   return pose.p_DS_mm + pose.R_DS * tool.ball[ball].p_SBall_mm;
+}
+
+// Free above z = 0; D's origin is in the middle.
+inline PlacedVolume PlaceFloor() {
+  constexpr int kSize = 40;
+  PlacedVolume placed;
+  placed.volume =
+      MakeVolume(Vec3i::Constant(kSize), [](int, int, int k) { return static_cast<double>(-k); });
+  placed.surface =
+      MakeHapticSurface(*placed.volume, {Mat3::Identity(), Vec3::Constant(-0.5 * (kSize - 1))}, 0.5,
+                        DecompositionMethod::kTpbcc, 1);
+  return placed;
 }
 
 // All balls are points.

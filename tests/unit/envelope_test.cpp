@@ -122,7 +122,10 @@ TEST(Guests, GetWhatIsDeclaredAndNothingElse) {
                                                            "tool_radius_mm",
                                                            "hand",
                                                            "torque_n_mm.x", "torque_n_mm.y", "torque_n_mm.z",
-                                                           "forces.torque_limit_n_mm"};
+                                                           "forces.torque_limit_n_mm",
+                                                           "tool_orientation.w", "tool_orientation.x",
+                                                           "tool_orientation.y", "tool_orientation.z",
+                                                           "touching_balls"};
   EXPECT_EQ(ShownOfPoses(), pose);
   const std::set<std::string> facts = ShownOfFacts(false);
   EXPECT_EQ(ShownOfFacts(true), facts);
@@ -166,10 +169,10 @@ TEST(Guests, GetWhatIsDeclaredAndNothingElse) {
                             "recording.ticks",
                             "recording.lost_ticks"};
   EXPECT_EQ(others, expected);
-  // Settings: all, and all of a layer.
-  const int settings = v1::RenderSettings::descriptor()->field_count() - 1;
-  const int of_layer = v1::SurfaceLayer::descriptor()->field_count();
-  EXPECT_EQ(facts.size() - others.size(), static_cast<std::size_t>(settings + of_layer));
+  // Settings: all, and all of a layer and a tool: its name, length, and a ball's five numbers.
+  const int settings = v1::RenderSettings::descriptor()->field_count() - 2;
+  const int of_layer = v1::SurfaceLayer::descriptor()->field_count(), of_tool = 2 + 5;
+  EXPECT_EQ(facts.size() - others.size(), static_cast<std::size_t>(settings + of_layer + of_tool));
 }
 
 TEST(Guests, GetTextWithoutControlCharacters) {

@@ -48,7 +48,9 @@ Scene SceneOf(const Sphere& sphere, const std::optional<FeltBall>& ball, double 
   scene.volume = sphere.volume;
   scene.settings.refinement = 1;
   if (ball) scene.settings.free_side = ball->side();
-  FeelSurface(sphere.X_DI, isovalue, revision, ball, scene);
+  FeltTip tip;
+  if (ball) tip.fields.push_back(*ball);
+  FeelSurface(sphere.X_DI, isovalue, revision, tip, scene);
   return scene;
 }
 

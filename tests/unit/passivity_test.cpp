@@ -11,15 +11,19 @@
 #include <random>
 
 #include "tests/support/hand_loop.h"
+#include "tests/support/light_hands.h"
 #include "tests/support/scaled.h"
 
 namespace palpate {
 namespace {
 
+using testing::Approach;
+using testing::ForEachLightHand;
 using testing::Hand;
 using testing::HandLoop;
 using testing::kLoopTickS;
 using testing::kSensorCountMm;
+using testing::LightHand;
 using testing::Loop;
 using testing::LoopResult;
 
@@ -101,48 +105,6 @@ LoopResult Touch(const Hand& hand, const Wall& wall, const Loop& loop, Change& c
 LoopResult Touch(const Hand& hand, const Wall& wall, const Loop& loop) {
   Change unused;
   return Touch(hand, wall, loop, unused);
-}
-
-// What a sampled spring needs of a hand not to shake it: half of it times the tick.
-double NeededDamping(double stiffness_n_per_mm) {
-  return stiffness_n_per_mm * kMmPerM * kLoopTickS / 2.0;
-}
-
-enum class Approach { kFall, kRest, kThrow, kTremor };
-
-Hand LightHand(double mass_kg, double share, double push_n, double stiffness, Approach approach) {
-  Hand hand{
-      .mass_kg = mass_kg, .damping_n_s_per_m = share * NeededDamping(stiffness), .push_n = push_n};
-  if (approach == Approach::kRest) hand.start_mm = Vec3(0, 0, 0.01);
-  if (approach == Approach::kThrow) hand.speed_mm_per_s = 250.0 * push_n;
-  if (approach == Approach::kTremor) {
-    hand.tremor_n = 0.3 * push_n;
-    hand.tremor_hz = 8.0 + 2.0 * push_n;
-  }
-  return hand;
-}
-
-// The extremes. NeitherDoRandomHands tests what is between them.
-template <typename Visit>
-void ForEachLightHand(Visit visit) {
-  for (bool is_late : {false, true}) {
-    for (double stiffness : {0.5, 2.0, 3.0}) {
-      for (double mass_kg : {0.03, 0.2}) {
-        for (double share : {0.05, 0.9}) {
-          for (double push_n : {0.3, 2.0}) {
-            for (Approach approach :
-                 {Approach::kFall, Approach::kRest, Approach::kThrow, Approach::kTremor}) {
-              SCOPED_TRACE(::testing::Message()
-                           << mass_kg << " kg, " << share << " of the damping, " << push_n << " N, "
-                           << stiffness << " N/mm, late " << is_late << ", approach "
-                           << static_cast<int>(approach));
-              visit(LightHand(mass_kg, share, push_n, stiffness, approach), stiffness, is_late);
-            }
-          }
-        }
-      }
-    }
-  }
 }
 
 // The control of the tests below: without passivity control the hand is shaken.

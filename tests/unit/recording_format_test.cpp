@@ -170,7 +170,15 @@ TEST(RecordingFormat, ScenesComeBackBitForBit) {
     RecordedScene scene = SceneAt(seed);
     if (seed % 2 == 1) scene.X_WI.reset();
     if (seed % 3 == 1) scene.series_position_frames = 0.1 * static_cast<double>(seed);
-    if (seed % 5 == 1) scene.ball = Ball{1.0 / 3.0, Mat3(Vec3(0.3, -0.7, 0.2).asDiagonal()), true};
+    if (seed % 5 == 1) {
+      scene.fields = {Ball{1.0 / 3.0, Mat3(Vec3(0.3, -0.7, 0.2).asDiagonal()), true}};
+    }
+    if (seed % 10 == 1) {
+      scene.tool = {.name = "drill",
+                    .ball = {{Vec3(0.1, -0.2, 1.0 / 7.0), 1.0 / 3.0, true}, {Vec3::Zero(), 0.0}},
+                    .rotation_length_mm = 100.0 / 3.0};
+      scene.settings.tool = scene.tool;
+    }
     const v1::RecordedScene message = ToProto(scene);
     const RecordedScene read = FromProto(message);
     EXPECT_EQ(ToProto(read).SerializeAsString(), message.SerializeAsString());
@@ -187,7 +195,9 @@ TEST(RecordingFormat, ScenesComeBackBitForBit) {
     EXPECT_EQ(read.volume_hash, scene.volume_hash);
     EXPECT_EQ(read.size, scene.size);
     EXPECT_EQ(read.series_position_frames, scene.series_position_frames);
-    EXPECT_EQ(read.ball, scene.ball);
+    EXPECT_EQ(read.fields, scene.fields);
+    EXPECT_EQ(read.tool, scene.tool);
+    EXPECT_EQ(read.settings.tool, scene.settings.tool);
   }
 }
 
@@ -233,7 +243,7 @@ TEST(RecordingFormat, BallsThatCannotBeAreRefused) {
   flat.col(2) = flat.col(1) + 1e-6 * Vec3::UnitZ();
   for (const Ball& ball : {Ball{0.29}, Ball{8.1}, Ball{nan}, Ball{-1.0}, Ball{1.0, Mat3::Zero()},
                            Ball{1.0, Mat3::Constant(nan)}, Ball{1.0, flat}}) {
-    scene.ball = ball;
+    scene.fields = {ball};
     EXPECT_THROW(FromProto(ToProto(scene)), DamagedBytes);
   }
 }
@@ -260,7 +270,8 @@ TEST(ConstantLayout, IsTheMessageInOneLengthForEachShape) {
     if (tick % 2 == 0) {  // numbers as they are
       for (std::uint64_t* number :
            {&sample.scene_revision, &sample.settings_revision, &sample.volume_revision,
-            &sample.missed_ticks, &sample.capped_ticks, &sample.faulty_ticks}) {
+            &sample.missed_ticks, &sample.capped_ticks, &sample.faulty_ticks,
+            &sample.touching_balls}) {
         *number %= std::uint64_t{1} << 40;
       }
       sample.time_ns = sample.time_ns & (std::numeric_limits<std::int64_t>::max() >> 1);
@@ -275,8 +286,8 @@ TEST(ConstantLayout, IsTheMessageInOneLengthForEachShape) {
     ASSERT_EQ(message.SerializeAsString(), ToProto(value).SerializeAsString());
     if (tick % 2 == 0) lengths.insert(layout.bytes().size());
   }
-  // Normal of H, SCP_V, led target, series: there or not.
-  EXPECT_LE(lengths.size(), 16u);
+  // Normal of H, SCP_V, led target, series, tool: there or not.
+  EXPECT_LE(lengths.size(), 32u);
 }
 
 TEST(RecordedSchema, SaysWhatAMessageIsAndNoMore) {

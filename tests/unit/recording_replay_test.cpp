@@ -259,11 +259,11 @@ TEST_F(RecordingReplay, ScenesThatCannotBeAreRefused) {
   const auto volume = Gyroid();
   const RecordedScene good = SceneOf(volume);
   const VolumeHash hash = HashVolume(*volume), other{hash.high, hash.low + 1};
-  std::optional<FeltBall> none;
+  FeltTip none;
   const auto refusal_of = [&](const std::function<void(RecordedScene&)>& change) {
     RecordedScene scene = good;
     change(scene);
-    none.reset();
+    none = {};
     return testing::Refusal([&] { ToScene(scene, volume, hash, none); });
   };
   const auto invalid = ErrorKind::kInvalidArgument;
@@ -487,7 +487,7 @@ TEST_F(RecordingReplay, ScenesThatContradictEachOtherAreRefused) {
       refusal_of([](RecordedScene& next) { next.settings.method = DecompositionMethod::kBcc; }),
       contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { next.X_DI.translation.x() += 1.0; }), contradicts);
-  EXPECT_EQ(refusal_of([](RecordedScene& next) { next.ball = Ball{2.0}; }), contradicts);
+  EXPECT_EQ(refusal_of([](RecordedScene& next) { next.fields = {Ball{2.0}}; }), contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { --next.geometry_revision; }), contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { --next.volume_revision; }), contradicts);
   EXPECT_EQ(refusal_of([](RecordedScene& next) { ++next.volume_hash.low; }), contradicts);

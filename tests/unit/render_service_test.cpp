@@ -23,6 +23,7 @@ RenderSettings UnlikeAnyDefault() {
   settings.haptics.free_side = FreeSide::kAbove;
   settings.haptics.method = DecompositionMethod::kBcc;
   settings.haptics.layers.layer = {{.id = 3, .name = "skin", .isovalue = -300.0}};
+  settings.haptics.tool = {.name = "drill", .ball = {{Vec3(1, 2, 3), 1.5, true}}};
   settings.isovalue = -200.0;
   settings.normalized_isovalue = 0.25;
   return settings;
@@ -44,7 +45,7 @@ TEST(RenderService, EachMaskTakesItsFieldAlone) {
     const SettingsUpdate update = FromProto(RequestOf(settings, name));
     const std::size_t taken = update.isovalue.has_value() + update.normalized_isovalue.has_value() +
                               update.numbers.size() + update.flags.size() + update.choices.size() +
-                              update.layers.has_value();
+                              update.layers.has_value() + update.tool.has_value();
     EXPECT_EQ(taken, 1u);
   }
   for (const NumberSetting& setting : kNumberSettings) {
@@ -60,6 +61,7 @@ TEST(RenderService, EachMaskTakesItsFieldAlone) {
     EXPECT_EQ(update.choices.at(0), std::pair(&setting, setting.get(settings.haptics)));
   }
   EXPECT_EQ(FromProto(RequestOf(settings, "layers")).layers, settings.haptics.layers);
+  EXPECT_EQ(FromProto(RequestOf(settings, "tool")).tool, settings.haptics.tool);
   EXPECT_EQ(FromProto(RequestOf(settings, "isovalue")).isovalue, -200.0);
   EXPECT_EQ(FromProto(RequestOf(settings, "normalized_isovalue")).normalized_isovalue, 0.25);
 }

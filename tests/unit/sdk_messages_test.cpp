@@ -35,9 +35,10 @@ struct Is {
 // the library does not know fails.
 TEST(SdkMessages, EverySettingIsUpdatedByItsName) {
   const auto* type = v1::RenderSettings::descriptor();
-  ASSERT_EQ(static_cast<int>(kSettings.size()) + 1, type->field_count());  // and the layers
+  ASSERT_EQ(static_cast<int>(kSettings.size()) + 2, type->field_count());  // layers, tool
   SettingsUpdate update;
   update.layers = SurfaceLayers{{{.id = 3, .name = "skin", .isovalue = -300.0}}};
+  update.tool = HeldTool{.name = "drill", .ball = {{Vec3(1, 2, 3), 1.5, true}}};
   for (const Setting& setting : kSettings) {
     const auto* field = type->FindFieldByName(std::string(setting.key));
     ASSERT_TRUE(field) << setting.key;
@@ -68,6 +69,7 @@ TEST(SdkMessages, EverySettingIsUpdatedByItsName) {
     EXPECT_TRUE(std::visit(Is{back, field->number()}, setting.kind)) << setting.key;
   }
   EXPECT_EQ(back.layers, update.layers);
+  EXPECT_EQ(back.tool, update.tool);
   EXPECT_EQ(back.revision, 5u);
 }
 

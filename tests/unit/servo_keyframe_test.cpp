@@ -196,9 +196,25 @@ TEST(ServoKeyframe, StatesThatNoServoHasAreRefused) {
   }
 }
 
+// Without tools, the renderer's memory ended earlier.
+std::string WithoutTools(const ServoMemory& memory) {
+  std::string bytes(Save(memory).view());
+  constexpr std::size_t kAfterRenderer = 149 + 72;
+  bytes.erase(bytes.size() - kAfterRenderer - 1, 1);
+  bytes[0] = 7;
+  return bytes;
+}
+
+TEST(ServoKeyframe, OneWithoutToolsGoesOn) {
+  const Touch touch;
+  ServoMemory loaded;
+  ASSERT_TRUE(Load(WithoutTools(touch.memory), loaded));
+  EXPECT_TRUE(Save(loaded).view() == Save(touch.memory).view());
+}
+
 // Without torque, the safety stage's memory ended earlier.
 std::string WithoutTorque(const ServoMemory& memory) {
-  std::string bytes(Save(memory).view());
+  std::string bytes = WithoutTools(memory);
   constexpr std::size_t kCounts = 32, kTorque = 72;
   bytes.erase(bytes.size() - kCounts - kTorque, kTorque);
   bytes[0] = 6;

@@ -33,17 +33,6 @@ Pull PullOf(const RigidTool& tool, const ToolPose& at, const ToolPose& hand) {
   return {back.way_mm, rho * rho * back.turn_rad};
 }
 
-// Free above z = 0; D's origin is in the middle.
-testing::PlacedVolume Floor(int size = 40) {
-  testing::PlacedVolume placed;
-  placed.volume = testing::MakeVolume(Vec3i::Constant(size),
-                                      [](int, int, int k) { return static_cast<double>(-k); });
-  const double middle = 0.5 * (size - 1);
-  placed.surface = MakeHapticSurface(*placed.volume, {Mat3::Identity(), Vec3::Constant(-middle)},
-                                     0.5, DecompositionMethod::kTpbcc, 1);
-  return placed;
-}
-
 // --- Turns
 
 TEST(ToolPoses, AMoveLeadsFromOnePoseToTheOther) {
@@ -106,7 +95,7 @@ TEST(LeastMove, SaysWhatCannotBe) {
 // --- Exact geometry
 
 TEST(ToolStep, InFreeSpaceTheToolIsAtTheStylus) {
-  const auto floor = Floor();
+  const auto floor = testing::PlaceFloor();
   ToolRig rig(floor.surface, Rod(8, 10.0));
   rig.Step({Vec3(0, 0, 5), Eigen::Quaterniond::Identity()});
   const ToolPose hand{Vec3(2, -1, 7), Turn(0.4, kX + kY)};
@@ -120,7 +109,7 @@ TEST(ToolStep, InFreeSpaceTheToolIsAtTheStylus) {
 // stay on the floor and the whole torque is felt; tilted more, one lifts off, and the torque is the
 // other's force by its arm.
 TEST(ToolStep, TwoBallsOnAFloorCarryForceAndTorque) {
-  const auto floor = Floor();
+  const auto floor = testing::PlaceFloor();
   RigidTool tool = Rod(2, 0.0);
   tool.ball[0].p_SBall_mm = -10.0 * kX;
   tool.ball[1].p_SBall_mm = 10.0 * kX;
@@ -266,7 +255,7 @@ TEST(ToolStep, OneBallIsFeltAsThePointIs) {
 // --- Changes under load
 
 TEST(ToolStep, WhatMovesUnderTheToolBringsItOutWithinFiftySteps) {
-  const auto floor = Floor();
+  const auto floor = testing::PlaceFloor();
   for (const double rise_mm : {0.3, 2.0, 4.0}) {
     ToolRig rig(floor.surface, Rod(8, 14.0));
     rig.eject_limit_mm = 6.6;
@@ -285,7 +274,7 @@ TEST(ToolStep, WhatMovesUnderTheToolBringsItOutWithinFiftySteps) {
 }
 
 TEST(ToolStep, WhatIsTooDeepIsBuriedUntilTheStylusIsFree) {
-  const auto floor = Floor();
+  const auto floor = testing::PlaceFloor();
   ToolRig rig(floor.surface, Rod(8, 14.0));
   rig.eject_limit_mm = 1.0;
   rig.Step({Vec3(0, 0, 2), Eigen::Quaterniond::Identity()});

@@ -202,8 +202,11 @@ class Stepper {
     if (!move.feasible && limits == Limits::kRestore) move = Nearest(wanted, Limits::kKeep);
     if (!move.feasible) move = {};
     active_ = 0;
+    slope_per_mm_ = std::numeric_limits<double>::infinity();
     for (int n = 0; n < move.active_count; ++n) {
-      active_ |= std::uint64_t{1} << held_.item[static_cast<std::size_t>(move.active[n])].ball;
+      const BallPlane& active = held_.item[static_cast<std::size_t>(move.active[n])];
+      active_ |= std::uint64_t{1} << active.ball;
+      slope_per_mm_ = std::min(slope_per_mm_, active.plane.slope);
     }
     active_count_ = move.active_count;
     return move.x;
@@ -375,12 +378,14 @@ class Stepper {
   // Returns true if the tool could come nearer beyond a ridge.
   bool GoOverRidge(const Vec6& wanted) noexcept {
     const std::uint64_t holding = active_;
+    const double slope_per_mm = slope_per_mm_;
     for (std::uint64_t left = holding; left != 0; left &= left - 1) {
       const int ball = std::countr_zero(left);
       if (GoOverRidgeOf(ball, wanted)) return true;
       if (step_.capped) break;
     }
     active_ = holding;
+    slope_per_mm_ = slope_per_mm;
     return false;
   }
 
@@ -430,6 +435,7 @@ class Stepper {
 
   void Rest() noexcept {
     step_.touching = active_;
+    if (active_ != 0) step_.slope_per_mm = slope_per_mm_;
     if (step_.mode == ProxyMode::kEjecting) return;
     step_.mode = active_ != 0 ? ProxyMode::kConstrained : ProxyMode::kFree;
   }
@@ -463,6 +469,7 @@ class Stepper {
   std::array<MoveLimit, kMostPlanes> limits_;
   int thin_ball_ = -1;        // that is on its way over a ridge; -1: none
   std::uint64_t active_ = 0;  // balls that hold the tool back
+  double slope_per_mm_ = 0.0;
   int active_count_ = 0;
 };
 

@@ -54,7 +54,8 @@ struct ToolState {
 struct ToolStep {
   ToolPose pose;
   ProxyMode mode = ProxyMode::kFree;
-  std::uint64_t touching = 0;  // bit n: ball n touches H
+  std::uint64_t touching = 0;  // bit n: ball n holds the tool back
+  double slope_per_mm = 0.0;   // the least of the density where it does
   int rounds = 0;
   int work = 0;         // cells and tetrahedra looked at
   bool capped = false;  // the work was not enough

@@ -1,0 +1,41 @@
+// What a haptic update with a tool remembers for the next one. server/servo/servo_memory.h lists
+// it member by member.
+//
+// Threads: plain values.
+#pragma once
+
+#include <cstdint>
+
+#include "common/contract/enumerations.h"
+#include "common/geometry/wrench.h"
+#include "server/haptics/passivity.h"
+#include "server/haptics/tool/force_port.h"
+#include "server/haptics/tool/tool_step.h"
+
+namespace palpate {
+
+// The surfaces of a step, as far as they tell whether they are the next one's.
+struct ToolSurfacesFelt {
+  std::uint64_t geometry_revision = 0;
+  std::uint64_t volume_revision = 0;
+  int refinement = 1;
+  FreeSide free_side = FreeSide::kBelow;
+  double isovalue = 0.0;
+
+  bool operator==(const ToolSurfacesFelt&) const = default;
+};
+
+struct ToolMemory {
+  ToolState state;
+  ToolSurfacesFelt felt;
+  bool touches = false;
+  double slope_per_mm = 0.0;  // the least of the density where the tool touches
+  UnalignedQuaternion R_DS = UnalignedQuaternion::Identity();  // of the last stylus
+  Vec3 turned_rad = Vec3::Zero();  // the sum of the stylus's turns since the tool is there
+  double spring_mj = 0.0;          // of force and torque, in the last step
+  Wrench wrench_D;                 // the last one
+  ForcePort port;                  // of a device without torque
+  PassivityStateOf<6> passivity;   // of one with torque
+};
+
+}  // namespace palpate

@@ -1,0 +1,241 @@
+#include "server/haptics/tool/tool_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "server/haptics/effects.h"
+#include "server/haptics/isovalue_glide.h"
+#include "server/haptics/tool/least_move.h"
+
+namespace palpate {
+namespace {
+
+// More than rounding of a device that counts angles.
+constexpr double kUnitTolerance = 1e-3;
+// Of the orientation, where devices do not tell: about that of a Touch's gimbal.
+constexpr double kResolutionRad = 5e-4;
+
+bool IsOrientation(const Eigen::Quaterniond& q) {
+  return q.coeffs().allFinite() && std::abs(q.squaredNorm() - 1.0) < kUnitTolerance;
+}
+
+// A tool begins anew: nothing of a point is left.
+void TakeUp(RendererState& state) {
+  state.proxy = Proxy();
+  state.friction = FrictionState();
+  state.passivity = PassivityState();
+  state.passed = 0;
+  state.touched = 0;
+  state.slack_mm = state.pop_fade = state.spring_mj = 0.0;
+  state.layered = false;
+  state.felt_D_n = state.limited_D_n = state.by_design_D_n = Vec3::Zero();
+}
+
+class ToolUpdate {
+ public:
+  ToolUpdate(const FeltTool& felt, const HapticSettings& settings, const ToolPose& stylus,
+             double dt_s, int work, RendererState& state, HapticOutput& output)
+      : felt_(felt),
+        settings_(settings),
+        stylus_(stylus),
+        dt_s_(dt_s),
+        work_(work),
+        rho_mm_(felt.tool.rotation_length_mm),
+        state_(state),
+        memory_(state.tool),
+        output_(output),
+        surface_(felt.surface) {}
+
+  void Run() noexcept {
+    ChooseSurface();
+    const double budget_mj = EnergyOfTheMove();
+    output_.tool = Step(stylus_, work_, memory_.state);
+    const ToolMove pull = MoveBetween(stylus_, output_.tool.pose);
+    const double depth_mm = Length(pull);
+    Remember(depth_mm);
+    const Wrench wrench_D = Passive(WrenchOf(pull), depth_mm, budget_mj);
+    state_.limited_D_n = wrench_D.force_n;
+    memory_.wrench_D = wrench_D;
+    Tell(pull, wrench_D);
+  }
+
+ private:
+  // In the metric of the coupling.
+  double Length(const ToolMove& move) const {
+    return std::sqrt(move.way_mm.squaredNorm() + rho_mm_ * rho_mm_ * move.turn_rad.squaredNorm());
+  }
+  double SpringEnergy(double depth_mm) const {
+    return 0.5 * settings_.stiffness_n_per_mm * depth_mm * depth_mm;
+  }
+  bool has_torque() const { return state_.device.max_torque_n_mm > 0.0; }
+
+  ToolStep Step(const ToolPose& stylus, int work, ToolState& tool) noexcept {
+    ToolSurfaces surfaces;
+    for (int n = 0; n < felt_.tool.radius_count; ++n) surfaces.surface[n] = &surface_[n];
+    surfaces.cache = felt_.cache;
+    const double stiffness = settings_.stiffness_n_per_mm;
+    const double eject_limit_mm =
+        stiffness > 0.0 ? kEjectForceLimitN / stiffness : std::numeric_limits<double>::infinity();
+    return StepTool(felt_.tool, surfaces, stylus, eject_limit_mm, work, tool);
+  }
+
+  // --- The surface
+
+  // While the tool touches, the isovalue glides, and another refinement waits.
+  void ChooseSurface() noexcept {
+    const bool holds = memory_.touches && memory_.state.placed && !memory_.state.buried;
+    const ToolSurfacesFelt& last = memory_.felt;
+    for (int n = 0; n < felt_.tool.radius_count; ++n) {
+      HapticSurface& surface = surface_[n];
+      if (holds && surface.lattice.refinement() != last.refinement) surface.Refine(last.refinement);
+      const bool glides = holds && state_.glides && surface.free_side == last.free_side &&
+                          surface.volume->loaded_revision() == memory_.state.loaded_revision;
+      if (!glides) continue;
+      const double rate_per_s =
+          std::clamp(kGlideSpeedMmPerS * memory_.slope_per_mm, kMinGlidePerS, kMaxGlidePerS);
+      const double most = rate_per_s * std::min(dt_s_, kLongestGlideTickS);
+      surface.isovalue = last.isovalue + std::clamp(surface.isovalue - last.isovalue, -most, most);
+    }
+  }
+
+  // The energy that the spring gained because the surface moved: with the stylus at its old place,
+  // the energy on the present surface minus that on the old one.
+  double EnergyOfTheMove() noexcept {
+    const HapticSurface& first = surface_[0];
+    const ToolSurfacesFelt now{first.geometry_revision, first.volume->revision(),
+                               first.lattice.refinement(), first.free_side, first.isovalue};
+    const bool same = !memory_.state.placed || now == memory_.felt;
+    memory_.felt = now;
+    if (same) return 0.0;
+    const ToolPose last{state_.p_DLastHip_mm, memory_.R_DS};
+    ToolState probe = memory_.state;
+    const ToolStep there = Step(last, work_ / 2, probe);
+    return std::max(0.0, SpringEnergy(Length(MoveBetween(last, there.pose))) - memory_.spring_mj);
+  }
+
+  void Remember(double depth_mm) noexcept {
+    if (memory_.state.placed) {
+      memory_.turned_rad += MoveBetween({Vec3::Zero(), memory_.R_DS}, stylus_).turn_rad;
+    }
+    memory_.R_DS = stylus_.R_DS;
+    memory_.spring_mj = SpringEnergy(depth_mm);
+    memory_.touches = output_.tool.touching != 0;
+    memory_.slope_per_mm = output_.tool.slope_per_mm;
+  }
+
+  // --- The wrench
+
+  Wrench WrenchOf(const ToolMove& pull) const noexcept {
+    const double stiffness = settings_.stiffness_n_per_mm;
+    const Vec3 spring_D_n = stiffness * pull.way_mm;
+    Vec3 force_n = spring_D_n;
+    const double length_mm = pull.way_mm.norm();
+    if (memory_.touches && length_mm > 0.0) {
+      const HapticLayer layer{.stiffness_n_per_mm = stiffness,
+                              .damping_n_s_per_m = settings_.damping_n_s_per_m};
+      ProxyStep contact;
+      contact.normal_D = pull.way_mm / length_mm;
+      force_n =
+          ContactForce(layer, contact, contact.normal_D, spring_D_n, state_.velocity_mm_per_s);
+    }
+    force_n += ViscousForce(settings_.viscosity_n_s_per_m, state_.velocity_mm_per_s);
+    return {force_n, stiffness * rho_mm_ * rho_mm_ * pull.turn_rad};
+  }
+
+  Wrench Passive(const Wrench& wrench, double depth_mm, double budget_mj) noexcept {
+    return has_torque() ? PassiveWithTorque(wrench, depth_mm, budget_mj)
+                        : PassiveForce(wrench.force_n, budget_mj);
+  }
+
+  Wrench PassiveWithTorque(const Wrench& wrench, double depth_mm, double budget_mj) noexcept {
+    PassivityStateOf<6>& passivity = memory_.passivity;
+    if (!settings_.passivity_control) {
+      if (passivity.started) passivity = {};
+      return wrench;
+    }
+    PassivityDevice device = state_.device;
+    device.resolution_mm = std::max(device.resolution_mm, rho_mm_ * kResolutionRad);
+    device.max_force_n = std::hypot(device.max_force_n, device.max_torque_n_mm / rho_mm_);
+    Vec6 force, place;
+    force << wrench.force_n, wrench.torque_n_mm / rho_mm_;
+    place << stylus_.p_DS_mm, rho_mm_ * memory_.turned_rad;
+    const Vec6 passive = LimitToPassive(force, settings_.stiffness_n_per_mm, depth_mm, place,
+                                        budget_mj, dt_s_, device, passivity);
+    return {passive.head<3>(), rho_mm_ * passive.tail<3>()};
+  }
+
+  Wrench PassiveForce(Vec3 force_n, double budget_mj) noexcept {
+    const double depth_mm = (output_.tool.pose.p_DS_mm - stylus_.p_DS_mm).norm();
+    const Vec3 moved_mm = stylus_.p_DS_mm - state_.p_DLastHip_mm;
+    force_n *= memory_.port.ShareOf(force_n, SpringEnergy(depth_mm), moved_mm, budget_mj);
+    if (settings_.passivity_control) {
+      force_n = LimitToPassive(force_n, settings_.stiffness_n_per_mm, depth_mm, stylus_.p_DS_mm,
+                               budget_mj, dt_s_, state_.device, state_.passivity);
+    } else if (state_.passivity.started) {
+      state_.passivity = {};
+    }
+    memory_.port.written_D_n = force_n;
+    return {.force_n = force_n};
+  }
+
+  void Tell(const ToolMove& pull, const Wrench& wrench_D) noexcept {
+    const ToolStep& step = output_.tool;
+    output_.has_tool = true;
+    output_.force_D_n = wrench_D.force_n;
+    output_.torque_D_n_mm = wrench_D.torque_n_mm;
+    output_.spring_D_n = settings_.stiffness_n_per_mm * pull.way_mm;
+    output_.isovalue = surface_[0].isovalue;
+    output_.free_side = surface_[0].free_side;
+    output_.proxy.p_DH_mm = step.pose.p_DS_mm;
+    output_.proxy.mode = step.mode;
+    output_.proxy.moves = step.rounds;
+    output_.proxy.tetrahedra = step.work;
+    output_.proxy.capped = step.capped;
+    const double length_mm = pull.way_mm.norm();
+    if (memory_.touches && length_mm > 0.0) output_.proxy.normal_D = pull.way_mm / length_mm;
+  }
+
+  const FeltTool& felt_;
+  const HapticSettings& settings_;
+  const ToolPose& stylus_;
+  const double dt_s_;
+  const int work_;
+  const double rho_mm_;
+  RendererState& state_;
+  ToolMemory& memory_;
+  HapticOutput& output_;
+  std::array<HapticSurface, kMostToolRadii> surface_;  // of this step
+};
+
+}  // namespace
+
+HapticOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings,
+                          const Vec3& p_DHip_mm, const Eigen::Quaterniond& R_DS, double dt_s,
+                          int work, RendererState& state) noexcept {
+  HapticOutput output;
+  output.input_rejected = !IsOrientation(R_DS) || !TrackHip(p_DHip_mm, dt_s, state);
+  if (output.input_rejected) {
+    state.rejected_s += dt_s;
+    if (!state.has_hip) return output;
+  }
+  if (!state.tool.state.placed) TakeUp(state);
+  const Eigen::Quaterniond turned =
+      output.input_rejected ? Eigen::Quaterniond(state.tool.R_DS) : R_DS.normalized();
+  output.p_DHip_mm = state.p_DHip_mm;
+  ToolUpdate(felt, settings, {state.p_DHip_mm, turned}, dt_s, work, state, output).Run();
+  state.p_DLastHip_mm = state.p_DHip_mm;
+  return output;
+}
+
+void TellWrittenWrench(const Wrench& written_D, double rotation_length_mm,
+                       RendererState& state) noexcept {
+  ToolMemory& memory = state.tool;
+  memory.port.written_D_n = written_D.force_n;
+  if (state.passivity.started) state.passivity.written_D_n.col(0) = written_D.force_n;
+  if (!memory.passivity.started) return;
+  memory.passivity.written_D_n.col(0) << written_D.force_n,
+      written_D.torque_n_mm / rotation_length_mm;
+}
+
+}  // namespace palpate

@@ -1,0 +1,34 @@
+// One haptic update with a tool: from the stylus's pose to the tool's pose, and to the force and
+// the torque about the HIP.
+//
+// Of the settings, stiffness, damping, viscosity and passivity control act. Pops, layers, friction,
+// grain, the magnet and force shading do not; the session refuses them with a tool. The coupling
+// that turns the tool back has the stiffness times ρ². A device without torque gets the force alone
+// (force_port.h).
+//
+// Frame: D (mm, N, N mm). Threads: pure; one thread per state.
+// Real-time: no allocation, no locks; bounded by the work that is given.
+#pragma once
+
+#include "server/haptics/renderer.h"
+#include "server/haptics/tool/tool_step.h"
+
+namespace palpate {
+
+// A tool with the surfaces that it is felt on. Borrows the caches.
+struct FeltTool {
+  RigidTool tool;
+  std::array<HapticSurface, kMostToolRadii> surface;  // the first radius_count
+  std::array<ToolCellCache*, kMostToolRadii> cache{};
+};
+
+// `work`: the most of a step (tool_step.h); where the surface has moved, another half of it.
+HapticOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings,
+                          const Vec3& p_DHip_mm, const Eigen::Quaterniond& R_DS, double dt_s,
+                          int work, RendererState& state) noexcept;
+
+// As TellWrittenForce, after a step with a tool.
+void TellWrittenWrench(const Wrench& written_D, double rotation_length_mm,
+                       RendererState& state) noexcept;
+
+}  // namespace palpate

@@ -1,0 +1,205 @@
+// The force and the torque of a tool, and the energy that a hand gets from them.
+#include "server/haptics/tool/tool_renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <random>
+
+#include "server/servo/tick_computation.h"
+#include "tests/support/hand_loop.h"
+#include "tests/support/light_hands.h"
+#include "tests/support/tick_rig.h"
+#include "tests/support/tool_rig.h"
+
+namespace palpate {
+namespace {
+
+using testing::kLoopTickS;
+using testing::Turn;
+
+constexpr double kTorqueNMm = 1e6;  // of a device: never the limit
+
+// A tool on a surface, with the state of a renderer.
+class Chain {
+ public:
+  Chain(const testing::PlacedVolume& placed, const RigidTool& tool, bool has_torque) {
+    felt.tool = tool;
+    felt.surface[0] = placed.surface;
+    felt.cache[0] = cache_.get();
+    state->device.max_torque_n_mm = has_torque ? kTorqueNMm : 0.0;
+    if (has_torque) state->device.max_force_n = 1e6;
+  }
+
+  HapticOutput Step(const ToolPose& stylus, double dt_s = kLoopTickS) {
+    return StepWithTool(felt, settings, stylus.p_DS_mm, stylus.R_DS, dt_s, kToolWork, *state);
+  }
+
+  FeltTool felt;
+  HapticSettings settings{.stiffness_n_per_mm = 1.0};
+  std::unique_ptr<RendererState> state = std::make_unique<RendererState>();
+
+ private:
+  std::unique_ptr<ToolCellCache> cache_ = std::make_unique<ToolCellCache>();
+};
+
+// --- Led hands: their ways are given, and the forces do not change them
+
+struct Led {
+  // The greatest net work on the hand up to any time.
+  double given_mj = 0.0;
+  double unguarded_mj = 0.0;  // of the spring's force alone, without the port's tank
+  int contacts = 0;
+};
+
+// Goals at random, up to 3 mm deep and somewhat turned; 10 cm/s and 2 rad/s for 20 s.
+Led Lead(Chain& chain, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  const auto direction = [&] {
+    return Vec3(normal(random), normal(random), normal(random)).normalized();
+  };
+  // Begins in free space, with an empty spring.
+  ToolPose hand, goal;
+  HapticOutput last;
+  do {
+    hand = {20.0 * direction(), Turn(3.0, direction())};
+    chain.state->tool = ToolMemory();
+    last = chain.Step(hand);
+  } while (last.tool.mode != ProxyMode::kFree);
+  double given_mj = 0.0, unguarded_mj = 0.0;
+  Led led;
+  for (int n = 0; n < 20'000; ++n) {
+    const ToolPose tool = chain.state->tool.state.pose;
+    if (n % 150 == 0) goal = Moved(tool, {8.0 * direction(), 0.4 * direction()});
+    const ToolMove way = MoveBetween(hand, goal);
+    ToolPose next = Moved(hand, {way.way_mm * std::min(1.0, 0.1 / way.way_mm.norm()),
+                                 way.turn_rad * std::min(1.0, 0.002 / way.turn_rad.norm())});
+    // No hand presses harder.
+    const ToolMove depth = MoveBetween(tool, next);
+    next = Moved(tool, {depth.way_mm * std::min(1.0, 2.0 / depth.way_mm.norm()),
+                        depth.turn_rad * std::min(1.0, 0.2 / depth.turn_rad.norm())});
+    const ToolMove moved = MoveBetween(hand, next);
+    const HapticOutput output = chain.Step(next);
+    given_mj += 0.5 * (output.force_D_n + last.force_D_n).dot(moved.way_mm) +
+                0.5 * (output.torque_D_n_mm + last.torque_D_n_mm).dot(moved.turn_rad);
+    unguarded_mj += 0.5 * (output.spring_D_n + last.spring_D_n).dot(moved.way_mm);
+    led.given_mj = std::max(led.given_mj, given_mj);
+    led.unguarded_mj = std::max(led.unguarded_mj, unguarded_mj);
+    led.contacts += output.tool.touching != 0;
+    hand = next;
+    last = output;
+  }
+  return led;
+}
+
+TEST(ToolRenderer, WithTorqueALedHandGetsNoEnergy) {
+  const testing::PlacedVolume gyroid = testing::PlaceBuiltin("builtin:gyroid:64", 1.0);
+  for (const double rho_mm : {10.0, 30.0, 100.0}) {
+    Chain chain(gyroid, testing::Rod(8, 16.0, rho_mm), true);
+    const Led led = Lead(chain, 1);
+    EXPECT_GT(led.contacts, 5000);
+    EXPECT_LE(led.given_mj, 0.005) << rho_mm;
+  }
+}
+
+// The stylus is turned, and the force alone is felt: without the tank that throws the hand.
+TEST(ToolRenderer, WithoutTorqueALedHandGetsNoMoreThanTheCredit) {
+  const testing::PlacedVolume gyroid = testing::PlaceBuiltin("builtin:gyroid:64", 1.0);
+  double unguarded_mj = 0.0;
+  for (const double rho_mm : {10.0, 30.0, 100.0, 300.0}) {
+    Chain chain(gyroid, testing::Rod(8, 60.0, rho_mm), false);
+    const Led led = Lead(chain, 2);
+    EXPECT_GT(led.contacts, 5000);
+    EXPECT_LE(led.given_mj, 0.2) << rho_mm;
+    unguarded_mj = std::max(unguarded_mj, led.unguarded_mj);
+  }
+  EXPECT_GT(unguarded_mj, 20.0);
+}
+
+// Who does not turn the stylus feels the spring as it is.
+TEST(ToolRenderer, TheTankDoesNotChangeAPress) {
+  const testing::PlacedVolume sphere = testing::PlaceBuiltin("builtin:sphere:64", 0.5);
+  Chain chain(sphere, testing::Rod(4, 6.0), false);
+  double most_n = 0.0;
+  for (int n = 0; n < 400; ++n) {
+    const double z_mm = 14.0 - 4.0 * std::sin(0.01 * n);
+    const HapticOutput output = chain.Step({Vec3(0, 0, z_mm), Eigen::Quaterniond::Identity()});
+    EXPECT_LE((output.force_D_n - output.spring_D_n).norm(), 1e-3 * output.spring_D_n.norm());
+    most_n = std::max(most_n, output.force_D_n.norm());
+  }
+  EXPECT_GT(most_n, 1.0);
+}
+
+// --- Light hands in a closed loop
+
+// A rod stands on a floor. It is pressed, or turned about its grip: then the hand's way in mm is ρ
+// times the angle, and its force is the torque by ρ.
+testing::LoopResult Hold(const testing::Hand& hand, double stiffness, bool is_late, bool turns,
+                         bool is_controlled) {
+  static const testing::PlacedVolume floor = testing::PlaceFloor();
+  RigidTool tool = testing::Rod(2, 0.0);
+  const double rho_mm = tool.rotation_length_mm;
+  if (turns) tool.ball[0].p_SBall_mm = tool.ball[1].p_SBall_mm = rho_mm * Vec3::UnitX();
+  Chain chain(floor, tool, true);
+  chain.settings.stiffness_n_per_mm = stiffness;
+  chain.settings.passivity_control = is_controlled;
+  const auto render = [&](const Vec3& p_mm, double dt_s, const Vec3& written_n) {
+    // A wall that gives way neither here nor there: the grip is held where it is.
+    const ToolPose stylus = turns ? ToolPose{Vec3::Zero(), Turn(-p_mm.z() / rho_mm, Vec3::UnitY())}
+                                  : ToolPose{p_mm, Eigen::Quaterniond::Identity()};
+    Wrench written;
+    if (turns) {
+      written.torque_n_mm.y() = -rho_mm * written_n.z();
+    } else {
+      written.force_n = written_n;
+    }
+    TellWrittenWrench(written, rho_mm, *chain.state);
+    const HapticOutput output = chain.Step(stylus, dt_s);
+    return turns ? Vec3(0, 0, -output.torque_D_n_mm.y() / rho_mm) : output.force_D_n;
+  };
+  return testing::HandLoop(hand, {.is_late = is_late}).Run(render, [](const Vec3& p_mm) {
+    return std::max(0.0, -p_mm.z());
+  });
+}
+
+TEST(ToolRenderer, NoLightHandGainsEnergyFromForceOrTorque) {
+  double uncontrolled_mj = 0.0;
+  for (const bool turns : {false, true}) {
+    testing::ForEachLightHand([&](const testing::Hand& hand, double stiffness, bool is_late) {
+      EXPECT_LE(Hold(hand, stiffness, is_late, turns, true).given_mj, 0.15) << "turns " << turns;
+      if (stiffness != 2.0) return;
+      uncontrolled_mj =
+          std::max(uncontrolled_mj, Hold(hand, stiffness, is_late, turns, false).given_mj);
+    });
+  }
+  EXPECT_GT(uncontrolled_mj, 1.5);
+}
+
+// --- Bad poses
+
+TEST(ToolRenderer, APoseThatIsNoneIsRejectedAndChangesNothing) {
+  const testing::PlacedVolume sphere = testing::PlaceBuiltin("builtin:sphere:64", 0.5);
+  Chain chain(sphere, testing::Rod(4, 6.0), true);
+  // Across the top of the sphere, a ball beside the grip touches.
+  const Eigen::Quaterniond across = Turn(1.5, Vec3::UnitX());
+  const ToolPose pressed{Vec3(0, 4, 9.5), across};
+  chain.Step({Vec3(0, 4, 16), across});
+  const HapticOutput good = chain.Step(pressed);
+  EXPECT_GT(good.torque_D_n_mm.norm(), 1.0);
+  const double nan = std::nan("");
+  for (const ToolPose& bad :
+       {ToolPose{Vec3(nan, 0, 0), pressed.R_DS}, ToolPose{pressed.p_DS_mm, {nan, 0, 0, 0}},
+        ToolPose{pressed.p_DS_mm, {0, 0, 0, 0}}, ToolPose{pressed.p_DS_mm, {2, 0, 0, 0}}}) {
+    const HapticOutput output = chain.Step(bad);
+    EXPECT_TRUE(output.input_rejected);
+    EXPECT_LE((output.force_D_n - good.force_D_n).norm(), 1e-3);
+    EXPECT_LE((output.torque_D_n_mm - good.torque_D_n_mm).norm(), 0.1);
+  }
+  EXPECT_FALSE(chain.Step(pressed).input_rejected);
+}
+
+}  // namespace
+}  // namespace palpate
