@@ -17,6 +17,7 @@ void PrintTopology(const ExperimentOptions& options, std::ostream& out);
 void PrintFigure9(const ExperimentOptions& options, std::ostream& out);
 void PrintFigure11(const ExperimentOptions& options, std::ostream& out);
 void PrintLayers(const ExperimentOptions& options, std::ostream& out);
+void PrintTool(const ExperimentOptions& options, std::ostream& out);
 
 // Corners are uniform in [0, 1]. `alternating`: corners are halved, and ½ is added to the odd
 // corners.

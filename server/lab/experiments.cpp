@@ -25,7 +25,8 @@ constexpr Experiment kExperiments[] = {
     {.name = "diamond", .run = PrintDiamond, .refines = true, .draws = true},
     {.name = "topology", .run = PrintTopology},
     {.name = "figure11", .run = PrintFigure11, .draws = true},
-    {.name = "layers", .run = PrintLayers, .refines = true, .draws = true}};
+    {.name = "layers", .run = PrintLayers, .refines = true, .draws = true},
+    {.name = "tool", .run = PrintTool, .refines = true}};
 
 }  // namespace
 

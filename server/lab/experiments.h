@@ -8,6 +8,7 @@
 //   figure9   drift of the proxy from a cylinder's isovalue, ours and a GBID
 //   figure11  V and H drawn for the cells of Table 4
 //   layers    a stylus presses through skin to the bone of a CT head
+//   tool      rigid tools on a gyroid and a CT head: times, falls, rests, energy
 //
 // Threads: any ordinary thread; works on all cores. Errors: Error.
 // Source: Corenthy et al., section 5, Tables 1, 3 and 4, Figs. 9 and 11.
@@ -24,12 +25,13 @@ namespace palpate::lab {
 struct ExperimentOptions {
   std::string name;                           // one of ExperimentNames()
   std::filesystem::path table;                // Table 4 as CSV, for table1, table4 and figure11
-  std::int64_t cells = 20000;                 // for topology and diamond: cells of each kind
+  std::int64_t cells = 20000;                 // for topology and diamond: cells of each kind;
+                                              // for tool: ticks of each run
   int refinement = 1;                         // of tpbcc; not for figures and topology
   int columns = 1000;                         // per axis, for R_D (accuracy.h)
   int laps = 10;                              // for figure9
-  std::uint64_t seed = 1;                     // for topology, diamond and table3
-  std::filesystem::path data_folder = ".";    // for table3, diamond, layers: holds the volumes
+  std::uint64_t seed = 1;                     // for topology, diamond, table3, tool
+  std::filesystem::path data_folder = ".";    // for table3, diamond, layers, tool: holds the volumes
   std::filesystem::path output_folder = ".";  // for figures: NAME.svg
   bool overwrite = false;                     // of figures
 };

@@ -87,6 +87,15 @@ class HandTest(DaemonTest):
         self.assertLessEqual((felt.density - felt.isovalue).max(), 1e-6)
         self.assertGreater(np.linalg.norm(felt.scp_h_mm[-1] - self.center_mm), 5.0)
 
+    def test_the_stylus_is_turned_as_it_is_led(self):
+        turned = np.array([np.cos(0.4), 0.0, np.sin(0.4), 0.0])
+        with self.conn.device.lead() as hand:
+            felt = hand.follow([self.above(55)] * 60, orientations=[turned] * 60)
+            for wrong in ((1.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0), (np.nan, 0.0, 0.0, 0.0)):
+                with self.assertRaises(palpate.InvalidArgument):
+                    hand.move_to(self.above(55), orientation=wrong)
+        self.assertGreater(abs(felt.stylus_orientation[-1] @ turned), np.cos(0.02))
+
     def test_a_path_is_felt_from_its_begin_to_its_end(self):
         # Also by a program that was held up, and whose stream waits.
         way = np.linspace(0.0, 1.0, 100)[:, None]

@@ -28,9 +28,9 @@ def another(field):
 class SettingsTest(DaemonTest):
     def test_every_setting_goes_there_and_comes_back(self):
         fields = render_pb2.RenderSettings.DESCRIPTOR.fields
-        values = {field.name: another(field) for field in fields if field.name != "layers"}
+        values = {field.name: another(field) for field in fields if field.name not in ("layers", "tool")}
         values["isovalue"] = 0.25
-        self.assertEqual(sorted(self.conn.settings.all()), sorted([*values, "layers"]))
+        self.assertEqual(sorted(self.conn.settings.all()), sorted([*values, "layers", "tool"]))
         self.assertEqual(values["carve_rate_per_s"], -10.0)
         before = self.conn.settings.all()
         with self.daemon.connect() as other:
@@ -96,6 +96,40 @@ class SettingsTest(DaemonTest):
             settings.tool_radius_mm = 0.01
         settings.tool_radius_mm = 0.0
         self.assertEqual(settings.wait_for_ball(timeout_s=5.0), 0.0)
+
+    def test_a_tool_goes_there_and_comes_back(self):
+        settings = self.conn.settings
+        self.assertIsNone(settings.tool)
+        self.addCleanup(setattr, settings, "tool", None)
+        path = self.daemon.folder / "tool.toml"
+        path.write_text('name = "drill"\nrotation_length_mm = 40\n'
+                        '[[ball]]\ncenter_mm = [0, 0, 0]\nradius_mm = 6\ncarves = true\n'
+                        '[[line]]\nfrom_mm = [0, 0, 8]\nto_mm = [0, 0, 12]\ncount = 3\n')
+        drill = palpate.Tool.read(path)
+        self.assertEqual(drill, palpate.Tool(
+            (palpate.ToolBall((0.0, 0.0, 0.0), 6, True), palpate.ToolBall((0.0, 0.0, 8.0)),
+             palpate.ToolBall((0.0, 0.0, 10.0)), palpate.ToolBall((0.0, 0.0, 12.0))), "drill", 40))
+        settings.tool = drill
+        settings.wait_for_tool()
+        self.assertEqual(settings.tool, drill)
+        with self.conn.poses(100) as stream:
+            self.assertTrue(wait_until(lambda: np.isfinite(next(stream).tool_orientation[-1, 0])))
+        before = settings.all()
+        for wrong in ("drill", palpate.Tool((palpate.ToolBall((0.0, 0.0)),)),
+                      palpate.Tool((palpate.ToolBall((0.0, 0.0, 0.0), -1.0),)),
+                      palpate.Tool(drill.balls * 20)):
+            with self.assertRaises(palpate.InvalidArgument):
+                settings.tool = wrong
+        with self.assertRaisesRegex(palpate.FailedPrecondition, "tool"):
+            settings.pop_force_n = 1.0
+        self.assertEqual(settings.all(), before)
+        for bad in ("center_mm = 3", "[[ball]]\nradius_mm = 1", "[[line]]\nfrom_mm = [0, 0, 0]"):
+            path.write_text(bad)
+            with self.assertRaises(palpate.InvalidArgument):
+                palpate.Tool.read(path)
+        settings.tool = None
+        with self.conn.poses(100) as stream:
+            self.assertTrue(wait_until(lambda: np.isnan(next(stream).tool_orientation[-1, 0])))
 
     def test_names_and_numpy_numbers_will_do(self):
         self.conn.settings.free_side = "above"

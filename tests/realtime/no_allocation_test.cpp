@@ -1,6 +1,6 @@
 // A tick never allocates or frees, in free space, in contact, while the surface
-// moves, with a ball, when voxels are edited, while it is suspended, and when the volume is
-// replaced.
+// moves, with a ball or a tool, when voxels are edited, while it is suspended, and when the volume
+// is replaced.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -100,6 +100,20 @@ std::unique_ptr<Scene> WithBall(const Scene& scene, double radius_mm, std::uint6
   return felt;
 }
 
+// As felt by a rod of balls, some of them points.
+std::unique_ptr<Scene> WithTool(const Scene& scene, double radius_mm, std::uint64_t revision) {
+  auto felt = std::make_unique<Scene>(scene);
+  const AffineMap X_DI = scene.X_DI();
+  HeldTool rod;
+  for (int n = 0; n < 20; ++n) {
+    rod.ball.push_back({Vec3(0.0, 0.0, 2.0 * n), n % 2 == 0 ? radius_mm : 0.0});
+  }
+  felt->settings.passivity_control = true;
+  const FeltBall ball({radius_mm, X_DI.linear, false}, *scene.volume);
+  FeelSurface(X_DI, scene.isovalue, revision, MakeTip(rod, {ball}), *felt);
+  return felt;
+}
+
 TEST(NoAllocation, TheCountSeesAnAllocation) {
   counting = true;
   const auto control = std::make_unique<int>(1);
@@ -120,10 +134,11 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
   const auto gyroid = MakeScene("builtin:gyroid:64", 0.5, 3);
   const auto edited = MakeEdited(*bumps, 2);
   const auto ball = WithBall(*bumps, 6.0, 4);
+  const auto tool = WithTool(*bumps, 6.0, 5);
   auto suspended = std::make_unique<Scene>(*bumps);
   suspended->forces_off = true;
   TickTime time;
-  long contacts = 0, ejecting = 0, edits = 0, with_ball = 0;
+  long contacts = 0, ejecting = 0, edits = 0, with_ball = 0, with_tool = 0;
   calls = 0;
   counting = true;
   for (int n = 0; n < 40000; ++n) {
@@ -131,6 +146,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
                          : n / 5000 % 4 == 2 ? (n % 10 < 5 ? *edited : *bumps)
                          : n % 5000 > 4900   ? *suspended
                          : n / 300 % 4 == 2  ? *ball
+                         : n / 300 % 4 == 3  ? *tool
                          : n / 500 % 2 == 1  ? *bumps_swollen
                                              : *bumps;
     time.started_ns += 1'000'000;
@@ -141,6 +157,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
     contacts += sample.contact;
     edits += sample.contact && &scene == edited.get();
     with_ball += sample.contact && &scene == ball.get();
+    with_tool += sample.contact && &scene == tool.get();
     ejecting += sample.mode == ProxyMode::kEjecting;
   }
   counting = false;
@@ -150,6 +167,7 @@ TEST(NoAllocation, ATickNeitherAllocatesNorFrees) {
   EXPECT_GT(ejecting, 0);
   EXPECT_GT(edits, 100);
   EXPECT_GT(with_ball, 100);
+  EXPECT_GT(with_tool, 100);
 }
 
 }  // namespace

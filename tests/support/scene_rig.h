@@ -115,6 +115,18 @@ class SceneRig {
     geometry_revision_ += 1000;
     Publish(0);
   }
+  // The fields of its radii are of the greatest values.
+  void SetTool(const HeldTool& tool) {
+    std::vector<FeltBall> fields;
+    for (const double radius_mm : RadiiOf(tool)) {
+      if (radius_mm > 0.0) {
+        fields.emplace_back(palpate::Ball{radius_mm, 1.7 * Mat3::Identity(), false}, *volume_);
+      }
+    }
+    tip_ = MakeTip(tool, std::move(fields));
+    geometry_revision_ += 1000;
+    Publish(0);
+  }
   void SetForcesOff(bool off) {
     scene_.forces_off = off;
     Publish(0);

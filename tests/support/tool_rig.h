@@ -8,7 +8,7 @@
 
 #include "server/haptics/cell_cache.h"
 #include "server/haptics/tool/tool_step.h"
-#include "server/lab/fresh_cells.h"
+#include "server/lab/tool_judge.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/tick_rig.h"
 
@@ -28,10 +28,6 @@ inline RigidTool Rod(int balls, double length_mm, double rotation_length_mm = 30
 
 inline Eigen::Quaterniond Turn(double angle_rad, const Vec3& axis) {
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, axis.normalized()));
-}
-
-inline Vec3 BallAt(const RigidTool& tool, const ToolPose& pose, int ball) {
-  return pose.p_DS_mm + pose.R_DS * tool.ball[ball].p_SBall_mm;
 }
 
 // Free above z = 0; D's origin is in the middle.
@@ -61,44 +57,6 @@ struct ToolRig {
   int work = kLeastToolWork;
   ToolState state;
   std::unique_ptr<ToolCellCache> cache = std::make_unique<ToolCellCache>();
-};
-
-// Knows positions only: evaluates the decomposed volume afresh at points of straight chords.
-class ChordJudge {
- public:
-  static constexpr int kPoints = 16;
-
-  ChordJudge(const HapticSurface& surface, const RigidTool& tool) : cells_(surface), tool_(tool) {}
-
-  // The points of the chords between two poses that are not in free space.
-  int Falls(const ToolPose& from, const ToolPose& to) {
-    cells_.Trim();
-    int falls = 0;
-    for (int n = 0; n < tool_.count; ++n) {
-      const Vec3 a = BallAt(tool_, from, n), b = BallAt(tool_, to, n);
-      for (int k = 1; k <= kPoints; ++k) falls += !IsFree(a + (b - a) * (1.0 * k / kPoints));
-    }
-    judged_ += tool_.count * kPoints;
-    return falls;
-  }
-  // Of a step from `from`.
-  int Falls(const ToolPose& from, const ToolPath& path) {
-    int falls = 0;
-    for (int n = 0; n < path.count; ++n)
-      falls += Falls(n == 0 ? from : path.pose[n - 1], path.pose[n]);
-    return falls;
-  }
-
-  long judged() const { return judged_; }
-
- private:
-  bool IsFree(const Vec3& p_mm) {
-    return cells_.IsFree(cells_.HoldersOf(cells_.surface().X_LD.Apply(p_mm)).Density());
-  }
-
-  lab::FreshCells cells_;
-  const RigidTool& tool_;
-  long judged_ = 0;
 };
 
 }  // namespace palpate::testing

@@ -92,6 +92,10 @@ TEST_F(RecordingReplay, GivesTheSameBitsThroughSettingsEditsAndFaults) {
     if (n >= 2) {
       rig.SetBall(n == 7 ? std::nullopt : std::optional(3.4 + 1.7 * n), n == 5);
     }
+    if (n % 4 == 0) {
+      rig.SetTool({.name = "rod",
+                   .ball = {{Vec3::Zero(), 3.0}, {Vec3(0, 0, 12), 3.0}, {Vec3(0, 0, 30), 0.0}}});
+    }
     for (int edits = 0; edits < 5; ++edits) {
       rig.Edit(Carve(*rig.volume(), random_));
       if (edits % 2 == 0) rig.Run(30);  // no tick alone uses the others

@@ -24,7 +24,7 @@ def generate(field, *more):
         body, _, rest = tail.partition("\n}\n")
         (folder / "palpate/v1/render.proto").write_text(
             f"{head}{begin}{body}\n  {field}\n}}\n{rest}")
-        for options in ("setting.proto", "words.proto"):
+        for options in ("geometry.proto", "setting.proto", "words.proto"):
             shutil.copy(PROTO / "palpate/v1" / options, folder / "palpate/v1")
         done = subprocess.run(
             ["protoc", f"--proto_path={folder}", f"--contract_out={folder}",

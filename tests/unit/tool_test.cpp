@@ -128,7 +128,7 @@ TEST(ToolStep, TwoBallsOnAFloorCarryForceAndTorque) {
       EXPECT_EQ(step.touching, 2u) << "turned about y, the ball at +x is the lower one";
       const Vec3 arm_mm = step.pose.R_DS * tool.ball[1].p_SBall_mm;
       EXPECT_LE((torque_n_mm - arm_mm.cross(force_n)).norm(), 0.01);
-      EXPECT_NEAR(testing::BallAt(tool, step.pose, 1).z(), 0.0, 1.1 * kStandoffMm);
+      EXPECT_NEAR(lab::BallAt(tool, step.pose, 1).z(), 0.0, 1.1 * kStandoffMm);
     }
     EXPECT_LE(force_n.head<2>().norm(), 1e-6);
   }
@@ -190,7 +190,7 @@ TEST(ToolStep, ARodOverAnEdgeTurnsAboutIt) {
   ASSERT_EQ(step.mode, ProxyMode::kConstrained);
   // The balls on both sides of the edge, one by one or together, are within a mm of it.
   const int ball = std::countr_zero(step.touching);
-  const Vec3 arm_mm = testing::BallAt(tool, step.pose, ball) - step.pose.p_DS_mm;
+  const Vec3 arm_mm = lab::BallAt(tool, step.pose, ball) - step.pose.p_DS_mm;
   const auto [force_n, torque_n_mm] = PullOf(tool, step.pose, hand);
   EXPECT_GT(force_n.norm(), 0.5);
   EXPECT_LE((torque_n_mm - arm_mm.cross(force_n)).norm(), 1.0 * force_n.norm());
@@ -268,7 +268,7 @@ TEST(ToolStep, WhatMovesUnderTheToolBringsItOutWithinFiftySteps) {
     EXPECT_LE(steps, 50);
     ASSERT_FALSE(rig.state.buried);
     for (int n = 0; n < rig.tool.count; ++n) {
-      EXPECT_GE(testing::BallAt(rig.tool, rig.state.pose, n).z(), rise_mm);
+      EXPECT_GE(lab::BallAt(rig.tool, rig.state.pose, n).z(), rise_mm);
     }
   }
 }

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-using testing::ChordJudge;
+using lab::ToolJudge;
 using testing::Rod;
 using testing::ToolRig;
 
@@ -48,7 +48,7 @@ void AttackGrid(std::mt19937_64& random, const VolumeSnapshot& volume, int refin
   HapticSurface surface = testing::RandomSurface(random, volume, refinement);
   std::uniform_real_distribution<double> uniform;
   ToolRig rig(surface, RandomTool(random, surface.voxel_mm));
-  ChordJudge judge(surface, rig.tool);
+  ToolJudge judge(surface, rig.tool);
   Vec3 hip_I = Vec3::Constant(-3.0);
   ToolPose hand;
   for (int n = 0; n < steps; ++n) {
@@ -106,7 +106,7 @@ TEST(ToolTorture, AfterAChangeOfTheIsovalueNoBallIsInside) {
       ejected += step.mode == ProxyMode::kEjecting && !step.capped;
       buried += rig.state.buried;
       if (rig.state.buried || step.capped) continue;
-      ChordJudge judge(rig.surface, rig.tool);
+      ToolJudge judge(rig.surface, rig.tool);
       inside += judge.Falls(step.pose, step.pose) > 0;
     }
   }
@@ -116,35 +116,6 @@ TEST(ToolTorture, AfterAChangeOfTheIsovalueNoBallIsInside) {
 }
 
 // --- Rest
-
-// How much nearer to the stylus a search of free ways brings the tool; ways that the standoff
-// allows do not count. In the metric of the coupling.
-double NearerBySearch(std::mt19937_64& random, const HapticSurface& surface, const RigidTool& tool,
-                      const ToolPose& rest, const ToolPose& hand) {
-  const double rho = tool.rotation_length_mm;
-  const auto distance = [&](const ToolPose& pose) {
-    const Eigen::AngleAxisd turn(hand.R_DS * pose.R_DS.conjugate());
-    return std::hypot((hand.p_DS_mm - pose.p_DS_mm).norm(), rho * turn.angle());
-  };
-  std::normal_distribution<double> normal;
-  std::uniform_real_distribution<double> uniform;
-  const auto vector = [&] { return Vec3(normal(random), normal(random), normal(random)); };
-  ChordJudge judge(surface, tool);
-  ToolPose at = rest;
-  double left = distance(rest);
-  for (int n = 0; n < 600; ++n) {
-    const double size_mm = 0.2 * std::pow(10.0, -3.0 * uniform(random));
-    const double back = 0.02 * uniform(random);
-    const Vec3 turn = size_mm / rho * vector();
-    ToolPose next{at.p_DS_mm + size_mm * vector() + back * (hand.p_DS_mm - at.p_DS_mm),
-                  Eigen::AngleAxisd(turn.norm(), turn.normalized()) * at.R_DS};
-    next.R_DS = next.R_DS.slerp(back, hand.R_DS);
-    if (distance(next) > left - 0.002 || judge.Falls(at, next) > 0) continue;
-    at = next;
-    left = distance(at);
-  }
-  return distance(rest) - left;
-}
 
 TEST(ToolTorture, AToolRestsWhereNothingFreeIsNearer) {
   std::mt19937_64 random(9);
@@ -166,10 +137,9 @@ TEST(ToolTorture, AToolRestsWhereNothingFreeIsNearer) {
       const ToolStep step = rig.Step(hand);
       if (n % 20 != 0 || step.mode != ProxyMode::kConstrained) continue;
       ++rests;
-      const double load_mm = std::hypot((hand.p_DS_mm - step.pose.p_DS_mm).norm(),
-                                        30.0 * MoveBetween(step.pose, hand).turn_rad.norm());
-      sticks +=
-          NearerBySearch(random, gyroid.surface, rig.tool, step.pose, hand) > 0.01 + 0.01 * load_mm;
+      ToolJudge judge(gyroid.surface, rig.tool);
+      const double nearer_mm = judge.NearerBySearch(random, step.pose, hand);
+      sticks += nearer_mm > 0.01 + 0.01 * judge.Distance(step.pose, hand);
     }
   }
   EXPECT_GT(rests, 50);

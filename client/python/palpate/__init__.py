@@ -32,6 +32,7 @@ from palpate._recorded_events import (RecordedEdit, RecordedGap, RecordedMarker,
 from palpate._recording_file import RecordedTicks, RecordingFile, open_recording
 from palpate._series import Series, SeriesState
 from palpate._settings import Applied, Settings
+from palpate._tool import Tool, ToolBall
 from palpate._value_list import (BallState, ForceStatus, LastChange, ListedDevice,
                                  RecordingState, RunningReplay, SuggestedIsovalue)
 from palpate._volume import VolumeAccess, VolumeInfo
@@ -46,7 +47,7 @@ __all__ = [
     "PoseStream", "Poses", "Profile", "ProxyMode", "Raw", "RecordedEdit", "RecordedGap",
     "RecordedMarker", "RecordedPassing", "RecordedScene", "RecordedTicks", "Recording", "RecordingFile",
     "RecordingState", "ReplayState", "Role", "RunningReplay", "Series", "SeriesState", "Settings",
-    "SuggestedIsovalue", "TooLarge", "Unavailable", "VerificationLevel", "Volume", "VolumeAccess",
-    "VolumeInfo",
+    "SuggestedIsovalue", "TooLarge", "Tool", "ToolBall", "Unavailable", "VerificationLevel", "Volume",
+    "VolumeAccess", "VolumeInfo",
     "connect", "open_recording", "profiles",
 ]

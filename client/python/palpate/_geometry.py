@@ -11,6 +11,8 @@ from palpate.v1 import geometry_pb2
 
 # Three numbers: a tuple, a list, an array of shape (3,).
 Triple = collections.abc.Sequence[float] | npt.NDArray[typing.Any]
+# Four numbers: a unit quaternion w, x, y, z.
+Quadruple = collections.abc.Sequence[float] | npt.NDArray[typing.Any]
 
 
 def array_of_vector(vector: geometry_pb2.Vector3) -> npt.NDArray[np.float64]:
@@ -21,6 +23,14 @@ def array_of_vector(vector: geometry_pb2.Vector3) -> npt.NDArray[np.float64]:
 def vector_of(name: str, values: Triple) -> geometry_pb2.Vector3:
     x, y, z = three(name, values)
     return geometry_pb2.Vector3(x=x, y=y, z=z)
+
+
+def quaternion_of(name: str, values: Quadruple) -> geometry_pb2.Quaternion:
+    array = numbers_of(name, values)
+    if array.shape != (4,):
+        raise InvalidArgument(f"{name} has four components: w, x, y, z")
+    w, x, y, z = map(float, array)
+    return geometry_pb2.Quaternion(w=w, x=x, y=y, z=z)
 
 
 def three(name: str, values: Triple) -> tuple[float, float, float]:

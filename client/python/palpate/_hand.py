@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from palpate._enums import ForceState
 from palpate._errors import Conflict, Error, InvalidArgument, Unavailable
-from palpate._geometry import Triple, array_of_vector, numbers_of, vector_of
+from palpate._geometry import (Quadruple, Triple, array_of_vector, numbers_of, quaternion_of,
+                               vector_of)
 from palpate._link import Link, forget_in_child
 from palpate._poses import Poses, PoseStream
 from palpate._values import number, whole
@@ -49,18 +50,23 @@ class _Targets:
         self.set(np.zeros(1), target_mm.reshape(1, 3), 0)
 
     def set(self, times_s: npt.NDArray[np.float64], points_mm: npt.NDArray[np.float64],
-            buttons: int) -> None:
+            buttons: int, turns: npt.NDArray[np.float64] | None = None) -> None:
         with self._lock:
             self._begin_s = time.monotonic()
             self._times_s, self._points_mm, self._buttons = times_s, points_mm, buttons
+            self._turns = turns
 
     def request(self) -> device_pb2.LeadHandRequest:
         with self._lock:
             now_s = time.monotonic() - self._begin_s
             at_mm = np.array([np.interp(now_s, self._times_s, column)
                               for column in self._points_mm.T])
-            return device_pb2.LeadHandRequest(target_mm=vector_of("target_mm", at_mm),
-                                              buttons=self._buttons)
+            request = device_pb2.LeadHandRequest(target_mm=vector_of("target_mm", at_mm),
+                                                 buttons=self._buttons)
+            if self._turns is not None:
+                last = max(int(np.searchsorted(self._times_s, now_s, side="right")) - 1, 0)
+                request.orientation.CopyFrom(quaternion_of("orientation", self._turns[last]))
+            return request
 
     def end(self) -> None:
         self._has_ended.set()
@@ -137,19 +143,23 @@ class Hand:
             self._news.put(False)
             _leading.discard(self)
 
-    def move_to(self, target_mm: Triple, buttons: int = 0) -> None:
+    def move_to(self, target_mm: Triple, buttons: int = 0, *,
+                orientation: Quadruple | None = None) -> None:
         """Sets the target. Does not wait for the hand.
 
         target_mm: (3,) in the device frame, mm; beyond the workspace the nearest place in it, with
         a UserWarning.
         buttons: bit n: the stylus's button n is pressed.
+        orientation: (4,) how the stylus is to be turned: a unit quaternion w, x, y, z, from its axes
+        to the device's; None: as it turns by itself.
         Errors: InvalidArgument; see help(palpate.Hand). Example: hand.move_to((0, 10, 0))
         """
         target = self._reached("target_mm", _point("target_mm", target_mm))
-        self._lead(np.zeros(1), target.reshape(1, 3), buttons)
+        turns = None if orientation is None else _turns("orientation", np.array([orientation]), 1)
+        self._lead(np.zeros(1), target.reshape(1, 3), buttons, turns)
 
     def follow(self, path_mm: npt.ArrayLike, rate_hz: float = 100.0, *,
-               buttons: int = 0) -> Poses:
+               buttons: int = 0, orientations: npt.ArrayLike | None = None) -> Poses:
         """Leads the hand along a path and returns what it felt, at 1000 samples per second.
 
         The hand first goes straight to the first point. The path begins when the hand rests there,
@@ -158,6 +168,8 @@ class Hand:
         Between two of them the target moves along a straight line.
         rate_hz: points per second, above 0. Any rate is smooth.
         buttons: bit n: the stylus's button n is pressed.
+        orientations: (n, 4) one for each point, as orientation in move_to; None: as it turns by
+        itself.
         Errors: InvalidArgument; see help(palpate.Hand).
         Example: felt = hand.follow(spiral_mm); plot(felt.hip_mm, felt.force_n)
         """
@@ -171,13 +183,15 @@ class Hand:
         if not 0 < rate < np.inf:
             raise InvalidArgument(f"rate_hz is above 0, not {rate:g}")
         times_s = np.arange(len(points_mm)) / rate
-        self.move_to(points_mm[0], buttons)
+        turns = (None if orientations is None
+                 else _turns("orientations", orientations, len(points_mm)))
+        self._lead(np.zeros(1), points_mm[:1], buttons, turns)
         # Every sample, whatever pauses this program makes.
         with PoseStream(self._link, _FELT_HZ, _FELT_BATCH, 1 << 20) as stream:
             _wait_for_rest(stream, points_mm[0])
             # The stream may be behind. What belongs to the path, the daemon's ticks say.
             first_tick = self._ticks()
-            self._lead(times_s, points_mm, buttons)
+            self._lead(times_s, points_mm, buttons, turns)
             end_s = time.monotonic() + times_s[-1] + _LAST_S
             felt: list[Poses] = []
             while time.monotonic() < end_s:
@@ -202,9 +216,9 @@ class Hand:
             self._thread.join()
 
     def _lead(self, times_s: npt.NDArray[np.float64], points_mm: npt.NDArray[np.float64],
-              buttons: int) -> None:
+              buttons: int, turns: npt.NDArray[np.float64] | None) -> None:
         self._check()
-        self._targets.set(times_s, points_mm, whole("buttons", buttons, 0, _MAX_BUTTONS))
+        self._targets.set(times_s, points_mm, whole("buttons", buttons, 0, _MAX_BUTTONS), turns)
 
     def _check(self) -> None:
         if not self._is_open:
@@ -268,6 +282,13 @@ def _point(name: str, value: Triple) -> npt.NDArray[np.float64]:
     if point.shape != (3,) or not np.isfinite(point).all():
         raise InvalidArgument(f"{name} is three finite numbers: x, y, z in mm")
     return point
+
+
+def _turns(name: str, values: npt.ArrayLike, count: int) -> npt.NDArray[np.float64]:
+    turns = numbers_of(name, values)
+    if turns.shape != (count, 4) or not np.allclose(np.linalg.norm(turns, axis=1), 1.0, atol=1e-3):
+        raise InvalidArgument(f"{name} has unit quaternions w, x, y, z, one for each point")
+    return turns
 
 
 def _since(tick: int, poses: Poses) -> Poses:

@@ -9,12 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._errors import InvalidArgument
-from palpate._geometry import Triple, array_of_vector, numbers_of, vector_of
+from palpate._geometry import Quadruple, Triple, array_of_vector, quaternion_of, vector_of
 from palpate._link import Link
 from palpate._values import number, number_or_none, switch, text_of, whole
 from palpate.v1 import geometry_pb2, registration_pb2, registration_pb2_grpc
 
-Quadruple = collections.abc.Sequence[float] | npt.NDArray[typing.Any]
 # An axis of the device, "x", "y" or "z", and degrees.
 Turn = tuple[str, float]
 
@@ -65,7 +64,7 @@ def update_of(*, reset: bool = False, center_mm: Triple | None = None,
     if center_mm is not None:
         request.center_mm.CopyFrom(vector_of("center_mm", center_mm))
     if rotation_wxyz is not None:
-        request.rotation.CopyFrom(_quaternion("rotation_wxyz", rotation_wxyz))
+        request.rotation.CopyFrom(quaternion_of("rotation_wxyz", rotation_wxyz))
     if move_mm is not None:
         request.translate_mm.CopyFrom(vector_of("move_mm", move_mm))
     if turn_deg is not None:
@@ -96,14 +95,6 @@ def _placement(answer: typing.Any, applied_tick: int | None) -> Placement:
     return Placement(array_of_vector(placed.center_mm),
                      np.array([turn.w, turn.x, turn.y, turn.z]), placed.device_mm_per_volume_mm,
                      placed.device_mm_per_voxel, answer.settings_revision, applied_tick)
-
-
-def _quaternion(name: str, values: Quadruple) -> geometry_pb2.Quaternion:
-    array = numbers_of(name, values)
-    if array.shape != (4,):
-        raise InvalidArgument(f"{name} has four components: w, x, y, z")
-    w, x, y, z = map(float, array)
-    return geometry_pb2.Quaternion(w=w, x=x, y=y, z=z)
 
 
 def _turn(turn_deg: Turn) -> geometry_pb2.Quaternion:

@@ -207,7 +207,8 @@ def edit_of(message: recorded_pb2.RecordedVoxels) -> RecordedEdit:
 
 def scene_of(message: recorded_pb2.RecordedScene) -> RecordedScene:
     """Errors: Damaged."""
-    settings: dict[str, typing.Any] = {"layers": ()}  # a message has none of them then
+    # A message has none of them then.
+    settings: dict[str, typing.Any] = {"layers": (), "tool": None}
     for field, value in message.settings.ListFields():
         try:
             settings[field.name] = getattr(Settings, field.name).parse(field.name, value)

@@ -11,6 +11,7 @@ from palpate._layers import Layer, layers_of, put_layers
 from palpate._link import Link
 from palpate._setting_kinds import Setting
 from palpate._setting_list import SettingList
+from palpate._tool import Tool, put_tool, tool_of
 from palpate._value_list import BallState
 from palpate._values import whole_or_none
 from palpate.v1 import render_pb2, render_pb2_grpc, volume_pb2
@@ -56,6 +57,14 @@ class Settings(SettingList):
         "InvalidArgument.\nExample: conn.settings.layers = "
         "[palpate.Layer(\"skin\", -300.0, 0.3, pop_force_n=1.0), palpate.Layer(\"bone\", 300.0)]")
 
+    tool: Setting[Tool | None] = Setting(
+        tool_of,
+        "A rigid tool in the hand, felt with all of its balls, by force and torque; None: the "
+        "stylus's tip. A palpate.Tool. Until the fields of its balls are made, what was in the hand "
+        "before is felt; wait_for_tool waits. FailedPrecondition while there are layers, a pop "
+        "force, friction, grain, a magnet or force shading, or if the device does not sense how its "
+        "stylus is turned.\nExample: conn.settings.tool = palpate.Tool.read(\"drill.toml\")")
+
     def __init__(self, link: Link) -> None:
         self._link = link
         self._stub = link.stub(render_pb2_grpc.RenderServiceStub)
@@ -91,6 +100,14 @@ class Settings(SettingList):
         answer = self._link.call(self._stub.GetSettings, render_pb2.GetSettingsRequest())
         return BallState(**held_in(answer.ball))
 
+    def wait_for_tool(self, timeout_s: float = 60.0) -> None:
+        """Waits until the tool of the settings is felt.
+
+        Errors: Unavailable (not within timeout_s), TooLarge (no memory for it).
+        Example: conn.settings.tool = tool; conn.settings.wait_for_tool()
+        """
+        self.wait_for_ball(timeout_s)
+
     def wait_for_ball(self, timeout_s: float = 60.0) -> float:
         """Waits until the ball of tool_radius_mm is felt. Returns its radius in mm.
 
@@ -100,14 +117,15 @@ class Settings(SettingList):
         until = time.monotonic() + timeout_s
         while (ball := self.ball()).is_awaited:
             if time.monotonic() > until:
-                raise Unavailable(f"a ball of {ball.felt_radius_mm:g} mm is still felt")
+                raise Unavailable("its fields are still being made; what was felt before, a ball "
+                                  f"of {ball.felt_radius_mm:g} mm or a tool, is felt")
             time.sleep(0.05)
         if ball.problem:
             raise TooLarge(ball.problem)
         return ball.felt_radius_mm
 
     def __dir__(self) -> list[str]:
-        return [*_SETTINGS, "all", "ball", "update", "wait_for_ball"]
+        return [*_SETTINGS, "all", "ball", "update", "wait_for_ball", "wait_for_tool"]
 
     def __repr__(self) -> str:
         return f"<palpate settings: {', '.join(_SETTINGS)}>"
@@ -128,6 +146,8 @@ def put_changes(request: render_pb2.UpdateSettingsRequest | volume_pb2.LoadVolum
         parsed = _SETTINGS[name].parse(name, value)
         if name == "layers":
             put_layers(parsed, request.settings.layers)
+        elif name == "tool":
+            put_tool(parsed, request.settings.tool)
         else:
             setattr(request.settings, name, parsed)
         request.update_mask.paths.append(name)

@@ -9,13 +9,14 @@ import numpy.typing as npt
 
 from palpate._errors import InvalidArgument, NotFound, PermissionDenied
 from palpate._follow import LiveVolume
-from palpate._geometry import Triple, array_of_vector, matrix_of_map, numbers_of, three
+from palpate._geometry import (Quadruple, Triple, array_of_vector, matrix_of_map, numbers_of,
+                               three)
 from palpate._held import held_in
 from palpate._html import numbers, table
 from palpate._link import Link
 from palpate._load_options import Changes, Raw, load_options
 from palpate._nrrd import nrrd_of
-from palpate._placement import Placement, Quadruple, Turn, place, update_of
+from palpate._placement import Placement, Turn, place, update_of
 from palpate._progress import Progress, result_of
 from palpate._upload import send_volume
 from palpate._value_list import SuggestedIsovalue

@@ -28,6 +28,7 @@ constexpr Line kLines[] = {
     {"Tools", nullptr},
     {"G, B, M", "hand, brush, measure; the same key again: turn"},
     {"hand: left button, wheel", "press harder, deeper; right drag turns, with shift it moves"},
+    {"hand: alt, wheel", "turn the stylus with the pointer, roll it"},
     {"[ and ], comma and point", "radius of the brush; also ctrl + wheel"},
     {"M", "distances: two clicks on the surface or in a slice; drag an end"},
     {"right click, Delete", "remove the distance there, the last distance"},

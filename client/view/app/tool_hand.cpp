@@ -14,6 +14,8 @@ constexpr double kHarder_mm = 5.0;
 // A target that jumps farther is reached around the volume.
 constexpr double kJump_mm = 40.0;
 constexpr double kAround_mm_per_s = 300.0;
+constexpr double kTurnPerPixel_rad = 0.006;
+constexpr double kRollPerStep_rad = 0.1;
 
 Surroundings SurroundingsOf(const ViewVolume& volume) {
   if (!volume.lattice() || !volume.X_DI()) return {};
@@ -66,7 +68,12 @@ void HandTool::Begin(Viewer& viewer) {
   feed.TakeHand();
   aim_.Begin(feed.pose()->hip_mm);
   sent_D_ = aim_.target_D();
-  feed.hand()->MoveTo(sent_D_);
+  // A tool stays as it is held: by itself it would sway into what is around it.
+  R_DS_.reset();
+  if (feed.pose()->tool_orientation) {
+    R_DS_ = Eigen::Quaterniond(feed.pose()->stylus_orientation).normalized();
+  }
+  Send(feed);
   way_D_.clear();
   seen_ = {};
   leads_ = true;
@@ -99,6 +106,11 @@ bool HandTool::Lead(Viewer& viewer, const ViewPointer& pointer) {
   const bool turns = ImGui::IsItemActive() && !presses;
   if ((!pointer.hovered && !presses) || turns) return false;
   ImGuiIO& io = ImGui::GetIO();
+  if (io.KeyAlt) {
+    TurnStylus({io.MouseDelta.x, io.MouseDelta.y}, pointer, viewer);
+    ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeAll);
+    return presses || pointer.wheel_steps != 0.0;
+  }
   const bool zooms = pointer.shift || io.KeyCtrl;
   if (!zooms) {
     if (options.way == HandWay::kSurface)
@@ -147,7 +159,22 @@ void HandTool::Aim(const Eigen::Vector2d& at_px, LiveFeed& feed) {
   }
   if (!way_D_.empty()) return;
   sent_D_ = target_D;
-  feed.hand()->MoveTo(sent_D_);
+  Send(feed);
+}
+
+void HandTool::Send(LiveFeed& feed) const { feed.hand()->MoveTo(sent_D_, 0, R_DS_); }
+
+// As the pointer moves on the screen, the barrel's end follows it; the wheel rolls the stylus.
+void HandTool::TurnStylus(const Eigen::Vector2d& by, const ViewPointer& pointer, Viewer& viewer) {
+  LiveFeed& feed = viewer.feed();
+  const double roll_steps = pointer.wheel_steps;
+  if (!feed.pose() || (by.isZero() && roll_steps == 0.0)) return;
+  if (!R_DS_) R_DS_ = Eigen::Quaterniond(feed.pose()->stylus_orientation).normalized();
+  const Mat3 R_DV = Projection(viewer.state().camera, pointer.size).R_DV();
+  const Vec3 turn_rad = kTurnPerPixel_rad * (by.x() * R_DV.col(1) + by.y() * R_DV.col(0)) +
+                        kRollPerStep_rad * roll_steps * (*R_DS_ * Vec3::UnitZ());
+  *R_DS_ = (Eigen::AngleAxisd(turn_rad.norm(), turn_rad.normalized()) * *R_DS_).normalized();
+  Send(feed);
 }
 
 // A part of the way in each frame. A slow frame is not made up for: the hand would cut corners.
@@ -159,7 +186,7 @@ void HandTool::GoAround(LiveFeed& feed) {
   if (way_D_.empty()) return;
   way_D_.back() = aim_.target_D();
   sent_D_ = GoAlong(way_D_, sent_D_, kAround_mm_per_s * std::min(frame_s, kLongest_s));
-  feed.hand()->MoveTo(sent_D_);
+  Send(feed);
 }
 
 }  // namespace palpate::view

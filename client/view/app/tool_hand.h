@@ -42,12 +42,16 @@ class HandTool {
   bool Lead(Viewer& viewer, const ViewPointer& pointer);
   void Aim(const Eigen::Vector2d& at_px, LiveFeed& feed);
   void GoAround(LiveFeed& feed);
+  void TurnStylus(const Eigen::Vector2d& by, const ViewPointer& pointer, Viewer& viewer);
+  void Send(LiveFeed& feed) const;
 
   HandAim aim_;
   SeenSurface seen_;  // the surface of the last picture
   std::uint64_t seen_version_ = 0;
   bool leads_ = false;
   Vec3 sent_D_ = Vec3::Zero();
+  // How the hand turns the stylus; none: it turns by itself, as long as nobody turns it.
+  std::optional<Eigen::Quaterniond> R_DS_;
   // The corners of the way that the hand still has to go. Empty: it follows the pointer.
   std::vector<Vec3> way_D_;
   std::chrono::steady_clock::time_point gone_at_{};

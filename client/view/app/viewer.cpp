@@ -403,7 +403,9 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
   }
   if (const client::Hand* device = feed_.device(); device && device->device.max_force_n > 0.0) {
     scene.max_force_n = device->device.max_force_n;
+    scene.max_torque_n_mm = device->device.max_torque_n_mm;
   }
+  if (feed_.settings()) scene.tool = feed_.settings()->tool;
   scene.hand_target_D = hand_.target_D();
   Overlay overlay = BuildOverlay(scene, state_.overlay, state_.camera, view);
   AddTools(view, overlay);

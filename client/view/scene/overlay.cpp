@@ -8,6 +8,7 @@
 #include "client/view/scene/lines.h"
 #include "client/view/scene/patient_axes.h"
 #include "client/view/scene/solids.h"
+#include "client/view/scene/tool_drawing.h"
 
 namespace palpate::view {
 namespace {
@@ -206,8 +207,17 @@ Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, c
   if (options.points && scene.pose->tool_radius_mm > 0.0) {
     AddBall(scene.pose->scp_h_mm, scene.pose->tool_radius_mm, kScpHColor, projection, overlay);
   }
-  if (options.force) AddForce(*scene.pose, scene.max_force_n, projection, overlay);
-  if (options.stylus) AddStylus(*scene.pose, projection, overlay);
+  if (options.force) {
+    AddForce(*scene.pose, scene.max_force_n, projection, overlay);
+    AddTorque(*scene.pose, scene.max_torque_n_mm, projection, overlay);
+  }
+  if (options.stylus) {
+    if (scene.pose->tool_orientation) {
+      AddTool(*scene.pose, scene.tool, projection, overlay);
+    } else {
+      AddStylus(*scene.pose, projection, overlay);
+    }
+  }
   if (scene.hand_target_D) AddHandTarget(scene, projection, overlay);
   return overlay;
 }

@@ -17,6 +17,7 @@
 #include "client/view/scene/camera.h"
 #include "client/view/scene/view_options.h"
 #include "client/view/volume/view_volume.h"
+#include "common/contract/render.h"
 
 namespace palpate::view {
 
@@ -59,6 +60,8 @@ struct OverlayScene {
   // The linear part of the volume's map to P (patient_axes.h). None: no letters.
   std::optional<Mat3> P_from_I{};
   double max_force_n = 3.3;
+  double max_torque_n_mm = 0.0;  // 0: the device has no torque
+  HeldTool tool{};               // of the settings
   // Where the person who leads the hand wants HIP to be. None: nobody leads it here.
   std::optional<Vec3> hand_target_D{};
 };

@@ -32,6 +32,15 @@ function ballText({ toolRadiusMm }: Pose, state: State): string {
   return made && `a point${made}`;
 }
 
+function toolText(pose: Pose, state: State): string {
+  const tool = state.settings?.settings.tool;
+  const made = tool?.ball.length && state.settings?.ball?.isAwaited ? "its field is being made" : "";
+  if (!pose.toolOrientation || !tool) return made;
+  let touching = 0;
+  for (let left = pose.touchingBalls; left > 0; left = Math.floor(left / 2)) touching += left % 2;
+  return `${tool.name || "without a name"}, ${touching} of ${tool.ball.length} balls touch`;
+}
+
 function userText(state: State): string {
   const { hello } = state;
   if (!hello) return "";
@@ -45,8 +54,12 @@ const kRows: [string, string, (pose: Pose | null, state: State, copy: VolumeCopy
   ["Stylus", "What the haptic loop does with the proxy", (pose) => pose && kProxyMode[nameOf(kProxyMode, pose.mode)]],
   ["Layers", "Where the proxy is among the surfaces that are felt one behind the other", (_, state) => whereInLayers(state)],
   ["Ball at the tip", "Its radius on the device", (pose, state) => pose && ballText(pose, state)],
+  ["Tool", "The rigid tool in the hand, and how many of its balls hold it back", (pose, state) => pose && toolText(pose, state)],
   ["Force", "On the hand, and the most that the device gives now",
     (pose) => pose && `${fixed(norm(pose.forceN), 2, "N")} of ${fixed(pose.forces.limitN, 1, "N")}`],
+  ["Torque", "On the hand, and the most that the device gives now",
+    (pose) => pose && (pose.forces.torqueLimitNMm > 0
+      ? `${fixed(norm(pose.torqueNMm ?? [0, 0, 0]), 1, "N·mm")} of ${fixed(pose.forces.torqueLimitNMm, 0, "N·mm")}` : "")],
   ["Forces", "Whether the device may push", (pose) => pose && forcesText(pose)],
   ["Penetration", "From the stylus tip to the proxy, in contact",
     (pose) => pose && (pose.contact ? fixed(norm(subtract(pose.hipMm, pose.scpHMm)), 2, "mm") : "no contact")],

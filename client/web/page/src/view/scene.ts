@@ -10,6 +10,8 @@ import type { Camera, Size } from "./camera";
 import { add, column, compose, dot, fromColumns, matrixOf, norm, normalized, scale, subtract } from "./geometry";
 import type { AffineMap } from "./geometry";
 import type { FaceLabel } from "./patient_axes";
+import { ToolBody } from "./tool";
+import type { Tool } from "./tool";
 
 // CSS pixels.
 const kPointRadius = 7;
@@ -76,6 +78,7 @@ export class PalpationScene {
     new three.MeshLambertMaterial({ color: 0x3cc85a, transparent: true, opacity: 0.35, depthWrite: false }),
   );
   private readonly stylus = new three.Group();
+  private readonly tool = new ToolBody();
   private readonly touched = new three.Group();
   private readonly light = new three.DirectionalLight(0xffffff, 2);
 
@@ -87,7 +90,7 @@ export class PalpationScene {
       part.rotation.x = Math.PI / 2; // from y to z
       this.stylus.add(part);
     }
-    this.touched.add(this.hip, this.scpH, this.scpV, this.spring, this.gap, this.shaft, this.head, this.stylus, this.ball);
+    this.touched.add(this.hip, this.scpH, this.scpV, this.spring, this.gap, this.shaft, this.head, this.stylus, this.ball, this.tool.group);
     this.touched.visible = false;
     this.scene.add(this.box, this.touched, new three.AmbientLight(0xffffff, 1.2), this.light);
   }
@@ -111,7 +114,8 @@ export class PalpationScene {
   }
 
   // `size` and `pixelRatio`: of the canvas.
-  update(pose: Pose | null, camera: Camera, size: Size, pixelRatio: number): void {
+  // `tool`: of the settings; it is drawn where the pose says that one is felt.
+  update(pose: Pose | null, tool: Tool | null, camera: Camera, size: Size, pixelRatio: number): void {
     const [right, up, back] = camera.axes();
     const eye = camera.eye();
     this.camera.matrix.copy(matrixOf(fromColumns(right, up, back, eye)));
@@ -129,10 +133,10 @@ export class PalpationScene {
       sprite.visible = Math.abs(dot(outward, back)) < 0.8;
     }
     this.touched.visible = pose !== null;
-    if (pose) this.updatePose(pose, pixelAt);
+    if (pose) this.updatePose(pose, tool, pixelAt);
   }
 
-  private updatePose(pose: Pose, pixelAt: (p: Vec3) => number): void {
+  private updatePose(pose: Pose, tool: Tool | null, pixelAt: (p: Vec3) => number): void {
     const pointAt = (mesh: three.Object3D, p: Vec3 | null) => {
       mesh.visible = p !== null;
       if (!p) return;
@@ -157,6 +161,7 @@ export class PalpationScene {
     this.ball.visible = pose.toolRadiusMm > 0;
     this.ball.position.set(...scpH);
     this.ball.scale.setScalar(Math.max(pose.toolRadiusMm, 1e-6));
+    this.stylus.visible = !this.tool.update(pose, tool, pose.forces.torqueLimitNMm, pixelAt);
     this.stylus.position.set(...hip);
     this.stylus.quaternion.copy(new three.Quaternion(...pose.stylusOrientation).normalize());
   }

@@ -33,7 +33,8 @@ const kRestShare = 1e-3; // of the distance: a target that is this near is reach
 
 // What is drawn of a pose.
 function looksOf(pose: Pose | null): string {
-  return pose ? [pose.hipMm, pose.scpHMm, pose.scpVMm, pose.stylusOrientation, pose.forceN, pose.toolRadiusMm].join() : "";
+  return pose ? [pose.hipMm, pose.scpHMm, pose.scpVMm, pose.stylusOrientation, pose.forceN, pose.toolRadiusMm,
+    pose.toolOrientation, pose.touchingBalls, pose.torqueNMm].join() : "";
 }
 
 export class Viewport {
@@ -72,7 +73,7 @@ export class Viewport {
     canvas.addEventListener("webglcontextlost", () => this.stop(kLost));
     new ResizeObserver(() => (this.isDirty = true)).observe(canvas);
     state.on(["volume", "placement"], () => this.takePlace());
-    state.on("view", () => (this.isDirty = true));
+    state.on(["view", "settings"], () => (this.isDirty = true));
     state.on("pose", () => (this.isDirty ||= looksOf(state.pose) !== this.drawnPose));
     requestAnimationFrame((now) => this.frame(now));
   }
@@ -261,7 +262,7 @@ export class Viewport {
     const { gl, renderer, scene, canvas } = this;
     const camera = cameraOf(this.state);
     const size: Size = [canvas.width, canvas.height];
-    scene.update(this.state.pose, camera, size, size[0] / Math.max(canvas.clientWidth, 1));
+    scene.update(this.state.pose, this.state.settings?.settings.tool ?? null, camera, size, size[0] / Math.max(canvas.clientWidth, 1));
     // While a picture is being cast, the objects are drawn as the picture that is shown sees them.
     const bounds = this.volumeBounds(1) ?? { min: [-50, -50, -50], max: [50, 50, 50] };
     const projection = scene.camera.projectionMatrix.fromArray(this.caster.shown?.clipFromD ?? camera.clipFromD(size, bounds));

@@ -1,0 +1,107 @@
+"""A rigid tool in the hand, felt with all of its balls."""
+
+import dataclasses
+import os
+import pathlib
+import tomllib
+import typing
+
+import numpy as np
+
+from palpate._errors import InvalidArgument
+from palpate._geometry import Triple, three, vector_of
+from palpate._values import number, switch, text_of
+from palpate.v1 import render_pb2
+
+_MOST_BALLS_OF_A_LINE = 1000
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolBall:
+    """A ball of a rigid tool.
+
+    center_mm: (3,) from the stylus's tip in the stylus's axes, whose z runs along the barrel, away
+        from the tip; on the device, mm
+    radius_mm: 0: a point
+    carves: it carves while carve_tool's button is held
+    """
+
+    center_mm: Triple
+    radius_mm: float = 0.0
+    carves: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Tool:
+    """A rigid tool, such as a drill with its shaft: conn.settings.tool.
+
+    balls: at most 64, of at most 3 different radii
+    name: for people; at most 31 bytes
+    rotation_length_mm: a turn by an angle counts as a way of this length times the angle
+    Example: conn.settings.tool = palpate.Tool.read("drill.toml")
+    """
+
+    balls: tuple[ToolBall, ...]
+    name: str = ""
+    rotation_length_mm: float = 30.0
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> "Tool":
+        """Reads a tool's TOML file, as `palpate tool load` does.
+
+        Errors: OSError, InvalidArgument. Example: palpate.Tool.read("drill.toml")
+        """
+        try:
+            content = tomllib.loads(pathlib.Path(path).read_text(encoding="utf-8"))
+            balls = [_ball_of(one) for one in content.pop("ball", [])]
+            balls += [ball for line in content.pop("line", []) for ball in _balls_of(line)]
+            tool = cls(tuple(balls), **content)
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError, TypeError, KeyError,
+                AttributeError) as error:
+            raise InvalidArgument(f"{path} is no tool: {error}") from None
+        return typing.cast(Tool, tool_of("tool", tool))
+
+
+def tool_of(name: str, value: typing.Any) -> Tool | None:
+    """The tool of a message, or of a caller. Errors: InvalidArgument."""
+    if isinstance(value, render_pb2.HeldTool):
+        if not value.ball:
+            return None
+        balls = tuple(ToolBall((ball.center_mm.x, ball.center_mm.y, ball.center_mm.z),
+                               ball.radius_mm, ball.carves) for ball in value.ball)
+        return Tool(balls, value.name, value.rotation_length_mm or 30.0)
+    if value is None:
+        return None
+    if not isinstance(value, Tool):
+        raise InvalidArgument(f"{name} is a palpate.Tool or None, not {value!r}")
+    for ball in value.balls:
+        if not isinstance(ball, ToolBall):
+            raise InvalidArgument(f"the balls of {name} are palpate.ToolBall(...), not {ball!r}")
+    return value
+
+
+def put_tool(tool: Tool | None, message: render_pb2.HeldTool) -> None:
+    """Errors: InvalidArgument."""
+    message.SetInParent()
+    if tool is None:
+        return
+    message.name = text_of("name", tool.name)
+    message.rotation_length_mm = number("rotation_length_mm", tool.rotation_length_mm)
+    for ball in tool.balls:
+        message.ball.add(center_mm=vector_of("center_mm", ball.center_mm),
+                         radius_mm=number("radius_mm", ball.radius_mm),
+                         carves=switch("carves", ball.carves))
+
+
+def _ball_of(table: dict[str, typing.Any]) -> ToolBall:
+    ball = ToolBall(**table)
+    return dataclasses.replace(ball, center_mm=three("center_mm", ball.center_mm))
+
+
+def _balls_of(line: dict[str, typing.Any]) -> list[ToolBall]:
+    begin, end = (np.array(three(key, line.pop(key))) for key in ("from_mm", "to_mm"))
+    count = line.pop("count")
+    if not isinstance(count, int) or not 2 <= count <= _MOST_BALLS_OF_A_LINE:
+        raise InvalidArgument("count is a whole number of balls, 2 at least")
+    return [ToolBall(tuple(begin + share * (end - begin)), **line)
+            for share in np.linspace(0.0, 1.0, count)]
