@@ -382,7 +382,6 @@ bool TrackHip(const Vec3& p_DHip_mm, double since_s, RendererState& state) noexc
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,
                           const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept {
   HapticOutput output;
-  if (state.tool.state.placed) state.tool = ToolMemory();
   if (!TrackHip(p_DHip_mm, dt_s, state)) {
     output.input_rejected = true;
     state.rejected_s += dt_s;
@@ -417,7 +416,6 @@ HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& 
   if (output.input_rejected) state.rejected_s += dt_s;
   output.p_DHip_mm = output.proxy.p_DH_mm = state.p_DLastHip_mm = state.p_DHip_mm;
   state.proxy = Proxy();
-  state.tool = ToolMemory();
   state.friction = FrictionState();
   state.passivity = PassivityState();
   state.passed = 0;

@@ -25,7 +25,6 @@
 #include "server/haptics/passivity.h"
 #include "server/haptics/proxy.h"
 #include "server/haptics/settings.h"
-#include "server/haptics/tool/tool_memory.h"
 #include "server/haptics/visual_proxy.h"
 
 namespace palpate {
@@ -57,7 +56,6 @@ struct RendererMemory {
   int touched = 0;                    // id of the layer in contact; negative: from within; 0: none
   double slack_mm = 0.0;
   bool layered = false;  // the last step was on layers
-  ToolMemory tool;       // of steps with a tool (tool/tool_renderer.h)
 };
 
 struct RendererState : RendererMemory {
@@ -81,9 +79,6 @@ struct HapticOutput {
   int contact_layer = 0;                  // its id; 0: no contact, or no layers
   bool popped = false;                    // the pop is in this step
   bool input_rejected = false;
-  bool has_tool = false;
-  ToolStep tool;                      // with a tool; `proxy` is its origin then
-  Vec3 torque_D_n_mm = Vec3::Zero();  // of a tool, about the HIP; not limited yet
 };
 
 HapticOutput StepRenderer(const HapticSurface& surface, const HapticSettings& settings,

@@ -95,7 +95,7 @@ class Run {
   const HapticSurface& surface() const { return felt_.surface[0]; }
   Vec3 Vector() { return {normal_(random_), normal_(random_), normal_(random_)}; }
   Vec3 Direction() { return Vector().normalized(); }
-  ToolPose Tool() const { return state_->tool.state.pose; }
+  ToolPose Tool() const { return memory_.state.pose; }
 
   // Next to the surface, where the whole tool is free.
   void BeginSomewhere() {
@@ -104,9 +104,9 @@ class Run {
       const Vec3 at_I = Vec3(uniform_(random_), uniform_(random_), uniform_(random_));
       hand_ = {surface().X_DI.Apply(at_I.cwiseProduct(size)),
                Eigen::Quaterniond(Eigen::AngleAxisd(3.14 * uniform_(random_), Direction()))};
-      state_->tool = ToolMemory();
+      memory_ = ToolMemory();
       last_ = StepWithTool(felt_, settings_, hand_.p_DS_mm, hand_.R_DS, kReplayPeriodS, kToolWork,
-                           *state_);
+                           *state_, memory_);
     } while (last_.tool.mode != ProxyMode::kFree);
     goal_ = hand_;
     given_mj_ = force_only_mj_ = 0.0;
@@ -138,11 +138,11 @@ class Run {
   }
 
   void Tick(bool judges, int tick) {
-    const ToolState from = state_->tool.state;
+    const ToolState from = memory_.state;
     if (judges) Judge(from);
     const double begin_us = ThreadUs();
-    const HapticOutput output = StepWithTool(felt_, settings_, hand_.p_DS_mm, hand_.R_DS,
-                                             kReplayPeriodS, kToolWork, *state_);
+    const ToolOutput output = StepWithTool(felt_, settings_, hand_.p_DS_mm, hand_.R_DS,
+                                           kReplayPeriodS, kToolWork, *state_, memory_);
     const double us = ThreadUs() - begin_us;
     figures_.us.push_back(us);
     figures_.contacts += output.tool.touching != 0;
@@ -173,11 +173,11 @@ class Run {
   }
 
   // By the mean of two forces.
-  void Account(const HapticOutput& output) {
+  void Account(const ToolOutput& output) {
     const ToolMove moved = MoveBetween(before_, hand_);
-    given_mj_ += 0.5 * (output.force_D_n + last_.force_D_n).dot(moved.way_mm) +
+    given_mj_ += 0.5 * (output.haptic.force_D_n + last_.haptic.force_D_n).dot(moved.way_mm) +
                  0.5 * (output.torque_D_n_mm + last_.torque_D_n_mm).dot(moved.turn_rad);
-    force_only_mj_ += 0.5 * (output.spring_D_n + last_.spring_D_n).dot(moved.way_mm);
+    force_only_mj_ += 0.5 * (output.haptic.spring_D_n + last_.haptic.spring_D_n).dot(moved.way_mm);
     figures_.given_mj = std::max(figures_.given_mj, given_mj_);
     figures_.force_only_mj = std::max(figures_.force_only_mj, force_only_mj_);
     last_ = output;
@@ -198,7 +198,8 @@ class Run {
   std::unique_ptr<RendererState> state_ = std::make_unique<RendererState>();
   ToolJudge judge_;
   ToolPose hand_, before_, goal_;
-  HapticOutput last_;
+  ToolOutput last_;
+  ToolMemory memory_;
   double given_mj_ = 0.0, force_only_mj_ = 0.0;
   Figures figures_;
   std::vector<double> capped_us_;

@@ -112,7 +112,7 @@ template <class Renderer, class Visit>
 void VisitRenderer(Renderer& renderer, int layout, Visit& visit) {
   auto& [proxy, has_hip, p_DHip_mm, p_DLastHip_mm, velocity_mm_per_s, friction, passed, rejected_s,
          spring_mj, felt_D_n, pop_force_D_n, pop_fade, passivity, limited_D_n, by_design_D_n,
-         touched, slack_mm, layered, tool] = renderer;
+         touched, slack_mm, layered] = renderer;
   VisitProxy(proxy, layout, visit);
   visit(has_hip);
   for (auto* v : {&p_DHip_mm, &p_DLastHip_mm, &velocity_mm_per_s}) VisitVector(*v, visit);
@@ -128,7 +128,6 @@ void VisitRenderer(Renderer& renderer, int layout, Visit& visit) {
   visit(slack_mm);
   visit(slid_mm);
   visit(layered);
-  if (layout > kLayoutWithoutTools) VisitTool(tool, visit);
 }
 
 template <class SafetyT, class Visit>
@@ -150,8 +149,9 @@ void VisitSafety(SafetyT& safety, int layout, Visit& visit) {
 
 template <class Memory, class Visit>
 void VisitMemory(Memory& memory, int layout, Visit visit) {
-  auto& [renderer, safety, tick, missed_ticks, capped_ticks, faulty_ticks] = memory;
+  auto& [renderer, tool, safety, tick, missed_ticks, capped_ticks, faulty_ticks] = memory;
   VisitRenderer(renderer, layout, visit);
+  if (layout > kLayoutWithoutTools) VisitTool(tool, visit);
   VisitSafety(safety, layout, visit);
   for (auto* count : {&tick, &missed_ticks, &capped_ticks, &faulty_ticks}) visit(*count);
 }
@@ -272,7 +272,7 @@ bool IsInRange(const ServoMemory& memory) {
          renderer.friction.slid_mm <= kFarthestMm && IsPosition(renderer.p_DHip_mm) &&
          IsPosition(renderer.p_DLastHip_mm) &&
          renderer.friction.normal_D.norm() < 1.0 + kUnitTolerance &&
-         IsPassivity(renderer.passivity) && IsTool(renderer.tool);
+         IsPassivity(renderer.passivity) && IsTool(memory.tool);
 }
 
 // Gives a proxy that has popped through the one surface its bound, with the sign of the settings'

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "server/haptics/renderer.h"
+#include "server/haptics/tool/tool_memory.h"
 #include "server/safety/safety.h"
 #include "server/samples/servo_keyframe.h"
 
@@ -15,6 +16,7 @@ namespace palpate {
 
 struct ServoMemory {
   RendererMemory renderer;
+  ToolMemory tool;
   SafetyMemory safety;
   std::uint64_t tick = 0;          // the next tick
   std::uint64_t missed_ticks = 0;  // counters as of the last sample

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "server/servo/servo_memory.h"
@@ -12,10 +13,12 @@ namespace {
 
 std::array<double, 3> ToArray(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-void DescribeTool(const HapticOutput& output, TickSample& sample) {
+void DescribeTool(const ToolOutput& output, const ToolMemory& memory, TickSample& sample) {
   const Eigen::Quaterniond& q = output.tool.pose.R_DS;
   sample.tool_orientation = {q.w(), q.x(), q.y(), q.z()};
   sample.touching_balls = output.tool.touching;
+  sample.contact = output.tool.touching != 0;
+  sample.refinement = static_cast<std::uint32_t>(memory.felt.refinement);
 }
 
 void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample) {
@@ -27,8 +30,7 @@ void Describe(const Scene& scene, const HapticOutput& output, TickSample& sample
   sample.layers_passed = static_cast<std::uint32_t>(output.layers_passed);
   sample.contact_layer = static_cast<std::uint32_t>(output.contact_layer);
   if (scene.ball) sample.tool_radius_mm = scene.ball->radius_mm;
-  sample.contact = !output.proxy.normal_D.isZero() || output.tool.touching != 0;
-  if (output.has_tool) DescribeTool(output, sample);
+  sample.contact = !output.proxy.normal_D.isZero();
   sample.input_rejected = output.input_rejected;
   sample.density = scene.volume->Denormalize(output.proxy.density);
   sample.iterations = static_cast<std::uint32_t>(output.proxy.moves);
@@ -96,12 +98,15 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   const bool pushed = !std::isnan(input.push_D_n.x());
   was_pushed_ = pushed && !suspended;
   HapticOutput output;
+  std::optional<ToolOutput> with_tool;
+  if (suspended || pushed || scene.tool == nullptr) tool_ = ToolMemory();
   if (suspended || pushed) {
     output = SuspendRenderer(stylus.p_DHip_mm, elapsed_s, renderer_);
     if (pushed) output.force_D_n = input.push_D_n;
   } else if (scene.tool != nullptr) {
-    output = StepWithTool(scene.tool->felt, scene.settings, stylus.p_DHip_mm, stylus.R_DS,
-                          elapsed_s, kToolWork, renderer_);
+    with_tool = StepWithTool(scene.tool->felt, scene.settings, stylus.p_DHip_mm, stylus.R_DS,
+                             elapsed_s, kToolWork, renderer_, tool_);
+    output = with_tool->haptic;
     if (renderer_.has_hip) sample.isovalue = IsovalueOf(scene, output.isovalue);
   } else {
     output = StepRenderer(surface, scene.settings, stylus.p_DHip_mm, elapsed_s, renderer_);
@@ -109,13 +114,14 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
   }
   Describe(scene, output, sample);
   sample.surface_place = PlaceOf(renderer_.proxy);
-  sample.refinement = static_cast<std::uint32_t>(output.has_tool ? renderer_.tool.felt.refinement
-                                                                 : surface.lattice.refinement());
+  sample.refinement = static_cast<std::uint32_t>(surface.lattice.refinement());
+  if (with_tool) DescribeTool(*with_tool, tool_, sample);
   if (suspended || pushed) {
     sample.mode = ProxyMode::kSuspended;
     sample.free_side = surface.free_side;
   }
-  const Wrench wrench_D = safety_.Step({.wrench_D = {output.force_D_n, output.torque_D_n_mm},
+  const Wrench wanted_D = {output.force_D_n, with_tool ? with_tool->torque_D_n_mm : Vec3::Zero()};
+  const Wrench wrench_D = safety_.Step({.wrench_D = wanted_D,
                                         .p_DHip_mm = output.p_DHip_mm,
                                         .R_DS = stylus.R_DS,
                                         .device = input.device,
@@ -132,8 +138,8 @@ TickSample TickComputation::Run(const Scene& scene, const TickInput& input) noex
     sample.mode = ProxyMode::kFault;
     ++faulty_ticks_;
   }
-  if (output.has_tool) {
-    TellWrittenWrench(wrench_D, scene.tool->felt.tool.rotation_length_mm, renderer_);
+  if (with_tool) {
+    TellWrittenWrench(wrench_D, scene.tool->felt.tool.rotation_length_mm, renderer_, tool_);
   } else {
     TellWrittenForce(wrench_D.force_n, renderer_);
   }
@@ -179,13 +185,15 @@ TickInput TickComputation::InputOf(const TickSample& sample) const noexcept {
 }
 
 ServoKeyframe TickComputation::Keyframe() const noexcept {
-  return Save({renderer_, safety_.memory(), ticks_, missed_ticks_, capped_ticks_, faulty_ticks_});
+  return Save(
+      {renderer_, tool_, safety_.memory(), ticks_, missed_ticks_, capped_ticks_, faulty_ticks_});
 }
 
 bool TickComputation::Resume(std::string_view keyframe) noexcept {
   ServoMemory memory;
   if (!Load(keyframe, memory)) return false;
   static_cast<RendererMemory&>(renderer_) = memory.renderer;
+  tool_ = memory.tool;
   safety_.Resume(memory.safety);
   resumed_ = true;
   ticks_ = memory.tick;

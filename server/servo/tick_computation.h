@@ -9,6 +9,7 @@
 
 #include "server/device/haptic_device.h"
 #include "server/haptics/renderer.h"
+#include "server/haptics/tool/tool_memory.h"
 #include "server/safety/safety.h"
 #include "server/samples/servo_keyframe.h"
 #include "server/samples/tick_sample.h"
@@ -17,8 +18,9 @@
 namespace palpate {
 
 inline constexpr double kTickPeriodS = 1e-3;
-// The most work of a tool in a tick: at its worst some 0.3 ms. Several hands would share it.
-inline constexpr int kToolWork = 20'000;
+// The most work of a tool in a tick: at its worst about half a millisecond. Several hands would
+// share it.
+inline constexpr int kToolWork = kLeastToolWork;
 
 // What a device read, in D. Members as in DeviceState.
 struct HandInput {
@@ -69,6 +71,7 @@ class TickComputation {
  private:
   Safety safety_;
   RendererState renderer_;
+  ToolMemory tool_;
   bool resumed_ = false;     // resumed, and no tick since
   bool was_pushed_ = false;  // and nothing else suspended, in the last tick
   std::uint64_t ticks_ = 0;

@@ -33,13 +33,15 @@ class Chain {
     if (has_torque) state->device.max_force_n = 1e6;
   }
 
-  HapticOutput Step(const ToolPose& stylus, double dt_s = kLoopTickS) {
-    return StepWithTool(felt, settings, stylus.p_DS_mm, stylus.R_DS, dt_s, kToolWork, *state);
+  ToolOutput Step(const ToolPose& stylus, double dt_s = kLoopTickS) {
+    return StepWithTool(felt, settings, stylus.p_DS_mm, stylus.R_DS, dt_s, kToolWork, *state,
+                        memory);
   }
 
   FeltTool felt;
   HapticSettings settings{.stiffness_n_per_mm = 1.0};
   std::unique_ptr<RendererState> state = std::make_unique<RendererState>();
+  ToolMemory memory;
 
  private:
   std::unique_ptr<ToolCellCache> cache_ = std::make_unique<ToolCellCache>();
@@ -63,16 +65,16 @@ Led Lead(Chain& chain, std::uint64_t seed) {
   };
   // Begins in free space, with an empty spring.
   ToolPose hand, goal;
-  HapticOutput last;
+  ToolOutput last;
   do {
     hand = {20.0 * direction(), Turn(3.0, direction())};
-    chain.state->tool = ToolMemory();
+    chain.memory = ToolMemory();
     last = chain.Step(hand);
   } while (last.tool.mode != ProxyMode::kFree);
   double given_mj = 0.0, unguarded_mj = 0.0;
   Led led;
   for (int n = 0; n < 20'000; ++n) {
-    const ToolPose tool = chain.state->tool.state.pose;
+    const ToolPose tool = chain.memory.state.pose;
     if (n % 150 == 0) goal = Moved(tool, {8.0 * direction(), 0.4 * direction()});
     const ToolMove way = MoveBetween(hand, goal);
     ToolPose next = Moved(hand, {way.way_mm * std::min(1.0, 0.1 / way.way_mm.norm()),
@@ -82,10 +84,10 @@ Led Lead(Chain& chain, std::uint64_t seed) {
     next = Moved(tool, {depth.way_mm * std::min(1.0, 2.0 / depth.way_mm.norm()),
                         depth.turn_rad * std::min(1.0, 0.2 / depth.turn_rad.norm())});
     const ToolMove moved = MoveBetween(hand, next);
-    const HapticOutput output = chain.Step(next);
-    given_mj += 0.5 * (output.force_D_n + last.force_D_n).dot(moved.way_mm) +
+    const ToolOutput output = chain.Step(next);
+    given_mj += 0.5 * (output.haptic.force_D_n + last.haptic.force_D_n).dot(moved.way_mm) +
                 0.5 * (output.torque_D_n_mm + last.torque_D_n_mm).dot(moved.turn_rad);
-    unguarded_mj += 0.5 * (output.spring_D_n + last.spring_D_n).dot(moved.way_mm);
+    unguarded_mj += 0.5 * (output.haptic.spring_D_n + last.haptic.spring_D_n).dot(moved.way_mm);
     led.given_mj = std::max(led.given_mj, given_mj);
     led.unguarded_mj = std::max(led.unguarded_mj, unguarded_mj);
     led.contacts += output.tool.touching != 0;
@@ -126,9 +128,10 @@ TEST(ToolRenderer, TheTankDoesNotChangeAPress) {
   double most_n = 0.0;
   for (int n = 0; n < 400; ++n) {
     const double z_mm = 14.0 - 4.0 * std::sin(0.01 * n);
-    const HapticOutput output = chain.Step({Vec3(0, 0, z_mm), Eigen::Quaterniond::Identity()});
-    EXPECT_LE((output.force_D_n - output.spring_D_n).norm(), 1e-3 * output.spring_D_n.norm());
-    most_n = std::max(most_n, output.force_D_n.norm());
+    const ToolOutput output = chain.Step({Vec3(0, 0, z_mm), Eigen::Quaterniond::Identity()});
+    EXPECT_LE((output.haptic.force_D_n - output.haptic.spring_D_n).norm(),
+              1e-3 * output.haptic.spring_D_n.norm());
+    most_n = std::max(most_n, output.haptic.force_D_n.norm());
   }
   EXPECT_GT(most_n, 1.0);
 }
@@ -156,9 +159,9 @@ testing::LoopResult Hold(const testing::Hand& hand, double stiffness, bool is_la
     } else {
       written.force_n = written_n;
     }
-    TellWrittenWrench(written, rho_mm, *chain.state);
-    const HapticOutput output = chain.Step(stylus, dt_s);
-    return turns ? Vec3(0, 0, -output.torque_D_n_mm.y() / rho_mm) : output.force_D_n;
+    TellWrittenWrench(written, rho_mm, *chain.state, chain.memory);
+    const ToolOutput output = chain.Step(stylus, dt_s);
+    return turns ? Vec3(0, 0, -output.torque_D_n_mm.y() / rho_mm) : output.haptic.force_D_n;
   };
   return testing::HandLoop(hand, {.is_late = is_late}).Run(render, [](const Vec3& p_mm) {
     return std::max(0.0, -p_mm.z());
@@ -187,18 +190,18 @@ TEST(ToolRenderer, APoseThatIsNoneIsRejectedAndChangesNothing) {
   const Eigen::Quaterniond across = Turn(1.5, Vec3::UnitX());
   const ToolPose pressed{Vec3(0, 4, 9.5), across};
   chain.Step({Vec3(0, 4, 16), across});
-  const HapticOutput good = chain.Step(pressed);
+  const ToolOutput good = chain.Step(pressed);
   EXPECT_GT(good.torque_D_n_mm.norm(), 1.0);
   const double nan = std::nan("");
   for (const ToolPose& bad :
        {ToolPose{Vec3(nan, 0, 0), pressed.R_DS}, ToolPose{pressed.p_DS_mm, {nan, 0, 0, 0}},
         ToolPose{pressed.p_DS_mm, {0, 0, 0, 0}}, ToolPose{pressed.p_DS_mm, {2, 0, 0, 0}}}) {
-    const HapticOutput output = chain.Step(bad);
-    EXPECT_TRUE(output.input_rejected);
-    EXPECT_LE((output.force_D_n - good.force_D_n).norm(), 1e-3);
+    const ToolOutput output = chain.Step(bad);
+    EXPECT_TRUE(output.haptic.input_rejected);
+    EXPECT_LE((output.haptic.force_D_n - good.haptic.force_D_n).norm(), 1e-3);
     EXPECT_LE((output.torque_D_n_mm - good.torque_D_n_mm).norm(), 0.1);
   }
-  EXPECT_FALSE(chain.Step(pressed).input_rejected);
+  EXPECT_FALSE(chain.Step(pressed).haptic.input_rejected);
 }
 
 }  // namespace

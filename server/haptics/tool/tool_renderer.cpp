@@ -35,7 +35,7 @@ void TakeUp(RendererState& state) {
 class ToolUpdate {
  public:
   ToolUpdate(const FeltTool& felt, const HapticSettings& settings, const ToolPose& stylus,
-             double dt_s, int work, RendererState& state, HapticOutput& output)
+             double dt_s, int work, RendererState& state, ToolMemory& memory, ToolOutput& output)
       : felt_(felt),
         settings_(settings),
         stylus_(stylus),
@@ -43,7 +43,7 @@ class ToolUpdate {
         work_(work),
         rho_mm_(felt.tool.rotation_length_mm),
         state_(state),
-        memory_(state.tool),
+        memory_(memory),
         output_(output),
         surface_(felt.surface) {}
 
@@ -181,19 +181,19 @@ class ToolUpdate {
 
   void Tell(const ToolMove& pull, const Wrench& wrench_D) noexcept {
     const ToolStep& step = output_.tool;
-    output_.has_tool = true;
-    output_.force_D_n = wrench_D.force_n;
     output_.torque_D_n_mm = wrench_D.torque_n_mm;
-    output_.spring_D_n = settings_.stiffness_n_per_mm * pull.way_mm;
-    output_.isovalue = surface_[0].isovalue;
-    output_.free_side = surface_[0].free_side;
-    output_.proxy.p_DH_mm = step.pose.p_DS_mm;
-    output_.proxy.mode = step.mode;
-    output_.proxy.moves = step.rounds;
-    output_.proxy.tetrahedra = step.work;
-    output_.proxy.capped = step.capped;
+    HapticOutput& haptic = output_.haptic;
+    haptic.force_D_n = wrench_D.force_n;
+    haptic.spring_D_n = settings_.stiffness_n_per_mm * pull.way_mm;
+    haptic.isovalue = surface_[0].isovalue;
+    haptic.free_side = surface_[0].free_side;
+    haptic.proxy.p_DH_mm = step.pose.p_DS_mm;
+    haptic.proxy.mode = step.mode;
+    haptic.proxy.moves = step.rounds;
+    haptic.proxy.tetrahedra = step.work;
+    haptic.proxy.capped = step.capped;
     const double length_mm = pull.way_mm.norm();
-    if (memory_.touches && length_mm > 0.0) output_.proxy.normal_D = pull.way_mm / length_mm;
+    if (memory_.touches && length_mm > 0.0) haptic.proxy.normal_D = pull.way_mm / length_mm;
   }
 
   const FeltTool& felt_;
@@ -204,33 +204,33 @@ class ToolUpdate {
   const double rho_mm_;
   RendererState& state_;
   ToolMemory& memory_;
-  HapticOutput& output_;
+  ToolOutput& output_;
   std::array<HapticSurface, kMostToolRadii> surface_;  // of this step
 };
 
 }  // namespace
 
-HapticOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings,
-                          const Vec3& p_DHip_mm, const Eigen::Quaterniond& R_DS, double dt_s,
-                          int work, RendererState& state) noexcept {
-  HapticOutput output;
-  output.input_rejected = !IsOrientation(R_DS) || !TrackHip(p_DHip_mm, dt_s, state);
-  if (output.input_rejected) {
+ToolOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings, const Vec3& p_DHip_mm,
+                        const Eigen::Quaterniond& R_DS, double dt_s, int work, RendererState& state,
+                        ToolMemory& memory) noexcept {
+  ToolOutput output;
+  const bool is_rejected = !IsOrientation(R_DS) || !TrackHip(p_DHip_mm, dt_s, state);
+  output.haptic.input_rejected = is_rejected;
+  if (is_rejected) {
     state.rejected_s += dt_s;
     if (!state.has_hip) return output;
   }
-  if (!state.tool.state.placed) TakeUp(state);
+  if (!memory.state.placed) TakeUp(state);
   const Eigen::Quaterniond turned =
-      output.input_rejected ? Eigen::Quaterniond(state.tool.R_DS) : R_DS.normalized();
-  output.p_DHip_mm = state.p_DHip_mm;
-  ToolUpdate(felt, settings, {state.p_DHip_mm, turned}, dt_s, work, state, output).Run();
+      is_rejected ? Eigen::Quaterniond(memory.R_DS) : R_DS.normalized();
+  output.haptic.p_DHip_mm = state.p_DHip_mm;
+  ToolUpdate(felt, settings, {state.p_DHip_mm, turned}, dt_s, work, state, memory, output).Run();
   state.p_DLastHip_mm = state.p_DHip_mm;
   return output;
 }
 
-void TellWrittenWrench(const Wrench& written_D, double rotation_length_mm,
-                       RendererState& state) noexcept {
-  ToolMemory& memory = state.tool;
+void TellWrittenWrench(const Wrench& written_D, double rotation_length_mm, RendererState& state,
+                       ToolMemory& memory) noexcept {
   memory.port.written_D_n = written_D.force_n;
   if (state.passivity.started) state.passivity.written_D_n.col(0) = written_D.force_n;
   if (!memory.passivity.started) return;

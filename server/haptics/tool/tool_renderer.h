@@ -11,6 +11,7 @@
 #pragma once
 
 #include "server/haptics/renderer.h"
+#include "server/haptics/tool/tool_memory.h"
 #include "server/haptics/tool/tool_step.h"
 
 namespace palpate {
@@ -22,13 +23,22 @@ struct FeltTool {
   std::array<ToolCellCache*, kMostToolRadii> cache{};
 };
 
-// `work`: the most of a step (tool_step.h); where the surface has moved, another half of it.
-HapticOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings,
-                          const Vec3& p_DHip_mm, const Eigen::Quaterniond& R_DS, double dt_s,
-                          int work, RendererState& state) noexcept;
+struct ToolOutput {
+  // `proxy` is the tool's origin.
+  HapticOutput haptic;
+  ToolStep tool;
+  Vec3 torque_D_n_mm = Vec3::Zero();  // about the HIP; not limited yet
+};
+
+// `state`: of the stylus and the device; it has no point meanwhile. `memory`: a new one takes the
+// tool up where the stylus is. `work`: the most of a step (tool_step.h); where the surface has
+// moved, another half of it.
+ToolOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings, const Vec3& p_DHip_mm,
+                        const Eigen::Quaterniond& R_DS, double dt_s, int work, RendererState& state,
+                        ToolMemory& memory) noexcept;
 
 // As TellWrittenForce, after a step with a tool.
-void TellWrittenWrench(const Wrench& written_D, double rotation_length_mm,
-                       RendererState& state) noexcept;
+void TellWrittenWrench(const Wrench& written_D, double rotation_length_mm, RendererState& state,
+                       ToolMemory& memory) noexcept;
 
 }  // namespace palpate
