@@ -88,9 +88,10 @@ std::string Describe(const client::DeviceDescription& device) {
                          device.max_force_n, device.continuous_force_n, stiffness,
                          device.position_resolution_mm, device.button_count));
   if (device.max_torque_n_mm > 0.0) {
+    const double continuous = device.continuous_torque_n_mm;
     AppendLine(text, "",
-               fmt::format("torque at most {:g} N mm, {:g} N mm continuously",
-                           device.max_torque_n_mm, device.continuous_torque_n_mm));
+               fmt::format("torque at most {:g} N mm", device.max_torque_n_mm) +
+                   (continuous > 0.0 ? fmt::format(", {:g} N mm continuously", continuous) : ""));
   }
   return text;
 }

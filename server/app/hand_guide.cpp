@@ -29,11 +29,19 @@ bool HaveSameSurface(const HapticSurface& a, const HapticSurface& b) {
 
 }  // namespace
 
-// Of layers the hand plans to touch the outermost one.
+// Of layers the hand plans to touch the outermost one, and with a tool's ball at the tip.
 HandGuide::Felt::Felt(const Scene& scene)
     : volume(scene.felt_volume()),
       surface(scene.surface),
       stiffness_n_per_mm(scene.settings.stiffness_n_per_mm) {
+  if (scene.tool != nullptr) {
+    const FeltTool& felt = scene.tool->felt;
+    const auto from_tip = [](const ToolBall& ball) { return ball.p_SBall_mm.norm(); };
+    const std::size_t radius = std::ranges::min(felt.tool.balls(), {}, from_tip).radius;
+    volume = scene.tool->volume[radius];
+    surface = felt.surface[radius];
+    has_tool = true;
+  }
   if (surface.layers == nullptr) return;
   const HapticLayer& outermost = surface.layers->all().front();
   surface.isovalue = outermost.isovalue;
@@ -128,6 +136,7 @@ void HandGuide::Plan(const Felt& felt) noexcept {
   try {
     auto plan =
         std::make_unique<TouchPlan>(PlanTouches(felt.surface, device_, felt.stiffness_n_per_mm));
+    plan->turns_stylus = felt.has_tool;
     // The hand is not led back into a volume that goes or has gone.
     const std::lock_guard lock(mutex_);
     const bool makes_room = std::chrono::steady_clock::now() < room_is_made_until_;

@@ -47,6 +47,7 @@ class HandGuide final : public SceneListener {
     std::shared_ptr<const VolumeSnapshot> volume;
     HapticSurface surface;  // borrows *volume
     double stiffness_n_per_mm;
+    bool has_tool = false;
   };
 
   void Run();

@@ -32,6 +32,10 @@ constexpr double kGoingBackS = 1.5;
 constexpr int kTimesCaught = 2;  // then the hand explores for a while
 constexpr double kUnguidedS = 1.0;
 
+// A turn of the barrel.
+constexpr double kTurnS = 0.1;
+constexpr double kTurnRadPerS = 3.0;
+
 constexpr double kReachedMm = 2.0;
 constexpr double kNothingS = 0.5;
 constexpr double kMostOutS = 3.0;  // if something holds the hand, or if no other volume comes
@@ -93,6 +97,7 @@ StylusScript::Target GuidedScript::Next(const HandState& hand, const Wrench& fel
   if (dt_s > 0.0) TakePlan(plans_.Acquire(), hand, dt_s);
   if (phase_ == Phase::kUnguided) {
     unguided_left_s_ -= dt_s;
+    is_turned_ = false;
     return unguided_->Next(hand, felt_M, dt_s);
   }
   if (IsLost(felt_M.force_n, dt_s)) GoOut(hand);
@@ -104,7 +109,28 @@ StylusScript::Target GuidedScript::Next(const HandState& hand, const Wrench& fel
           : std::clamp((kHeldForceN - felt_M.force_n.norm()) / (kHeldForceN - kSlowingN), 0.0, 1.0);
   hand_.Follow(Goal(pace * dt_s), kFollowS, dt_s);
   const Vec3 held_n = Limited(felt_M.force_n, phase_ == Phase::kOut ? kOutForceN : kHeldForceN);
-  return {.p_MTarget_mm = hand_.SpringEnd(held_n), .buttons = 0};
+  Target target{.p_MTarget_mm = hand_.SpringEnd(held_n)};
+  Turn(hand, dt_s, target);
+  return target;
+}
+
+void GuidedScript::Turn(const HandState& hand, double dt_s, Target& target) {
+  if (plan_ == nullptr || !plan_->turns_stylus) {
+    is_turned_ = false;
+    return;
+  }
+  if (!is_turned_) R_MTurned_ = hand.R_MS;
+  target.is_turned = is_turned_ = true;
+  const Eigen::Quaterniond held(R_MTurned_);
+  const Vec3 normal_D = phase_ == Phase::kArc ? EndOf(stroke_, EntersAtLast()).normal_D : normal_D_;
+  if (!normal_D.isZero(0.0)) {
+    const auto whole = Eigen::Quaterniond::FromTwoVectors(held * Vec3::UnitZ(), normal_D);
+    const double angle_rad = whole.angularDistance(Eigen::Quaterniond::Identity());
+    const double most = angle_rad > 0.0 ? kTurnRadPerS * dt_s / angle_rad : 1.0;
+    const double share = std::min(dt_s / (kTurnS + dt_s), most);
+    R_MTurned_ = (Eigen::Quaterniond::Identity().slerp(share, whole) * held).normalized();
+  }
+  target.R_MTarget = R_MTurned_;
 }
 
 // Acquires, so that the plans of this time are freed. The newest one counts as new afterwards.

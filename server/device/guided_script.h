@@ -12,7 +12,8 @@
 //   other   without a plan, or where going back does not help: the other script's
 //
 // The hand goes where the plan has it: it knows its own mass, spring and damper, and
-// holds against the force it feels, up to kHeldForceN.
+// holds against the force it feels, up to kHeldForceN. A plan for a rigid tool also has it turn the
+// stylus: the barrel goes along the normal of the surface that it touches, or will touch next.
 //
 // Frame M, mm, N, s; plans are in D, which is M. Threads and real-time: as StylusScript; plans come
 // by a wait-free handoff. A new plan costs a tick one look at each stroke's points. The same inputs
@@ -59,6 +60,7 @@ class GuidedScript final : public StylusScript {
   static Nearest NearestPoint(const TouchPlan& plan, const Vec3& p_mm, std::size_t step,
                               std::size_t other_than);
   Vec3 Goal(double dt_s);
+  void Turn(const HandState& hand, double dt_s, Target& target);
   Vec3 GoalOnArc(double dt_s);
   Vec3 GoalOnStroke(double dt_s);
   const TouchStroke& stroke() const { return plan_->strokes[stroke_]; }
@@ -89,6 +91,8 @@ class GuidedScript final : public StylusScript {
   double nothing_s_ = 0.0;        // that the hand has felt nothing on a stroke
   Vec3 normal_D_ = Vec3::Zero();  // of the surface that was touched last; zero: none
   HandFollower hand_;
+  bool is_turned_ = false;
+  UnalignedQuaternion R_MTurned_ = UnalignedQuaternion::Identity();  // of the stylus
 };
 
 }  // namespace palpate

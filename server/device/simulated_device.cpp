@@ -18,6 +18,9 @@ constexpr double kWristSpringNMmPerRad = 500.0;
 constexpr double kWristDamperNMmSPerRad = 20.0;
 constexpr double kKgMm2PerNMmS2 = 1e3;
 
+// Without torque. What the hand wants leaps where somebody else begins to turn the stylus.
+constexpr double kMostTurnRadPerS = 8.0;
+
 constexpr double kRestTiltRad = 0.6;  // barrel up from the user's direction
 constexpr double kTiltRadPerMmS = 0.003;
 constexpr double kLargestTiltRad = 0.35;
@@ -93,7 +96,10 @@ void SimulatedDevice::Write(const DeviceCommand& command, double dt_s) noexcept 
 void SimulatedDevice::TurnStylus(const Eigen::Quaterniond& R_MTarget, const Vec3& torque_M_n_mm,
                                  double dt_s) {
   if (!(spec_.max_torque_n_mm > 0.0)) {
-    R_MS_ = R_MTarget;
+    const double angle_rad = R_MS_.angularDistance(R_MTarget);
+    const double most_rad = kMostTurnRadPerS * dt_s;
+    R_MS_ = angle_rad > most_rad ? R_MS_.slerp(most_rad / angle_rad, R_MTarget) : R_MTarget;
+    R_MS_.normalize();
     return;
   }
   const int substeps = static_cast<int>(std::ceil(dt_s / kSubstepS));

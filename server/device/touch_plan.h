@@ -38,6 +38,8 @@ struct TouchPlan {
   double stiffness_n_per_mm = 0.0;   // of the surface, for what the hand expects to feel
   // Free places to which a hand goes that is inside the surface.
   std::vector<Vec3> p_DFree_mm{};
+  // A rigid tool is held: the stylus's barrel goes along the normals, so that the tool stays free.
+  bool turns_stylus = false;
   // Another volume is about to come: the hand goes to a free place of that volume and waits there
   // for its plan. There is at least one free place, and no stroke.
   bool makes_room = false;

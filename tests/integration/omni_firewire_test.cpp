@@ -60,13 +60,16 @@ class OmniFirewireTest : public ::testing::Test {
     })) << state_.p_MHip_mm.transpose();
   }
   // Reads and writes, as the servo does, until it is so.
-  bool Serve(const Vec3& force_n, const std::function<bool()>& is_so) {
+  bool Serve(const std::function<Vec3()>& force_n, const std::function<bool()>& is_so) {
     return Eventually([&] {
       status_ = device_->Read(state_);
       const bool safe = status_ == DeviceStatus::kOk && state_.calibrated;
-      device_->Write({.wrench_M = {safe ? force_n : Vec3(0, 0, 0)}, .motors_on = safe}, 0.001);
+      device_->Write({.wrench_M = {safe ? force_n() : Vec3(0, 0, 0)}, .motors_on = safe}, 0.001);
       return is_so();
     });
+  }
+  bool Serve(const Vec3& force_n, const std::function<bool()>& is_so) {
+    return Serve([&] { return force_n; }, is_so);
   }
   Vec3 OnHand() const { return OmniStand::ForceOf(omni_.ForceOnHand(), OmniStand::kRest); }
   bool Pushes() {
@@ -131,14 +134,9 @@ TEST_F(OmniFirewireTest, EachAxisIsReadAndPushedTheRightWay) {
       const double depth_mm = (state_.p_MHip_mm - OmniStand::kRest).dot(into) - 1.0;
       return Vec3(-0.5 * std::max(depth_mm, 0.0) * into);
     };
-    const bool pushed = Eventually([&] {
-      status_ = device_->Read(state_);
-      device_->Write({.wrench_M = {plane()}, .motors_on = status_ == DeviceStatus::kOk}, 0.001);
-      const Vec3 felt_n = OmniStand::ForceOf(omni_.ForceOnHand(), place_mm);
-      return (felt_n + into).norm() < 0.05;
-    });
-    EXPECT_TRUE(pushed) << into.transpose() << ", felt "
-                        << OmniStand::ForceOf(omni_.ForceOnHand(), place_mm).transpose();
+    const auto felt_n = [&] { return OmniStand::ForceOf(omni_.ForceOnHand(), place_mm); };
+    EXPECT_TRUE(Serve(plane, [&] { return (felt_n() + into).norm() < 0.05; }))
+        << into.transpose() << ", felt " << felt_n().transpose();
     EXPECT_LT((state_.p_MHip_mm - place_mm).norm(), 0.1);
   }
 }

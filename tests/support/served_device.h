@@ -33,12 +33,18 @@ class ServedDevice {
   bool HasProblem(const std::string& part) {
     return Eventually([&] { return device_->health().problem.find(part) != std::string::npos; });
   }
+  bool HasLogged(const std::string& part) {
+    while (const std::optional<DeviceEvent> event = device_->NextEvent()) {
+      log_ += event->text + "\n";
+    }
+    return log_.find(part) != std::string::npos;
+  }
   // Whether a line of the log gets this part; without or with service.
   bool Logs(const std::string& part) {
-    return Eventually([&] { return Has(part); });
+    return Eventually([&] { return HasLogged(part); });
   }
   bool Logs(const std::string& part, const Wrench& wrench_M) {
-    return Serve(wrench_M, [&] { return Has(part); });
+    return Serve(wrench_M, [&] { return HasLogged(part); });
   }
   const std::string& log() const { return log_; }
   // What was logged so far counts no more.
@@ -68,13 +74,6 @@ class ServedDevice {
   }
 
  private:
-  bool Has(const std::string& part) {
-    while (const std::optional<DeviceEvent> event = device_->NextEvent()) {
-      log_ += event->text + "\n";
-    }
-    return log_.find(part) != std::string::npos;
-  }
-
   std::unique_ptr<StreamedDevice> device_;
   DeviceState state_;
   DeviceStatus status_ = DeviceStatus::kFault;

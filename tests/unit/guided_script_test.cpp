@@ -222,6 +222,40 @@ TEST_F(GuidedTest, DoesNotPushThroughWhatIsInTheWay) {
   EXPECT_LT(most_n, 2.5);
 }
 
+// Also on the way to a stroke, and back without a leap.
+TEST_F(GuidedTest, TurnsTheBarrelAlongTheNormalsWhereThePlanSaysSo) {
+  const auto barrel = [&] {
+    DeviceState state;
+    device_.Read(state);
+    return Vec3(state.R_MS * Vec3::UnitZ());
+  };
+  const Vec3 normal_D = Vec3(0.6, 0.0, 0.8);
+  TouchPlan plan = Lines();
+  for (TouchStroke& stroke : plan.strokes) {
+    for (TouchPoint& point : stroke.points) point.normal_D = normal_D;
+  }
+  Publish(plan);
+  Feel(3000);
+  EXPECT_GT((barrel() - normal_D).norm(), 0.3);
+  plan.turns_stylus = true;
+  Publish(plan);
+  double fastest_rad_s = 0.0;
+  const auto feel = [&](int ticks, const Vec3& least_D, double least) {
+    for (int n = 0; n < ticks; ++n) {
+      const Vec3 before = barrel();
+      Feel(1);
+      fastest_rad_s = std::max(fastest_rad_s, (barrel() - before).norm() / kTickS);
+      ASSERT_GE(barrel().dot(least_D), least) << n;
+    }
+  };
+  feel(2000, normal_D, 0.0);
+  feel(4000, normal_D, 1.0 - 1e-6);
+  Publish({});
+  feel(3000, normal_D, -1.0);
+  EXPECT_GT((barrel() - normal_D).norm(), 0.3);
+  EXPECT_LT(fastest_rad_s, 8.1);
+}
+
 TEST_F(GuidedTest, StaysFiniteWhateverIsWritten) {
   Publish(Lines());
   for (int n = 0; n < 20'000; ++n) {
@@ -248,6 +282,7 @@ TEST_F(GuidedTest, NeverAllocates) {
   Publish(Lines());
   std::uint64_t before = test::Allocations();
   auto other = std::make_unique<TouchPlan>(Lines());
+  other->turns_stylus = true;
   EXPECT_GT(test::Allocations(), before);  // they are counted
   before = test::Allocations();
   Feel(6000);
