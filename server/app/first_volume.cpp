@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "server/log/log.h"
+#include "server/session/held_tool.h"
 #include "server/session/range.h"
 
 namespace palpate {
@@ -89,12 +90,23 @@ void LeaveSide(const FeltSession& left, const RenderSettings& configured, Sessio
   }
 }
 
+// A tool that the device, or a configuration that was changed since, forbids does not come back.
+void DropForbiddenTool(FeltSession& left, const DeviceDescription& device) {
+  try {
+    CheckHeld(left.settings.haptics, device);
+  } catch (const Error& error) {
+    LogWarning("the tool does not come back: {}", error.what());
+    left.settings.haptics.tool = {};
+  }
+}
+
 // Returns false if the session's volume is not restored.
-bool BringBack(const FeltSession& left, const LoadRequest& configured,
+bool BringBack(FeltSession left, const LoadRequest& configured,
                const RenderSettings& configured_settings, const std::string& warning,
                Session& session, const PathPolicy& paths, const Progress& on_progress,
                const LoadCancelled& cancelled) {
-  const std::string& name = left.volume.title;
+  const std::string name = left.volume.title;
+  DropForbiddenTool(left, session.device());
   try {
     session.SetInitial(left.settings);
     if (left.volume.source.empty()) {

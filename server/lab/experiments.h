@@ -23,15 +23,15 @@
 namespace palpate::lab {
 
 struct ExperimentOptions {
-  std::string name;                           // one of ExperimentNames()
-  std::filesystem::path table;                // Table 4 as CSV, for table1, table4 and figure11
-  std::int64_t cells = 20000;                 // for topology and diamond: cells of each kind;
-                                              // for tool: ticks of each run
-  int refinement = 1;                         // of tpbcc; not for figures and topology
-  int columns = 1000;                         // per axis, for R_D (accuracy.h)
-  int laps = 10;                              // for figure9
-  std::uint64_t seed = 1;                     // for topology, diamond, table3, tool
-  std::filesystem::path data_folder = ".";    // for table3, diamond, layers, tool: holds the volumes
+  std::string name;                         // one of ExperimentNames()
+  std::filesystem::path table;              // Table 4 as CSV, for table1, table4 and figure11
+  std::int64_t cells = 20000;               // for topology and diamond: cells of each kind;
+                                            // for tool: ticks of each run
+  int refinement = 1;                       // of tpbcc; not for figures and topology
+  int columns = 1000;                       // per axis, for R_D (accuracy.h)
+  int laps = 10;                            // for figure9
+  std::uint64_t seed = 1;                   // for topology, diamond, table3, tool
+  std::filesystem::path data_folder = ".";  // for table3, diamond, layers, tool: holds the volumes
   std::filesystem::path output_folder = ".";  // for figures: NAME.svg
   bool overwrite = false;                     // of figures
 };

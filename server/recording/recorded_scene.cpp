@@ -42,9 +42,7 @@ FeltTip TipOf(const RecordedScene& recorded, const VolumeSnapshot& volume, FeltT
       fields.emplace_back(ball, volume);
     }
   }
-  FeltTip tip = MakeTip(recorded.tool, std::move(fields));
-  if (tip.has_tool() && tip.tool == before.tool) tip.caches = std::move(before.caches);
-  return tip;
+  return MakeTip(recorded.tool, std::move(fields), std::move(before.caches));
 }
 
 }  // namespace

@@ -22,7 +22,6 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr milliseconds kLongestSilence{1000};
-constexpr double kUnitLengthTolerance = 1e-3;
 constexpr milliseconds kLook{2};  // while the servo does not follow the first target yet
 
 class Lead final : public LeadHandReactor, public std::enable_shared_from_this<Lead> {
@@ -76,9 +75,6 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
     if (request_.has_orientation()) {
       const v1::Quaternion& q = request_.orientation();
       turned.emplace(q.w(), q.x(), q.y(), q.z());
-      if (!(std::abs(turned->norm() - 1.0) < kUnitLengthTolerance)) {
-        Refuse("orientation needs a unit quaternion");
-      }
     }
     const bool takes = lead_ == 0;
     if (takes) lead_ = parts_.hand.Take(who_);

@@ -51,9 +51,7 @@ RigidTool ShapeOf(const HeldTool& held) {
   for (const HeldToolBall& ball : held.ball) {
     const auto radius = std::ranges::find(radii, ball.radius_mm) - radii.begin();
     tool.ball[static_cast<std::size_t>(tool.count++)] = {
-        .p_SBall_mm = ball.center_mm,
-        .radius = static_cast<std::uint8_t>(radius),
-        .carves = ball.carves};
+        .p_SBall_mm = ball.center_mm, .radius = static_cast<std::uint8_t>(radius)};
   }
   return tool;
 }

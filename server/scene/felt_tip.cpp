@@ -36,19 +36,18 @@ bool Assemble(const HapticSettings& settings, const AffineMap& X_DI,
     if (field == made.end()) return false;
     fields.push_back(*field);
   }
-  auto caches = tip.caches;
-  const bool is_same = tip.tool == settings.tool;
-  tip = MakeTip(settings.tool, std::move(fields));
-  if (is_same && tip.has_tool()) tip.caches = std::move(caches);
+  tip = MakeTip(settings.tool, std::move(fields), tip.caches);
   return true;
 }
 
-FeltTip MakeTip(const HeldTool& tool, std::vector<FeltBall> fields) {
+FeltTip MakeTip(const HeldTool& tool, std::vector<FeltBall> fields,
+                std::shared_ptr<ToolCaches> caches) {
   FeltTip tip{.tool = tool, .fields = std::move(fields), .caches = {}};
   if (!tip.has_tool()) return tip;
-  tip.caches = std::make_shared<ToolCaches>();
+  tip.caches = caches ? std::move(caches) : std::make_shared<ToolCaches>();
   for (std::size_t n = 0; n < RadiiOf(tool).size(); ++n) {
-    (*tip.caches)[n] = std::make_unique<ToolCellCache>();
+    auto& cache = (*tip.caches)[n];
+    if (!cache) cache = std::make_unique<ToolCellCache>();
   }
   return tip;
 }

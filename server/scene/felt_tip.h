@@ -35,7 +35,8 @@ std::vector<Ball> FieldsOf(const HapticSettings& settings, const AffineMap& X_DI
 bool Assemble(const HapticSettings& settings, const AffineMap& X_DI,
               const std::vector<FeltBall>& made, FeltTip& tip);
 
-// A tip whose fields are there.
-FeltTip MakeTip(const HeldTool& tool, std::vector<FeltBall> fields);
+// A tip whose fields are there. `caches`: of the tip before; new ones are made only if they lack.
+FeltTip MakeTip(const HeldTool& tool, std::vector<FeltBall> fields,
+                std::shared_ptr<ToolCaches> caches = {});
 
 }  // namespace palpate

@@ -83,15 +83,15 @@ void VisitPassivity(Passivity& passivity, Visit& visit) {
 // Without a tool it is not there.
 template <class Tool, class Visit>
 void VisitTool(Tool& tool, Visit& visit) {
-  auto& [state, felt, touches, slope_per_mm, R_DS, turned_rad, spring_mj, wrench_D, port,
-         passivity] = tool;
-  auto& [placed, buried, pose, ejecting_steps, loaded_revision] = state;
+  auto& [state, felt, touches, slope_per_mm, R_DS, turned_mm, spring_mj, port, passivity] = tool;
+  auto& [placed, buried, pose, ejecting_steps, ejected_mm, loaded_revision] = state;
   visit(placed);
   if (!placed) return;
   visit(buried);
   VisitVector(pose.p_DS_mm, visit);
   VisitVector(pose.R_DS.coeffs(), visit);
   visit(ejecting_steps);
+  visit(ejected_mm);
   visit(loaded_revision);
   auto& [geometry_revision, volume_revision, refinement, free_side, isovalue] = felt;
   for (auto* revision : {&geometry_revision, &volume_revision}) visit(*revision);
@@ -101,7 +101,7 @@ void VisitTool(Tool& tool, Visit& visit) {
   visit(touches);
   for (auto* number : {&slope_per_mm, &spring_mj}) visit(*number);
   VisitVector(R_DS.coeffs(), visit);
-  for (auto* v : {&turned_rad, &wrench_D.force_n, &wrench_D.torque_n_mm}) VisitVector(*v, visit);
+  VisitVector(turned_mm, visit);
   auto& [tank_mj, written_D_n] = port;
   visit(tank_mj);
   VisitVector(written_D_n, visit);
@@ -252,10 +252,9 @@ bool IsTool(const ToolMemory& tool) {
   return IsPosition(tool.state.pose.p_DS_mm) && IsUnit(tool.state.pose.R_DS.coeffs()) &&
          IsUnit(tool.R_DS.coeffs()) && IsBound(tool.felt.isovalue, kUnbounded) &&
          tool.felt.refinement >= 1 && tool.felt.refinement <= kMaxRefinement &&
-         tool.slope_per_mm >= 0.0 && tool.spring_mj >= 0.0 && tool.turned_rad.allFinite() &&
-         tool.wrench_D.force_n.allFinite() && tool.wrench_D.torque_n_mm.allFinite() &&
-         std::isfinite(tool.port.tank_mj) && tool.port.written_D_n.allFinite() &&
-         IsPassivity(tool.passivity);
+         tool.slope_per_mm >= 0.0 && tool.spring_mj >= 0.0 && tool.turned_mm.allFinite() &&
+         std::isfinite(tool.state.ejected_mm) && std::isfinite(tool.port.tank_mj) &&
+         tool.port.written_D_n.allFinite() && IsPassivity(tool.passivity);
 }
 
 // Checks that indices stay within their arrays and lattices, and that lengths are finite.

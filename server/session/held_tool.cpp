@@ -29,6 +29,7 @@ void CheckBall(std::size_t number, const HeldToolBall& ball) {
     CheckRange(name("center_mm"), coordinate, -kFarthestBallMm, kFarthestBallMm, " mm");
   }
   CheckRange(name("radius_mm"), ball.radius_mm, 0.0, kGreatestRadiusMm, " mm");
+  if (ball.carves && ball.radius_mm == 0.0) Refuse(name("one that carves needs a radius_mm"));
 }
 
 }  // namespace

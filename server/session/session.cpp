@@ -364,7 +364,8 @@ std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>
                                      std::span<const BrickChange> changes) {
   // Nobody else gives fields meanwhile: this is a transaction.
   std::unique_lock lock(mutex_);
-  std::vector<FeltBall> felt = tip_.fields, made = made_;
+  const std::vector<FeltBall> had = tip_.fields;
+  std::vector<FeltBall> felt = had, made = made_;
   lock.unlock();
   const bool tip_follows = Follow(felt, *volume);
   if (!Follow(made, *volume)) made.clear();
@@ -373,7 +374,9 @@ std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>
     const auto before = std::tuple(volume_, is_reshaped_, X_DI_, registration_, settings_,
                                    held_isovalue_, tip_, made_);
     made_ = std::move(made);
-    if (tip_follows) {
+    // An update may have chosen another tip meanwhile.
+    if (tip_follows &&
+        std::ranges::equal(had, tip_.fields, {}, &FeltBall::field, &FeltBall::field)) {
       for (const FeltBall& field : tip_.fields) retired().Add(field.field());
       tip_.fields = std::move(felt);
     } else {

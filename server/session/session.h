@@ -216,8 +216,10 @@ class Session {
   void PublishLocked(std::span<const BrickChange> changes = {});
   // Throws Error (kTooLarge) if there is no room for the tip that the update asks for.
   void CheckRoom(const SettingsUpdate& update) const;
-  // A field that the tip of these settings lacks.
-  std::optional<BallMaker::Wanted> MissingField(const HapticSettings& haptics) const;
+  // The fields that the tip of these settings lacks; the first that the present tip does.
+  std::vector<Ball> MissingFields(const HapticSettings& haptics) const;
+  std::optional<BallMaker::Wanted> MissingField() const;
+  void TellFieldBytes();
   bool MayStay(const FeltTip& tip) const;
   // Returns false if it is not wanted any more.
   bool TakeField(FeltBall made);
@@ -269,7 +271,7 @@ class Session {
   BallMaker ball_maker_{loader_.budget,
                         [this] {
                           const std::lock_guard lock(mutex_);
-                          return MissingField(settings_.haptics);
+                          return MissingField();
                         },
                         [this](FeltBall made) { return TakeField(std::move(made)); }};
 };

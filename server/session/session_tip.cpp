@@ -29,7 +29,9 @@ bool Session::MayStay(const FeltTip& tip) const {
   const HapticSettings& haptics = settings_.haptics;
   const std::vector<Ball> wanted = FieldsOf(haptics, X_DI_);
   if (wanted.empty() || !std::ranges::all_of(wanted, CanBe)) return false;
-  if (tip.has_tool() && !RefusalWithTool(haptics).empty()) return false;
+  HapticSettings with_tip = haptics;
+  with_tip.tool = tip.tool;
+  if (!RefusalWithTool(with_tip).empty()) return false;
   // Layers are felt from below only.
   return haptics.layers.layer.empty() || tip.fields.empty() ||
          tip.fields.front().side() == FreeSide::kBelow;
@@ -40,7 +42,7 @@ BallState Session::ball() const {
   BallState state;
   if (tip_.ball()) state.felt_radius_mm = tip_.ball()->RadiusMm(X_DI_);
   if (has_volume_) state.problem = RefusalOfTip(settings_.haptics, X_DI_);
-  const std::optional<BallMaker::Wanted> awaited = MissingField(settings_.haptics);
+  const std::optional<BallMaker::Wanted> awaited = MissingField();
   if (!awaited) return state;
   state.problem = ball_maker_.ProblemOf(*awaited);
   state.is_awaited = state.problem.empty();
@@ -51,20 +53,25 @@ BallState Session::ball() const {
 void Session::CheckRoom(const SettingsUpdate& update) const {
   if (!update.NamesTip()) return;
   std::unique_lock lock(mutex_);
-  const auto wanted = MissingField(Changed(*volume_, settings_, update).haptics);
+  const std::vector<Ball> missing = MissingFields(Changed(*volume_, settings_, update).haptics);
+  const std::shared_ptr<const VolumeSnapshot> volume = volume_;
   lock.unlock();
-  if (wanted) ClaimFor(wanted->ball, *wanted->volume, *loader_.budget);
+  std::vector<MemoryClaim> claims;
+  for (const Ball& ball : missing) claims.push_back(ClaimFor(ball, *volume, *loader_.budget));
 }
 
-std::optional<BallMaker::Wanted> Session::MissingField(const HapticSettings& haptics) const {
-  const std::vector<Ball> wanted = FieldsOf(haptics, X_DI_);
-  if (!has_volume_ || !std::ranges::all_of(wanted, CanBe)) return {};
-  for (const Ball& ball : wanted) {
-    if (!IsAmong(ball, tip_.fields) && !IsAmong(ball, made_)) {
-      return BallMaker::Wanted{ball, volume_};
-    }
-  }
-  return {};
+std::vector<Ball> Session::MissingFields(const HapticSettings& haptics) const {
+  std::vector<Ball> fields = FieldsOf(haptics, X_DI_);
+  if (!has_volume_ || !std::ranges::all_of(fields, CanBe)) return {};
+  std::erase_if(
+      fields, [&](const Ball& ball) { return IsAmong(ball, tip_.fields) || IsAmong(ball, made_); });
+  return fields;
+}
+
+std::optional<BallMaker::Wanted> Session::MissingField() const {
+  const std::vector<Ball> missing = MissingFields(settings_.haptics);
+  if (missing.empty()) return {};
+  return BallMaker::Wanted{missing.front(), volume_};
 }
 
 // The newest edits are caught up with in a transaction: no other comes then.
@@ -80,6 +87,7 @@ bool Session::TakeField(FeltBall made) {
                });
     if (!is_taken) return VolumeChange();
     made_.push_back(std::move(newest.front()));
+    TellFieldBytes();
     PublishLocked();
     return VolumeChange();
   });
@@ -98,6 +106,7 @@ void Session::ChooseTipLocked() {
     return;
   }
   made_.clear();
+  TellFieldBytes();
   const bool is_same =
       next.tool == tip_.tool &&
       std::ranges::equal(next.fields, tip_.fields, {}, &FeltBall::field, &FeltBall::field);
@@ -113,6 +122,10 @@ void Session::SetTipLocked(FeltTip tip) {
   if (has_other_tool) {
     LogInfo("the tool '{}' of {} balls is felt", tip_.tool.name, tip_.tool.ball.size());
   }
+  TellFieldBytes();
+}
+
+void Session::TellFieldBytes() {
   loader_.budget->SetPart(kBallInMessages, BytesOf(tip_.fields) + BytesOf(made_));
 }
 
@@ -149,7 +162,7 @@ bool Session::Follow(std::vector<FeltBall>& fields, const VolumeSnapshot& volume
     }
     return true;
   } catch (const Error& error) {
-    LogWarning("a point is felt: {}", error.what());
+    LogWarning("the ball or tool at the tip is made anew: {}", error.what());
     return false;
   }
 }

@@ -46,7 +46,8 @@ SettingsUpdate WithoutIsovalue(SettingsUpdate update);
 double ChosenIsovalue(const VolumeSnapshot& volume, const std::optional<double>& isovalue,
                       const std::optional<double>& normalized, double otherwise);
 
-// Checks numbers and the tool, and puts layers in order. `felt`: the layers until now, which keep their ids.
+// Checks numbers and the tool, and puts layers in order. `felt`: the layers until now, which keep
+// their ids.
 void CheckHaptics(const SurfaceLayers& felt, HapticSettings& haptics);
 
 // Throws if the update changes what the felt layers replace.

@@ -21,15 +21,8 @@ constexpr double kUnitTolerance = 1e-3;
 
 Vec3 ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
-// Of the stylus or the tool; of none, the identity.
-Eigen::Quaterniond Rotation(const std::array<double, 4>& wxyz) {
-  const Eigen::Quaterniond q(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
-  const bool is_one = std::abs(q.norm() - 1.0) <= kUnitTolerance;
-  return is_one ? q.normalized() : Eigen::Quaterniond::Identity();
-}
-
-std::optional<Eigen::Quaterniond> Orientation(const TickSample& sample) {
-  const auto& [w, x, y, z] = sample.stylus_orientation;
+std::optional<Eigen::Quaterniond> Orientation(const std::array<double, 4>& wxyz) {
+  const auto& [w, x, y, z] = wxyz;
   const Eigen::Quaterniond q(w, x, y, z);
   // Also refuses NaN: the comparison is false.
   if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance)) return std::nullopt;
@@ -140,7 +133,7 @@ void ToolStrokes::FollowClutch(bool held, const TickSample& sample) {
     if (std::exchange(clutch_.held, false)) EndMotion();
     return;
   }
-  const std::optional<Eigen::Quaterniond> R_DS = Orientation(sample);
+  const std::optional<Eigen::Quaterniond> R_DS = Orientation(sample.stylus_orientation);
   if (!R_DS) return;
   const Pose pose{ToVector(sample.hip_mm), *R_DS};
   if (!std::exchange(clutch_.held, true)) {
@@ -187,10 +180,11 @@ void ToolStrokes::FollowCarve(bool held, const Tools& tools, const TickSample& s
 
 void ToolStrokes::FollowBur(const Bur& bur, const Tools& tools, const TickSample& sample,
                             bool begins, Carve& carve) const {
-  const Vec3 arm_mm = bur.p_SBur_mm;
-  const Vec3 at_mm = ToVector(sample.scp_h_mm) + Rotation(sample.tool_orientation) * arm_mm;
-  const Vec3 pressed_mm =
-      ToVector(sample.hip_mm) + Rotation(sample.stylus_orientation) * arm_mm - at_mm;
+  const auto arm_mm = [&](const std::array<double, 4>& wxyz) {
+    return Vec3(Orientation(wxyz).value_or(Eigen::Quaterniond::Identity()) * bur.p_SBur_mm);
+  };
+  const Vec3 at_mm = ToVector(sample.scp_h_mm) + arm_mm(sample.tool_orientation);
+  const Vec3 pressed_mm = ToVector(sample.hip_mm) + arm_mm(sample.stylus_orientation) - at_mm;
   const double share = std::min(1.0, tools.ahead_mm / std::max(pressed_mm.norm(), 1e-9));
   const Vec3 p_W_mm = tools.X_WD.Apply(at_mm + share * pressed_mm);
   if (begins) BeginCarveStep(p_W_mm, sample.time_ns, carve);
@@ -220,9 +214,10 @@ void ToolStrokes::BeginCarveStep(const Vec3& p_W_mm, std::int64_t time_ns, Carve
 void ToolStrokes::EndCarveStep(Carve& carve) {
   carve.step.duration_ns = carve.until_ns - carve.since_ns;
   if (carve.step.value == 0.0) return;
-  if (!carve.due.empty() && Joined(carve.step, carve.due.back())) return;
-  carve.due.push_back(carve.step);
+  const bool is_joined = !carve.due.empty() && Joined(carve.step, carve.due.back());
+  if (!is_joined) carve.due.push_back(carve.step);
   if (carve.due.size() > kMostCarveSteps) carve.due.pop_front();
+  carve.step.value = 0.0;
 }
 
 std::vector<CarveStep> ToolStrokes::TakeCarving() {

@@ -78,7 +78,6 @@ class ToolStrokes {
   struct Bur {
     Vec3 p_SBur_mm = Vec3::Zero();
     double full_mm = 0.0, radius_mm = 0.0;  // as in CarveStep
-    friend bool operator==(const Bur&, const Bur&) = default;
   };
   // The parts of a scene that the tools need.
   struct Tools {

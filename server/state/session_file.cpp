@@ -75,7 +75,7 @@ toml::table HapticsTable(const RenderSettings& settings) {
   const SurfaceLayers& layers = settings.haptics.layers;
   if (!layers.layer.empty()) table.insert("layer", LayersToToml(layers));
   const HeldTool& tool = settings.haptics.tool;
-  if (!tool.ball.empty() && HoldsAsToml(tool.name)) table.insert("tool", ToolToToml(tool));
+  if (!tool.ball.empty()) table.insert("tool", ToolToToml(tool));
   return table;
 }
 

@@ -2,8 +2,8 @@
 deploy/demo.sh, the README's first command.
 
 A page's blocks run in order, in one shell (```sh) and one Python (```python), in a folder that has
-the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, palpated.toml and
-palpate-web.toml. A block that cannot run here says why on the line above it:
+the files which the pages name: a DICOM folder `scan`, `head.nrrd`, `t*.nrrd`, my-tool.toml,
+palpated.toml and palpate-web.toml. A block that cannot run here says why on the line above it:
 <!-- not run: REASON -->."""
 
 import concurrent.futures
@@ -12,6 +12,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -104,6 +105,7 @@ def make_files(folder):
     for name, number in (("head", 0), ("t0", 0), ("t1", 1), ("t2", 2)):
         (folder / f"{name}.nrrd").write_bytes(
             nrrd(ball(size, number), np.diag([3, 3, 3]).tolist(), (-48, -48, -48)))
+    shutil.copy(ROOT / "deploy/tools/drill.toml", folder / "my-tool.toml")
     for program in ("palpated", "palpate-web"):
         config = (ROOT / f"deploy/config/{program}.toml").read_text(encoding="utf-8")
         (folder / f"{program}.toml").write_text(

@@ -39,12 +39,17 @@ inline TickSample RandomSample(std::uint64_t tick) {
   sample.tick = tick;
   if (!sample.contact) sample.scp_h_normal = {};
   if (!sample.has_scp_v) sample.scp_v_mm = sample.scp_v_normal = {};
-  const double none = TickSample::kNone, number = static_cast<double>(random());
-  sample.led_target_mm.fill(random() % 2 == 0 ? none : number);
-  sample.push_n.fill(random() % 2 == 0 ? none : number);
-  sample.tool_orientation.fill(random() % 2 == 0 ? none : number);
+  const auto there_or_not = [&](auto... component) {
+    const bool is_there = random() % 2 == 0;
+    ((*component = is_there ? static_cast<double>(random()) : TickSample::kNone), ...);
+  };
+  for (auto* v : {&sample.led_target_mm, &sample.push_n}) {
+    there_or_not(&(*v)[0], &(*v)[1], &(*v)[2]);
+  }
+  auto& q = sample.tool_orientation;
+  there_or_not(&q[0], &q[1], &q[2], &q[3]);
+  there_or_not(&sample.series_position_frames);
   sample.hand = 0;
-  sample.series_position_frames = random() % 2 == 0 ? none : number;
   return sample;
 }
 

@@ -21,7 +21,10 @@
 #include "client/sdk/setting_messages.h"
 #include "common/error/one_line.h"
 #include "common/isosurface/decomposition.h"
+#include "common/tool/tool_file.h"
 #include "server/haptics/settings.h"
+#include "tests/support/places.h"
+#include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
 
 namespace palpate::cli {
@@ -34,6 +37,52 @@ client::Settings Told(const v1::RenderSettings& settings) { return client::FromP
 
 client::Settings Told(const client::SettingsUpdate& update) {
   return Told(client::ToProto(update).settings());
+}
+
+TEST(Tools, AreReadAsTheyAreWritten) {
+  const HeldTool tool = ParseTool(R"(
+name = "hook"
+rotation_length_mm = 12.5
+[[ball]]
+center_mm = [1, 2.5, -3]
+radius_mm = 2
+carves = true
+[[line]]
+from_mm = [0, 0, 4]
+to_mm = [0, 0, 10]
+count = 3
+)",
+                                  "hook.toml");
+  const HeldTool expected{
+      .name = "hook",
+      .ball = {{Vec3(1, 2.5, -3), 2.0, true}, {Vec3(0, 0, 4)}, {Vec3(0, 0, 7)}, {Vec3(0, 0, 10)}},
+      .rotation_length_mm = 12.5};
+  EXPECT_EQ(tool, expected);
+  EXPECT_EQ(ToolFromToml(ToolToToml(tool)), tool);
+  const std::filesystem::path ours = test::kTools;
+  for (const auto& [name, balls] : {std::pair("probe", 64u), {"drill", 39u}, {"endoscope", 63u}}) {
+    EXPECT_EQ(ParseTool(test::TextOf(ours / (std::string(name) + ".toml")), name).ball.size(),
+              balls);
+  }
+}
+
+TEST(Tools, WhatIsNoneIsRefusedWithItsLine) {
+  const std::map<std::string, std::string> lines = {
+      {"name = 3", "line 1"},
+      {"[[ball]]\ncenter_mm = [1, 2]", "line 1"},
+      {"[[ball]]\ncenter_mm = [1, 2, \"3\"]", "line 2"},
+      {"[[ball]]\ncenter_mm = [1, 2, 3]\nradius = 3", "line 3"},
+      {"[[ball]]\ncenter_mm = [1, 2, 3]\ncarves = 1", "line 3"},
+      {"[ball]\ncenter_mm = [1, 2, 3]", "line 1"},
+      {"[[line]]\nfrom_mm = [0, 0, 0]\nto_mm = [1, 1, 1]\ncount = 1", "line 1"},
+      {"[[line]]\nfrom_mm = [0, 0, 0]\nto_mm = [1, 1, 1]\ncount = 2000000000", "line 1"},
+      {"name = \"x\"\n[[", "line 2"},
+      {"name = \"without balls\"", "x.toml"}};
+  for (const auto& [text, line] : lines) {
+    const std::string refusal = testing::Complaint([&] { ParseTool(text, "x.toml"); });
+    EXPECT_NE(refusal.find(line), std::string::npos) << text << ": " << refusal;
+    EXPECT_NE(refusal.find("x.toml"), std::string::npos) << refusal;
+  }
 }
 
 TEST(Progress, InAPipeIsALineEveryTwoSeconds) {

@@ -64,17 +64,21 @@ TEST_F(HandGuideTest, PlansWhateverIsLoadedOrMoved) {
 
 // The tool's ball at the tip is to touch, and the shaft to stand off.
 TEST_F(HandGuideTest, PlansForATool) {
+  session().SetInitial(
+      {.haptics = {.tool = {.ball = {{Vec3(0, 0, 20), 3.0}, {Vec3(0, 0, 1), 5.0}}}}});
   Load("builtin:sphere:32");
   const TouchPlan* plan = Next([&] { guide_.Start(); });
   ASSERT_NE(plan, nullptr);
-  EXPECT_FALSE(plan->turns_stylus);
-  const auto from_middle_mm = [&] { return plan->strokes.at(0).points[0].p_D_mm.norm(); };
-  const double sphere_mm = from_middle_mm();
-  const HeldTool tool{.ball = {{Vec3(0, 0, 20), 3.0}, {Vec3(0, 0, 1), 5.0}}};
-  plan = Next([&] { session().Update({.tool = tool}); });
-  ASSERT_NE(plan, nullptr);
   EXPECT_TRUE(plan->turns_stylus);
-  EXPECT_NEAR(from_middle_mm() - sphere_mm, 5.0, 1.0);
+  const auto from_middle_mm = [&] { return plan->strokes.at(0).points[0].p_D_mm.norm(); };
+  const double with_ball_mm = from_middle_mm();
+  plan = Next([&] {
+    session().Load({.source = "builtin:sphere:32"}, testing::kQuiet, testing::kNever,
+                   {.tool = HeldTool()});
+  });
+  ASSERT_NE(plan, nullptr);
+  EXPECT_FALSE(plan->turns_stylus);
+  EXPECT_NEAR(with_ball_mm - from_middle_mm(), 5.0, 1.0);
 }
 
 TEST_F(HandGuideTest, MakesNoPlanForWhatChangesNoSurface) {

@@ -276,6 +276,37 @@ TEST_F(LedTest, ALedHandKeepsNoLoadWaitingAndNoOldPlans) {
   EXPECT_LT((PlaceOf(device) - free_mm).norm(), 2.0);
 }
 
+// Smoothly, at a bounded speed; and by itself again when it is given back.
+TEST_F(LedTest, TurnsTheStylusAsItIsLed) {
+  const Eigen::Quaterniond goal(Eigen::AngleAxisd(2.5, Vec3(1, -2, 0.5).normalized()));
+  Settle(Vec3(5, 5, 5));
+  double most_rad_s = 0.0;
+  const auto go = [&](int ticks) {
+    for (int n = 0; n < ticks; ++n) {
+      const Eigen::Quaterniond before = StateOf(device_).R_MS;
+      device_.Write({}, kTickS);
+      most_rad_s = std::max(most_rad_s, before.angularDistance(StateOf(device_).R_MS) / kTickS);
+    }
+    return Eigen::Quaterniond(StateOf(device_).R_MS);
+  };
+  const Eigen::Quaterniond by_itself = go(1);
+  // q and -q are one orientation.
+  for (const double sign : {1.0, -1.0}) {
+    led_.MoveTo(lead_, Vec3(5, 5, 5), 0, Eigen::Quaterniond(sign * goal.coeffs()));
+    EXPECT_LT(go(1200).angularDistance(goal), 1e-3);
+    EXPECT_LE(most_rad_s, kLedRadPerS + 1e-6);
+  }
+  led_.GiveBack(lead_);
+  EXPECT_GT(go(1000).angularDistance(goal), 0.5);
+  EXPECT_LT(most_rad_s, 8.1);
+  EXPECT_GT(by_itself.angularDistance(goal), 0.5);
+  for (const Eigen::Quaterniond& bad :
+       {Eigen::Quaterniond(kNan, 0, 0, 0), Eigen::Quaterniond(0.5, 0, 0, 0)}) {
+    EXPECT_EQ(testing::Refusal([&] { led_.MoveTo(lead_, Vec3::Zero(), 0, bad); }),
+              ErrorKind::kInvalidArgument);
+  }
+}
+
 TEST_F(LedTest, ItsButtonsAreThePersons) {
   LedHand led;
   SimulatedDevice device(Led(led, std::make_unique<PressScript>(Explorer(), 1)));

@@ -75,7 +75,7 @@ class RecordingReplay : public ::testing::Test {
 
 TEST_F(RecordingReplay, GivesTheSameBitsThroughSettingsEditsAndFaults) {
   const auto volume = Gyroid();
-  SceneRig rig(volume);
+  SceneRig rig(volume, SimulatedDeviceSpec(50.0));
   rig.Record(Output());
   for (int n = 0; n < 8; ++n) {
     HapticSettings settings = rig.settings();

@@ -65,6 +65,7 @@ void ExpectSameSettings(const RenderSettings& read, const RenderSettings& writte
     EXPECT_EQ(read.haptics.*setting.member, written.haptics.*setting.member) << setting.key;
   }
   EXPECT_EQ(read.haptics.layers, written.haptics.layers);
+  EXPECT_EQ(read.haptics.tool, written.haptics.tool);
 }
 
 void ExpectSameSession(const FeltSession& read, const FeltSession& written) {
@@ -97,6 +98,10 @@ TEST_F(SessionFileTest, HoldsAllToTheBit) {
   written.felt.settings.haptics.layers.layer = {
       {.id = 5, .name = "sk\"in", .isovalue = -300.1, .pop_force_n = 1.0 / 3.0},
       {.id = 1, .name = "bone", .isovalue = 300.0, .pop_out_force_n = 0.0}};
+  written.felt.settings.haptics.tool = {
+      .name = "dr\"ill",
+      .ball = {{Vec3(0.1, 0, 1.0 / 3.0), 3.0, true}, {Vec3(0, -2, 9)}},
+      .rotation_length_mm = 25.1};
   SurfaceLayers& configured = written.configured_settings.haptics.layers;
   configured.layer = {{.name = "skin", .isovalue = -300.1}};  // the daemon gives it an id
   const SavedSession read = WriteAndRead(written);

@@ -296,6 +296,25 @@ TEST(SimulatedDevice, HasATorqueIfItIsToldSo) {
   }
 }
 
+// A spring of 500 N mm for a radian, which comes to rest.
+TEST(SimulatedDevice, ATorqueTurnsTheWrist) {
+  struct Held final : StylusScript {
+    Target Next(const HandState&, const Wrench&, double) noexcept override {
+      return {.is_turned = true};
+    }
+  };
+  SimulatedDevice device(std::make_unique<Held>(), SimulatedDeviceSpec(100.0));
+  device.Start();
+  const auto turn_after = [&](const Vec3& torque_n_mm) {
+    for (int n = 0; n < 1000; ++n) device.Write({.wrench_M = {Vec3::Zero(), torque_n_mm}}, kTickS);
+    const Eigen::AngleAxisd turn(ReadOk(device).R_MS);
+    return Vec3(turn.angle() * turn.axis());
+  };
+  EXPECT_LT((turn_after(Vec3(0, 50, 0)) - Vec3(0, 0.1, 0)).norm(), 1e-4);
+  EXPECT_LT((turn_after(Vec3(-300, 0, 0)) - Vec3(-0.2, 0, 0)).norm(), 1e-4);  // saturates
+  EXPECT_LT(turn_after(Vec3::Zero()).norm(), 1e-4);
+}
+
 TEST(SimulatedDevice, SameInputSameBits) {
   const Surface sphere = Sphere(Vec3::Zero(), 25.0, 0.5);
   const auto one = Exploring(11);

@@ -136,6 +136,104 @@ TEST(ToolRenderer, TheTankDoesNotChangeAPress) {
   EXPECT_GT(most_n, 1.0);
 }
 
+// Each way out ends between two ticks, with the old force on the hand for a part of the tick.
+TEST(ToolRenderer, TheTankDoesNotChangeTaps) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  Chain chain(floor, testing::Rod(2, 0.0), false);
+  chain.settings.stiffness_n_per_mm = 2.0;
+  for (int tap = 0; tap < 100; ++tap) {
+    double most_n = 0.0;
+    for (double z_mm = 1.0; z_mm >= -1.0; z_mm -= 0.05) {
+      most_n = std::max(
+          most_n, chain.Step({Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())}).haptic.force_D_n.z());
+    }
+    for (double z_mm = -1.0; z_mm <= 2.0; z_mm += 0.6 + 0.001 * tap) {
+      chain.Step({Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())});
+    }
+    ASSERT_NEAR(most_n, 2.0, 0.02) << tap;
+  }
+}
+
+// A ball beside the grip is turned into the floor, again and again: nobody worked for that. Then
+// the hand presses.
+TEST(ToolRenderer, AfterTurnsAPressIsASpringFromThere) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  RigidTool tool = testing::Rod(2, 0.0);
+  tool.ball[0].p_SBall_mm = tool.ball[1].p_SBall_mm = 30.0 * Vec3::UnitX();
+  Chain chain(floor, tool, false);
+  double z_mm = 0.5, given_mj = 0.0, last_n = 0.0;
+  const auto step = [&](double to_mm, double turn_rad) {
+    const ToolOutput output = chain.Step({Vec3(0, 0, to_mm), Turn(turn_rad, Vec3::UnitY())});
+    const double force_n = output.haptic.force_D_n.z();
+    given_mj += 0.5 * (last_n + force_n) * (to_mm - z_mm);
+    EXPECT_LE(given_mj, kPortCreditMj + 1e-3);
+    z_mm = to_mm;
+    last_n = force_n;
+  };
+  for (int cycle = 0; cycle < 5; ++cycle) {
+    for (int n = 0; n <= 100; ++n) step(0.5, 0.001 * n);
+    for (int n = 0; n <= 100; ++n) step(0.5 + 0.03 * n, 0.1);  // out, with what the spring gives
+    step(3.5, 0.0);
+    step(0.5, 0.0);
+  }
+  for (int n = 0; n <= 100; ++n) step(0.5, 0.001 * n);
+  EXPECT_LT(last_n, 0.1);
+  for (int n = 0; n <= 100; ++n) step(0.5 - 0.01 * n, 0.1);
+  EXPECT_NEAR(last_n, 1.0, 0.1);
+}
+
+// --- Another surface or tool under a pressed stylus
+
+// The tool comes to rest within the work, whatever moves; no ball is in the object then.
+TEST(ToolRenderer, ChangesUnderLoadAreFeltWithinTheWorkAndTheForce) {
+  const testing::PlacedVolume gyroid = testing::PlaceBuiltin("builtin:gyroid:64", 1.0);
+  Chain chain(gyroid, testing::Rod(8, 16.0), true);
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> one(-1.0, 1.0);
+  chain.Step({});
+  int contacts = 0, ejecting = 0;
+  for (int n = 0; n < 20'000; ++n) {
+    if (n % 200 == 0) {
+      ++chain.felt.surface[0].geometry_revision;
+      if (n % 400 == 0) chain.felt.tool = testing::Rod(8, 16.0 + 8.0 * one(random), 30.0);
+    }
+    if (n % 100 == 0) chain.felt.surface[0].isovalue = 0.5 + 0.1 * one(random);
+    const ToolOutput output =
+        chain.Step({Vec3(std::sin(1e-3 * n), 0, 0), Turn(2e-4 * n, Vec3(1, 2, 3))});
+    ASSERT_LE(output.haptic.proxy.tetrahedra, kToolWork);
+    contacts += output.tool.touching != 0;
+    const bool is_ejecting = output.tool.mode == ProxyMode::kEjecting;
+    ejecting = is_ejecting ? ejecting + 1 : 0;
+    ASSERT_LE(ejecting, 50);
+    if (is_ejecting || output.tool.mode == ProxyMode::kInside || n % 20 != 0) continue;
+    lab::ToolJudge judge(chain.felt.surface[0], chain.felt.tool);
+    ASSERT_EQ(judge.Falls(output.tool.pose, output.tool.pose), 0) << n;
+  }
+  EXPECT_GT(contacts, 5000);
+}
+
+TEST(ToolRenderer, AnotherRotationLengthKeepsTheForce) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  Chain chain(floor, testing::Rod(2, 0.0), true);
+  chain.settings.passivity_control = true;
+  const ToolPose pressed{Vec3(0, 0, -2.0), Turn(0.35, Vec3::UnitX())};
+  for (int n = 0; n <= 400; ++n) {
+    chain.Step({Vec3(0, 0, 2.0 - 0.01 * n), Turn(0.35 * n / 400, Vec3::UnitX())});
+  }
+  chain.felt.tool.rotation_length_mm = 80.0;
+  ++chain.felt.surface[0].geometry_revision;
+  for (int n = 0; n < 300; ++n) {
+    EXPECT_NEAR(chain.Step(pressed).haptic.force_D_n.z(), 2.0, 0.1) << n;
+  }
+}
+
+TEST(ToolRenderer, TheDensityIsThatOfTheFirstBall) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  Chain chain(floor, testing::Rod(4, 6.0), true);
+  const ToolOutput output = chain.Step({Vec3(0, 0, 5.0), Turn(1.0, Vec3::UnitX())});
+  EXPECT_NEAR(output.haptic.proxy.density, 0.5 - 5.0 / 39.0, 1e-9);
+}
+
 // --- Light hands in a closed loop
 
 // A rod stands on a floor. It is pressed, or turned about its grip: then the hand's way in mm is ρ
@@ -202,6 +300,10 @@ TEST(ToolRenderer, APoseThatIsNoneIsRejectedAndChangesNothing) {
     EXPECT_LE((output.torque_D_n_mm - good.torque_D_n_mm).norm(), 0.1);
   }
   EXPECT_FALSE(chain.Step(pressed).haptic.input_rejected);
+  // A tool is not taken up how nobody holds it.
+  chain.memory = ToolMemory();
+  EXPECT_TRUE(chain.Step({pressed.p_DS_mm, {nan, 0, 0, 0}}).haptic.force_D_n.isZero());
+  EXPECT_FALSE(chain.memory.state.placed);
 }
 
 }  // namespace

@@ -117,6 +117,35 @@ TEST_F(ToolStrokesTest, ABallCarvesAheadWhereItIsPressedTo) {
   }
 }
 
+// Each at its own place on the tool as it is felt; others do not carve.
+TEST_F(ToolStrokesTest, OfAToolTheBallsThatCarveDo) {
+  const auto tool = std::make_shared<SceneTool>();
+  tool->held.ball = {{Vec3(0, 0, 1), 4.0, true}, {Vec3(0, 0, 5), 1.0}, {Vec3(3, 0, 0), 2.0, true}};
+  scene_.tool = tool;
+  Publish();
+  const Eigen::Quaterniond q = Turn(1.0);
+  const auto carve = [&] {
+    for (int n = 0; n < 2; ++n) {
+      TickSample sample = Sample(kCarveButton, Vec3(1, 2, 3));
+      sample.stylus_orientation = sample.tool_orientation = {q.w(), q.x(), q.y(), q.z()};
+      strokes_.OnSample(sample);
+    }
+    Tick(0);
+    return strokes_.TakeCarving();
+  };
+  const auto steps = carve();
+  ASSERT_EQ(steps.size(), 2u);
+  for (std::size_t n = 0; n < 2; ++n) {
+    const HeldToolBall& ball = tool->held.ball[2 * n];
+    EXPECT_LT((steps[n].p_WTo_mm - 2.0 * (q * ball.center_mm)).norm(), 1e-12);
+    EXPECT_NEAR(steps[n].full_mm, 2.0 * ball.radius_mm, 1e-12);
+  }
+  // What is put down carves no more.
+  scene_.tool.reset();
+  Publish();
+  for (int press = 0; press < 3; ++press) EXPECT_EQ(carve().size(), 1u) << press;
+}
+
 TEST_F(ToolStrokesTest, BothButtonsAtOnceMoveAndDoNotCarve) {
   for (int n = 0; n <= 100; ++n) Tick(kCarveButton | kClutchButton, Vec3(n, 0, 0));
   EXPECT_TRUE(Tick(0));

@@ -264,6 +264,48 @@ TEST(ViewOverlay, TheArrowIsAlongTheForceAndAsLongAsItIsStrong) {
   }
 }
 
+// As it is felt, in place of the stylus; outlines where the hand wants it, if that is elsewhere.
+TEST(ViewOverlay, ATouchingBallOfAToolHasTheProxysColour) {
+  Camera camera;
+  camera.Set(Vec3::Zero(), 0.0, 0.0, 250.0);
+  client::Pose pose = InContact();
+  pose.scp_h_mm = pose.hip_mm = Vec3::Zero();
+  pose.stylus_orientation = Eigen::Quaterniond::Identity();
+  pose.tool_orientation =
+      Eigen::Quaterniond(Eigen::AngleAxisd(0.5 * std::numbers::pi, Vec3::UnitY()));
+  pose.touching_balls = 1u << 1;
+  OverlayScene scene{.pose = pose};
+  scene.tool.ball = {{Vec3(0, 0, 5), 3.0}, {Vec3(0, 0, 20), 4.0}};
+  const OverlayOptions options = Only(&OverlayOptions::stylus);
+  const Overlay turned = BuildOverlay(scene, options, camera, kSize);
+  const std::vector<SolidVertex> touching = WithColor(turned, kScpHColor);
+  // z of the stylus has been turned to x.
+  const Extent along = Along(touching, Vec3(20, 0, 0), Vec3::UnitX());
+  EXPECT_NEAR(along.greatest, 4.0, 0.05);
+  EXPECT_NEAR(along.least, -4.0, 0.05);
+  EXPECT_GT(turned.solids.size(), touching.size());
+  EXPECT_FALSE(turned.lines.empty());
+  scene.pose->stylus_orientation = *pose.tool_orientation;
+  EXPECT_TRUE(BuildOverlay(scene, options, camera, kSize).lines.empty());
+}
+
+TEST(ViewOverlay, TheArcIsAboutTheTorqueAndAsLongAsItIsStrong) {
+  Camera camera;
+  camera.Set(Vec3::Zero(), 0.0, 0.0, 250.0);
+  client::Pose pose = InContact();
+  pose.force_n = Vec3::Zero();
+  pose.torque_n_mm = Vec3(0, 0, 40);
+  const auto vertices = [&](double most_n_mm) {
+    const OverlayScene scene{.pose = pose, .max_torque_n_mm = most_n_mm};
+    return WithColor(BuildOverlay(scene, Only(&OverlayOptions::force), camera, kSize), kForceColor);
+  };
+  const Extent across = Along(vertices(40.0), pose.scp_h_mm, Vec3::UnitZ());
+  const Extent along = Along(vertices(40.0), pose.scp_h_mm, Vec3::UnitX());
+  EXPECT_LT(across.greatest - across.least, 0.25 * (along.greatest - along.least));
+  EXPECT_GT(vertices(40.0).size(), 2 * vertices(100.0).size());
+  EXPECT_TRUE(vertices(0.0).empty());
+}
+
 TEST(ViewOverlay, TheStylusHasItsTipAtHipAndPointsAlongItsMinusZ) {
   const OverlayOptions options = Only(&OverlayOptions::stylus);
   client::Pose pose = InContact();

@@ -31,6 +31,7 @@ _FELT_BATCH = 100
 _REST_MM = 0.02
 _REST_SAMPLES = 100
 _MOST_WAY_S = 3.0
+_TURN_MM = 60.0  # a turn by an angle counts as 30 mm times it: half of it is in a quaternion
 # A force moves the hand away from its target, as a spring does.
 _SPRING_N_PER_MM = 0.3
 _NEAR_MM = 0.5
@@ -188,7 +189,7 @@ class Hand:
         self._lead(np.zeros(1), points_mm[:1], buttons, turns)
         # Every sample, whatever pauses this program makes.
         with PoseStream(self._link, _FELT_HZ, _FELT_BATCH, 1 << 20) as stream:
-            _wait_for_rest(stream, points_mm[0])
+            _wait_for_rest(stream, points_mm[0], None if turns is None else turns[0])
             # The stream may be behind. What belongs to the path, the daemon's ticks say.
             first_tick = self._ticks()
             self._lead(times_s, points_mm, buttons, turns)
@@ -298,19 +299,28 @@ def _since(tick: int, poses: Poses) -> Poses:
                     for name, value in values.items()})
 
 
-def _wait_for_rest(stream: PoseStream, target_mm: npt.NDArray[np.float64]) -> None:
+def _wait_for_rest(stream: PoseStream, target_mm: npt.NDArray[np.float64],
+                   turn: npt.NDArray[np.float64] | None) -> None:
     """Waits for at most _MOST_WAY_S. The hand may still rest at the place where it was before."""
+    def where(poses: Poses) -> npt.NDArray[np.float64]:
+        if turn is None:
+            return poses.hip_mm
+        turned = poses.stylus_orientation
+        return np.hstack([poses.hip_mm, _TURN_MM * np.sign(turned @ turn)[:, None] * turned])
+
     newest = next(stream)
-    begin_mm, has_moved = newest.hip_mm[0], False
-    hips_mm = newest.hip_mm
+    places = where(newest)
+    begin, has_moved = places[0], False
     end_s = time.monotonic() + _MOST_WAY_S
     while time.monotonic() < end_s:
         newest = next(stream)
-        hips_mm = np.concatenate([hips_mm, newest.hip_mm])[-_REST_SAMPLES:]
-        has_moved = has_moved or _is_far(hips_mm[-1], begin_mm)
-        rests = len(hips_mm) == _REST_SAMPLES and (np.ptp(hips_mm, axis=0) < _REST_MM).all()
-        expected_mm = target_mm + newest.force_n[-1] / _SPRING_N_PER_MM
-        if rests and (has_moved or not _is_far(hips_mm[-1], expected_mm)):
+        places = np.concatenate([places, where(newest)])[-_REST_SAMPLES:]
+        has_moved = has_moved or _is_far(places[-1], begin)
+        rests = len(places) == _REST_SAMPLES and (np.ptp(places, axis=0) < _REST_MM).all()
+        expected = target_mm + newest.force_n[-1] / _SPRING_N_PER_MM
+        if turn is not None:
+            expected = np.r_[expected, _TURN_MM * turn]
+        if rests and (has_moved or not _is_far(places[-1], expected)):
             return
 
 

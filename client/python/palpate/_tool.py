@@ -74,10 +74,14 @@ def tool_of(name: str, value: typing.Any) -> Tool | None:
         return None
     if not isinstance(value, Tool):
         raise InvalidArgument(f"{name} is a palpate.Tool or None, not {value!r}")
+    if not value.balls:
+        raise InvalidArgument(f"{name} has no balls; None puts it down")
     for ball in value.balls:
         if not isinstance(ball, ToolBall):
             raise InvalidArgument(f"the balls of {name} are palpate.ToolBall(...), not {ball!r}")
-    return value
+    return dataclasses.replace(value, balls=tuple(
+        dataclasses.replace(ball, center_mm=three("center_mm", ball.center_mm))
+        for ball in value.balls))
 
 
 def put_tool(tool: Tool | None, message: render_pb2.HeldTool) -> None:

@@ -53,6 +53,7 @@ bool HandTool::Take(Viewer& viewer, const ViewPointer& pointer) {
   }
   if (!leads_) Begin(viewer);
   if (!leads_ || !Goes(viewer)) return false;
+  HoldTool(viewer.feed());
   const bool used = Lead(viewer, pointer);
   GoAround(viewer.feed());
   return used;
@@ -68,15 +69,18 @@ void HandTool::Begin(Viewer& viewer) {
   feed.TakeHand();
   aim_.Begin(feed.pose()->hip_mm);
   sent_D_ = aim_.target_D();
-  // A tool stays as it is held: by itself it would sway into what is around it.
   R_DS_.reset();
-  if (feed.pose()->tool_orientation) {
-    R_DS_ = Eigen::Quaterniond(feed.pose()->stylus_orientation).normalized();
-  }
+  HoldTool(feed);
   Send(feed);
   way_D_.clear();
   seen_ = {};
   leads_ = true;
+}
+
+// A tool stays as it is held: by itself it would sway into what is around it.
+void HandTool::HoldTool(const LiveFeed& feed) {
+  if (R_DS_ || !feed.pose() || !feed.pose()->tool_orientation) return;
+  R_DS_ = Eigen::Quaterniond(feed.pose()->stylus_orientation).normalized();
 }
 
 void HandTool::GiveBack(Viewer& viewer) {

@@ -37,6 +37,7 @@ class HandTool {
   };
 
   void Begin(Viewer& viewer);
+  void HoldTool(const LiveFeed& feed);
   void End(Viewer& viewer);
   bool Goes(Viewer& viewer);
   bool Lead(Viewer& viewer, const ViewPointer& pointer);

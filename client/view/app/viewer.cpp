@@ -405,7 +405,9 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
     scene.max_force_n = device->device.max_force_n;
     scene.max_torque_n_mm = device->device.max_torque_n_mm;
   }
-  if (feed_.settings()) scene.tool = feed_.settings()->tool;
+  // While another one is made, that of before is felt.
+  if (feed_.settings() && !feed_.settings()->ball.is_awaited) tool_ = feed_.settings()->tool;
+  scene.tool = tool_;
   scene.hand_target_D = hand_.target_D();
   Overlay overlay = BuildOverlay(scene, state_.overlay, state_.camera, view);
   AddTools(view, overlay);

@@ -271,6 +271,7 @@ class Viewer {
   std::uint64_t frame_ = 0;
 
   std::optional<Felt> felt_;
+  HeldTool tool_;  // that is felt
   std::vector<Vec3> haptic_lines_I_;
 
   std::optional<Seen> seen_;

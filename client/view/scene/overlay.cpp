@@ -212,7 +212,7 @@ Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, c
     AddTorque(*scene.pose, scene.max_torque_n_mm, projection, overlay);
   }
   if (options.stylus) {
-    if (scene.pose->tool_orientation) {
+    if (scene.pose->tool_orientation && !scene.tool.ball.empty()) {
       AddTool(*scene.pose, scene.tool, projection, overlay);
     } else {
       AddStylus(*scene.pose, projection, overlay);

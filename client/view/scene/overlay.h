@@ -61,7 +61,7 @@ struct OverlayScene {
   std::optional<Mat3> P_from_I{};
   double max_force_n = 3.3;
   double max_torque_n_mm = 0.0;  // 0: the device has no torque
-  HeldTool tool{};               // of the settings
+  HeldTool tool{};               // that is felt, where the pose has its orientation
   // Where the person who leads the hand wants HIP to be. None: nobody leads it here.
   std::optional<Vec3> hand_target_D{};
 };

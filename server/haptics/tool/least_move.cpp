@@ -103,11 +103,12 @@ bool Hold(int number, const MoveLimit& limit, ActiveSet& active, Vec6& x) {
 
 }  // namespace
 
-LeastMove NearestMove(const Vec6& wanted, std::span<const MoveLimit> limits,
-                      double tolerance) noexcept {
+LeastMove NearestMove(const Vec6& wanted, std::span<const MoveLimit> limits, double tolerance,
+                      int most_steps) noexcept {
   LeastMove move{.x = wanted};
   ActiveSet active;
-  for (int steps = 0; steps < kMostLeastMoveSteps; ++steps) {
+  while (move.steps < most_steps) {
+    ++move.steps;
     int worst = -1;
     double worst_lack = tolerance;
     for (std::size_t n = 0; n < limits.size(); ++n) {

@@ -28,11 +28,12 @@ struct LeastMove {
   std::array<int, 6> active{};
   int active_count = 0;
   bool feasible = true;
+  int steps = 0;  // in each of them, all limits were looked at
 };
 
 // `tolerance`: a limit may be violated by this, for a row of length 1. Of rows that depend on
 // others, some are left out.
-LeastMove NearestMove(const Vec6& wanted, std::span<const MoveLimit> limits,
-                      double tolerance) noexcept;
+LeastMove NearestMove(const Vec6& wanted, std::span<const MoveLimit> limits, double tolerance,
+                      int most_steps = kMostLeastMoveSteps) noexcept;
 
 }  // namespace palpate

@@ -21,7 +21,6 @@ inline constexpr int kMostToolRadii = 3;
 struct ToolBall {
   Vec3 p_SBall_mm = Vec3::Zero();
   std::uint8_t radius = 0;  // which of RigidTool::radius_mm
-  bool carves = false;
 
   bool operator==(const ToolBall&) const = default;
 };

@@ -7,7 +7,6 @@
 #include <cstdint>
 
 #include "common/contract/enumerations.h"
-#include "common/geometry/wrench.h"
 #include "server/haptics/passivity.h"
 #include "server/haptics/tool/force_port.h"
 #include "server/haptics/tool/tool_step.h"
@@ -31,11 +30,11 @@ struct ToolMemory {
   bool touches = false;
   double slope_per_mm = 0.0;  // the least of the density where the tool touches
   UnalignedQuaternion R_DS = UnalignedQuaternion::Identity();  // of the last stylus
-  Vec3 turned_rad = Vec3::Zero();  // the sum of the stylus's turns since the tool is there
-  double spring_mj = 0.0;          // of force and torque, in the last step
-  Wrench wrench_D;                 // the last one
-  ForcePort port;                  // of a device without torque
-  PassivityStateOf<6> passivity;   // of one with torque
+  // The sum of ρ times the stylus's turns since the tool is there, each with the ρ of its tool.
+  Vec3 turned_mm = Vec3::Zero();
+  double spring_mj = 0.0;         // of force and torque, in the last step
+  ForcePort port;                 // of a device without torque
+  PassivityStateOf<6> passivity;  // of one with torque
 };
 
 }  // namespace palpate

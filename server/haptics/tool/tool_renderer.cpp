@@ -49,14 +49,14 @@ class ToolUpdate {
 
   void Run() noexcept {
     ChooseSurface();
-    const double budget_mj = EnergyOfTheMove();
-    output_.tool = Step(stylus_, work_, memory_.state);
+    const bool was_placed = memory_.state.placed;
+    const double budget_mj = Settle();
+    output_.tool = Step(stylus_, work_ - settled_.work);
     const ToolMove pull = MoveBetween(stylus_, output_.tool.pose);
     const double depth_mm = Length(pull);
-    Remember(depth_mm);
+    Remember(depth_mm, was_placed);
     const Wrench wrench_D = Passive(WrenchOf(pull), depth_mm, budget_mj);
     state_.limited_D_n = wrench_D.force_n;
-    memory_.wrench_D = wrench_D;
     Tell(pull, wrench_D);
   }
 
@@ -70,21 +70,22 @@ class ToolUpdate {
   }
   bool has_torque() const { return state_.device.max_torque_n_mm > 0.0; }
 
-  ToolStep Step(const ToolPose& stylus, int work, ToolState& tool) noexcept {
+  ToolStep Step(const ToolPose& stylus, int work) noexcept {
     ToolSurfaces surfaces;
     for (int n = 0; n < felt_.tool.radius_count; ++n) surfaces.surface[n] = &surface_[n];
     surfaces.cache = felt_.cache;
     const double stiffness = settings_.stiffness_n_per_mm;
     const double eject_limit_mm =
         stiffness > 0.0 ? kEjectForceLimitN / stiffness : std::numeric_limits<double>::infinity();
-    return StepTool(felt_.tool, surfaces, stylus, eject_limit_mm, work, tool);
+    return StepTool(felt_.tool, surfaces, stylus, eject_limit_mm, work, memory_.state);
   }
 
   // --- The surface
 
   // While the tool touches, the isovalue glides, and another refinement waits.
   void ChooseSurface() noexcept {
-    const bool holds = memory_.touches && memory_.state.placed && !memory_.state.buried;
+    const ToolState& tool = memory_.state;
+    const bool holds = tool.placed && !tool.buried && (memory_.touches || tool.ejecting_steps > 0);
     const ToolSurfacesFelt& last = memory_.felt;
     for (int n = 0; n < felt_.tool.radius_count; ++n) {
       HapticSurface& surface = surface_[n];
@@ -99,9 +100,9 @@ class ToolUpdate {
     }
   }
 
-  // The energy that the spring gained because the surface moved: with the stylus at its old place,
-  // the energy on the present surface minus that on the old one.
-  double EnergyOfTheMove() noexcept {
+  // Where the surface has moved, the tool first comes to rest with the stylus at its old place.
+  // Returns the energy that the spring gained by that.
+  double Settle() noexcept {
     const HapticSurface& first = surface_[0];
     const ToolSurfacesFelt now{first.geometry_revision, first.volume->revision(),
                                first.lattice.refinement(), first.free_side, first.isovalue};
@@ -109,14 +110,14 @@ class ToolUpdate {
     memory_.felt = now;
     if (same) return 0.0;
     const ToolPose last{state_.p_DLastHip_mm, memory_.R_DS};
-    ToolState probe = memory_.state;
-    const ToolStep there = Step(last, work_ / 2, probe);
-    return std::max(0.0, SpringEnergy(Length(MoveBetween(last, there.pose))) - memory_.spring_mj);
+    settled_ = Step(last, work_ / 2);
+    const double now_mj = SpringEnergy(Length(MoveBetween(last, settled_.pose)));
+    return settled_.capped ? 0.0 : std::max(0.0, now_mj - memory_.spring_mj);
   }
 
-  void Remember(double depth_mm) noexcept {
-    if (memory_.state.placed) {
-      memory_.turned_rad += MoveBetween({Vec3::Zero(), memory_.R_DS}, stylus_).turn_rad;
+  void Remember(double depth_mm, bool was_placed) noexcept {
+    if (was_placed) {
+      memory_.turned_mm += rho_mm_ * MoveBetween({Vec3::Zero(), memory_.R_DS}, stylus_).turn_rad;
     }
     memory_.R_DS = stylus_.R_DS;
     memory_.spring_mj = SpringEnergy(depth_mm);
@@ -156,10 +157,11 @@ class ToolUpdate {
     }
     PassivityDevice device = state_.device;
     device.resolution_mm = std::max(device.resolution_mm, rho_mm_ * kResolutionRad);
-    device.max_force_n = std::hypot(device.max_force_n, device.max_torque_n_mm / rho_mm_);
+    const double turning_n = device.max_torque_n_mm / rho_mm_;
+    device.max_force_n = std::sqrt(device.max_force_n * device.max_force_n + turning_n * turning_n);
     Vec6 force, place;
     force << wrench.force_n, wrench.torque_n_mm / rho_mm_;
-    place << stylus_.p_DS_mm, rho_mm_ * memory_.turned_rad;
+    place << stylus_.p_DS_mm, memory_.turned_mm;
     const Vec6 passive = LimitToPassive(force, settings_.stiffness_n_per_mm, depth_mm, place,
                                         budget_mj, dt_s_, device, passivity);
     return {passive.head<3>(), rho_mm_ * passive.tail<3>()};
@@ -180,7 +182,10 @@ class ToolUpdate {
   }
 
   void Tell(const ToolMove& pull, const Wrench& wrench_D) noexcept {
-    const ToolStep& step = output_.tool;
+    ToolStep& step = output_.tool;
+    step.work += settled_.work;
+    step.rounds += settled_.rounds;
+    step.capped = step.capped || settled_.capped;
     output_.torque_D_n_mm = wrench_D.torque_n_mm;
     HapticOutput& haptic = output_.haptic;
     haptic.force_D_n = wrench_D.force_n;
@@ -192,8 +197,19 @@ class ToolUpdate {
     haptic.proxy.moves = step.rounds;
     haptic.proxy.tetrahedra = step.work;
     haptic.proxy.capped = step.capped;
+    haptic.proxy.density = DensityOfTheFirstBall();
     const double length_mm = pull.way_mm.norm();
     if (memory_.touches && length_mm > 0.0) haptic.proxy.normal_D = pull.way_mm / length_mm;
+  }
+
+  double DensityOfTheFirstBall() noexcept {
+    const ToolBall& ball = felt_.tool.ball[0];
+    const ToolPose& pose = output_.tool.pose;
+    const HapticSurface& surface = surface_[ball.radius];
+    double density = 0.0;
+    PlaceAt(surface, surface.X_LD.Apply(pose.p_DS_mm + pose.R_DS * ball.p_SBall_mm), state_.cache,
+            density);
+    return surface.sign() * density;
   }
 
   const FeltTool& felt_;
@@ -206,6 +222,7 @@ class ToolUpdate {
   ToolMemory& memory_;
   ToolOutput& output_;
   std::array<HapticSurface, kMostToolRadii> surface_;  // of this step
+  ToolStep settled_;
 };
 
 }  // namespace
@@ -218,7 +235,7 @@ ToolOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings, co
   output.haptic.input_rejected = is_rejected;
   if (is_rejected) {
     state.rejected_s += dt_s;
-    if (!state.has_hip) return output;
+    if (!state.has_hip || !memory.state.placed) return output;
   }
   if (!memory.state.placed) TakeUp(state);
   const Eigen::Quaterniond turned =

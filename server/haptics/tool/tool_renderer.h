@@ -10,6 +10,7 @@
 // Real-time: no allocation, no locks; bounded by the work that is given.
 #pragma once
 
+#include "common/geometry/wrench.h"
 #include "server/haptics/renderer.h"
 #include "server/haptics/tool/tool_memory.h"
 #include "server/haptics/tool/tool_step.h"
@@ -31,8 +32,8 @@ struct ToolOutput {
 };
 
 // `state`: of the stylus and the device; it has no point meanwhile. `memory`: a new one takes the
-// tool up where the stylus is. `work`: the most of a step (tool_step.h); where the surface has
-// moved, another half of it.
+// tool up where the stylus is. `work`: as in tool_step.h; where the surface has moved, half of it
+// is for that.
 ToolOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings, const Vec3& p_DHip_mm,
                         const Eigen::Quaterniond& R_DS, double dt_s, int work, RendererState& state,
                         ToolMemory& memory) noexcept;

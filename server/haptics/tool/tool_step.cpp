@@ -30,6 +30,8 @@ constexpr double kLongestWayOutVoxels = 1.0;
 // The most work that one look takes, and one chord of a voxel: it meets 4 cells.
 constexpr int kMostLookWork = 9 * (1 + kMaxTetrahedra);
 constexpr int kMostVoxelWork = 4 * (1 + kMaxTetrahedra);
+// Planes that a nearest move looks at cost as much as one tetrahedron.
+constexpr int kPlanesPerWork = 8;
 constexpr double kLongestRoundTurnRad = 0.25;
 constexpr int kMostTries = 12;
 constexpr int kMostEjectSteps = 50;
@@ -82,7 +84,9 @@ class Stepper {
         pose_(state.pose) {
     voxel_mm_ = std::numeric_limits<double>::infinity();
     for (int n = 0; n < tool.radius_count; ++n) {
-      voxel_mm_ = std::min(voxel_mm_, surfaces.surface[static_cast<std::size_t>(n)]->voxel_mm);
+      const HapticSurface& surface = *surfaces.surface[static_cast<std::size_t>(n)];
+      voxel_mm_ = std::min(voxel_mm_, surface.voxel_mm);
+      longest_voxel_mm_ = std::max(longest_voxel_mm_, surface.longest_voxel_mm);
     }
     standoff_mm_ = std::min(kStandoffMm, kStandoffVoxels * voxel_mm_);
     // So short that all chords of a round fit into half the work.
@@ -220,8 +224,15 @@ class Stepper {
       if (held.ball == thin_ball_) floor_mm = kThinStandoffs * standoff_mm_;
       limits_[n] = LimitOf(held, floor_mm - gap_mm);
     }
-    return NearestMove(wanted, {limits_.data(), static_cast<std::size_t>(held_.count)},
-                       1e-3 * standoff_mm_);
+    const int count = std::max(1, held_.count);
+    const int most_steps =
+        std::min(kMostLeastMoveSteps, kPlanesPerWork * (most_work_ - step_.work) / count);
+    const LeastMove move =
+        NearestMove(wanted, {limits_.data(), static_cast<std::size_t>(held_.count)},
+                    1e-3 * standoff_mm_, most_steps);
+    step_.work += count * move.steps / kPlanesPerWork;
+    step_.capped = step_.capped || (move.steps == most_steps && most_steps < kMostLeastMoveSteps);
+    return move;
   }
 
   // --- Moves
@@ -300,9 +311,10 @@ class Stepper {
 
   void Place() noexcept {
     const std::uint64_t loaded = surfaces_.surface[0]->volume->loaded_revision();
-    // Nobody asked for a push where a hand happens to be in another volume.
+    // Nobody asked for a push where a hand happens to be in another volume, but for as much as
+    // another lattice may need.
     if (state_.placed && loaded != state_.loaded_revision) {
-      eject_limit_mm_ = std::min(eject_limit_mm_, voxel_mm_);
+      eject_limit_mm_ = std::min(eject_limit_mm_, longest_voxel_mm_);
     }
     state_.loaded_revision = loaded;
     SetPose(state_.placed && !state_.buried ? pose_ : stylus_);
@@ -317,6 +329,7 @@ class Stepper {
       if (!is_out) inside_ = 1;
     }
     state_.ejecting_steps = 0;
+    state_.ejected_mm = 0.0;
     state_.placed = true;
     state_.buried = inside_ != 0;
     if (!state_.buried) return Advance();
@@ -328,6 +341,7 @@ class Stepper {
   // is too far, or no way out is found.
   bool Eject() noexcept {
     const ToolPose from = pose_;
+    const double before_mm = state_.ejected_mm;
     while (inside_ != 0 && step_.rounds < kMostToolRounds) {
       ++step_.rounds;
       End end = End::kNewPlane;
@@ -337,7 +351,8 @@ class Stepper {
         end = Follow(x, false, true);
       }
       if (end != End::kMoved) return false;
-      if (Metric(MoveBetween(from, pose_)).norm() > eject_limit_mm_) return false;
+      state_.ejected_mm = before_mm + Metric(MoveBetween(from, pose_)).norm();
+      if (state_.ejected_mm > eject_limit_mm_) return false;
       Look();
       if (step_.capped) return false;
     }
@@ -352,6 +367,7 @@ class Stepper {
       if (step_.capped) return Rest();
       const Vec6 wanted = Wanted();
       Vec6 x = Solve(wanted, may_rise_ ? Limits::kRestore : Limits::kKeep);
+      if (step_.capped) return Rest();
       if (IsRest(x)) {
         if (kept_.count > 0 && !is_sure) {
           kept_.count = 0;
@@ -450,6 +466,7 @@ class Stepper {
   ToolPath* path_;
   ToolPose pose_;
   double voxel_mm_ = 0.0;
+  double longest_voxel_mm_ = 0.0;
   double standoff_mm_ = 0.0;
   double longest_way_mm_ = 0.0;  // of a ball in a round
   int most_chord_work_ = 0;

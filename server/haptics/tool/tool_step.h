@@ -47,7 +47,8 @@ struct ToolState {
   bool placed = false;
   bool buried = false;  // nothing is felt until the tool is free where the stylus is
   ToolPose pose;
-  int ejecting_steps = 0;  // that have not brought it out yet
+  int ejecting_steps = 0;   // that have not brought it out yet
+  double ejected_mm = 0.0;  // by these, in the metric of the coupling
   std::uint64_t loaded_revision = 0;
 };
 
@@ -57,14 +58,14 @@ struct ToolStep {
   std::uint64_t touching = 0;  // bit n: ball n holds the tool back
   double slope_per_mm = 0.0;   // the least of the density where it does
   int rounds = 0;
-  int work = 0;         // cells and tetrahedra looked at
+  int work = 0;         // cells and tetrahedra looked at, and what planes cost
   bool capped = false;  // the work was not enough
 };
 
 // The poses that the tool took in a step, for judges: between two of them, each ball's centre goes
-// straight.
+// straight. A round that goes over a ridge has two.
 struct ToolPath {
-  std::array<ToolPose, kMostToolRounds> pose;
+  std::array<ToolPose, 2 * kMostToolRounds> pose;
   int count = 0;
 };
 
@@ -72,8 +73,7 @@ struct ToolPath {
 inline constexpr int kLeastToolWork = 18'000;
 
 // `eject_limit_mm`: in the metric of the coupling, the farthest that a tool is moved that an edit
-// or another isovalue put into the object; else it is buried. `work`: the most cells and tetrahedra
-// to look at.
+// or another isovalue put into the object; else it is buried. `work`: the most that a step does.
 ToolStep StepTool(const RigidTool& tool, const ToolSurfaces& surfaces, const ToolPose& stylus,
                   double eject_limit_mm, int work, ToolState& state,
                   ToolPath* path = nullptr) noexcept;

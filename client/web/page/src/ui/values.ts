@@ -2,6 +2,7 @@
 import type { State } from "../state";
 import { norm, subtract } from "../view/geometry";
 import { whereInLayers } from "../view/layers";
+import { touches } from "../view/tool";
 import type { VolumeCopy } from "../volume/copy";
 import { kProxyMode } from "../wire/words";
 import { nameOf } from "../wire/contract";
@@ -36,8 +37,7 @@ function toolText(pose: Pose, state: State): string {
   const tool = state.settings?.settings.tool;
   const made = tool?.ball.length && state.settings?.ball?.isAwaited ? "its field is being made" : "";
   if (!pose.toolOrientation || !tool) return made;
-  let touching = 0;
-  for (let left = pose.touchingBalls; left > 0; left = Math.floor(left / 2)) touching += left % 2;
+  const touching = tool.ball.filter((_, n) => touches(pose, n)).length;
   return `${tool.name || "without a name"}, ${touching} of ${tool.ball.length} balls touch`;
 }
 

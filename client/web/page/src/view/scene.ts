@@ -114,7 +114,7 @@ export class PalpationScene {
   }
 
   // `size` and `pixelRatio`: of the canvas.
-  // `tool`: of the settings; it is drawn where the pose says that one is felt.
+  // `tool`: that is felt, where the pose says that one is.
   update(pose: Pose | null, tool: Tool | null, camera: Camera, size: Size, pixelRatio: number): void {
     const [right, up, back] = camera.axes();
     const eye = camera.eye();

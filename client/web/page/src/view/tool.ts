@@ -23,9 +23,8 @@ function ballOf(color: number): three.Mesh<three.BufferGeometry, three.MeshLambe
   return new three.Mesh(kSphere, new three.MeshLambertMaterial({ color }));
 }
 
-// Bits beyond 53 of the sum are rounded: it only marks what touches.
-function touches(pose: Pose, ball: number): boolean {
-  return Math.floor(pose.touchingBalls / 2 ** ball) % 2 === 1;
+export function touches(pose: Pose, ball: number): boolean {
+  return ((pose.touchingBalls >> BigInt(ball)) & 1n) === 1n;
 }
 
 export class ToolBody {

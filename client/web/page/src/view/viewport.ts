@@ -17,6 +17,7 @@ import { cameraOf, changeCamera } from "./look";
 import { faceLabels, patientFrame } from "./patient_axes";
 import { followPointers } from "./pointers";
 import { PalpationScene } from "./scene";
+import type { Tool } from "./tool";
 import { isMaterialAbove, layersOf } from "./layers";
 
 // The desktop viewer's (client/view/scene/view_options.h).
@@ -41,6 +42,7 @@ export class Viewport {
   readonly caster: Caster;
   aimedAt = ""; // the volume that the camera was aimed at, and its sides; "": none yet
 
+  private tool: Tool | null = null; // while another one is made, that of before is felt
   private readonly gl: WebGL2RenderingContext;
   private readonly renderer: WebGLRenderer;
   private readonly first = document.querySelector<HTMLCanvasElement>("#glance")!.getContext("2d")!;
@@ -262,7 +264,9 @@ export class Viewport {
     const { gl, renderer, scene, canvas } = this;
     const camera = cameraOf(this.state);
     const size: Size = [canvas.width, canvas.height];
-    scene.update(this.state.pose, this.state.settings?.settings.tool ?? null, camera, size, size[0] / Math.max(canvas.clientWidth, 1));
+    const { settings } = this.state;
+    if (!settings?.ball?.isAwaited) this.tool = settings?.settings.tool ?? null;
+    scene.update(this.state.pose, this.tool, camera, size, size[0] / Math.max(canvas.clientWidth, 1));
     // While a picture is being cast, the objects are drawn as the picture that is shown sees them.
     const bounds = this.volumeBounds(1) ?? { min: [-50, -50, -50], max: [50, 50, 50] };
     const projection = scene.camera.projectionMatrix.fromArray(this.caster.shown?.clipFromD ?? camera.clipFromD(size, bounds));

@@ -24,7 +24,8 @@ export type Plain<T> =
 type Whole<T, K extends keyof T> = T & { [P in K]-?: NonNullable<T[P]> };
 
 // Lengths in mm of D (x right, y up, z to the user), forces in N, values in data units.
-export type Sample = Whole<Plain<PoseSample>, "hipMm" | "scpHMm" | "stylusOrientation" | "forceN" | "forces">;
+type WholeSample = Whole<Plain<PoseSample>, "hipMm" | "scpHMm" | "stylusOrientation" | "forceN" | "forces">;
+export type Sample = Omit<WholeSample, "touchingBalls"> & { touchingBalls: bigint }; // a number has 53 bits
 export interface Sent {
   sequence: number;
   sentMs: number; // the gateway's monotonic clock
@@ -94,7 +95,8 @@ export function decode(bytes: ArrayBuffer): Received | null {
       const sample = plain(what.value) as Plain<PoseSample>;
       if (!sample.hipMm || !sample.scpHMm || !sample.stylusOrientation || !sample.forceN || !sample.forces) return null;
       const { sequence, sentMs, ageMs = NaN, fresh } = envelope;
-      return { pose: { ...(sample as Sample), sequence, sentMs, ageMs, fresh } };
+      const { touchingBalls } = what.value;
+      return { pose: { ...(sample as WholeSample), touchingBalls, sequence, sentMs, ageMs, fresh } };
     }
     if (what.case !== "facts") return null;
     const fact = plain(what.value) as PlainFacts;
