@@ -20,6 +20,8 @@ constexpr double kFarthestBallMm = 500.0;
 constexpr double kGreatestRadiusMm = 20.0;  // as tool_radius_mm
 constexpr double kLeastRotationMm = 1.0;
 constexpr double kGreatestRotationMm = 300.0;
+// Farther, a ball feels softer than a 400th of the stiffness, and a tool was seen to stick.
+constexpr double kFarthestInRotations = 20.0;
 
 void CheckBall(std::size_t number, const HeldToolBall& ball) {
   const auto name = [&](std::string_view field) {
@@ -52,6 +54,16 @@ void CheckTool(const HeldTool& tool) {
   if (tool.rotation_length_mm == 0.0) return;
   CheckRange("rotation_length_mm of the tool", tool.rotation_length_mm, kLeastRotationMm,
              kGreatestRotationMm, " mm");
+  double farthest_mm = 0.0;
+  for (const HeldToolBall& ball : tool.ball) {
+    farthest_mm = std::max(farthest_mm, ball.center_mm.norm());
+  }
+  if (farthest_mm > kFarthestInRotations * tool.rotation_length_mm) {
+    Refuse(
+        fmt::format("rotation_length_mm of the tool is {:g}: with a ball {:g} mm from the tip it "
+                    "is at least {:g}",
+                    tool.rotation_length_mm, farthest_mm, farthest_mm / kFarthestInRotations));
+  }
 }
 
 std::string RefusalWithTool(const HapticSettings& haptics) {

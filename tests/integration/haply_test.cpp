@@ -329,9 +329,12 @@ TEST_F(HaplyTest, LateAndStrangeAnswersAreNoReadings) {
              Json::object());
   ExpectLost({{"huge", 1}}, "ended the connection", Json::object(), false);
   ExpectLost({{"device_present", false}}, "unplugged", {{"device_present", true}}, false);
-  // A quick device thread takes them one by one.
+  // A quick device thread takes them one by one: then they are only corrupt.
   EXPECT_TRUE(Eventually([&] {
+    EXPECT_TRUE(Pushes());
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(200);
     Set({{"unasked", 12}});
+    device_->Serve(kPush, [&] { return std::chrono::steady_clock::now() > end; });
     return device_->HasLogged("nobody asked for");
   }));
   EXPECT_TRUE(Eventually([&] { return Felt_M_n().isZero(); }));

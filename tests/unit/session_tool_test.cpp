@@ -116,6 +116,9 @@ TEST_F(SessionToolTest, WhatCannotBeIsRefusedAndChangesNothing) {
   EXPECT_EQ(refusal_of([](HeldTool& t) { t.ball[0].center_mm.x() = 501.0; }), invalid);
   EXPECT_EQ(refusal_of([](HeldTool& t) { t.ball[0].center_mm.x() = std::nan(""); }), invalid);
   EXPECT_EQ(refusal_of([](HeldTool& t) { t.rotation_length_mm = 0.5; }), invalid);
+  EXPECT_EQ(refusal_of([](HeldTool& t) { t.ball[0].center_mm.x() = 20.1 * t.rotation_length_mm; }),
+            invalid);
+  EXPECT_EQ(refusal_of([](HeldTool& t) { t.ball[3].carves = true; }), invalid);  // a point
   EXPECT_EQ(refusal_of([](HeldTool& t) { t.name = "a\nb"; }), invalid);
   EXPECT_EQ(session().settings().settings_revision, revision);
 }

@@ -143,7 +143,8 @@ TEST(ToolRenderer, TheTankDoesNotChangeTaps) {
   chain.settings.stiffness_n_per_mm = 2.0;
   for (int tap = 0; tap < 100; ++tap) {
     double most_n = 0.0;
-    for (double z_mm = 1.0; z_mm >= -1.0; z_mm -= 0.05) {
+    for (int n = 0; n <= 40; ++n) {
+      const double z_mm = 1.0 - 0.05 * n;
       most_n = std::max(
           most_n, chain.Step({Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())}).haptic.force_D_n.z());
     }
@@ -159,7 +160,7 @@ TEST(ToolRenderer, TheTankDoesNotChangeTaps) {
 TEST(ToolRenderer, AfterTurnsAPressIsASpringFromThere) {
   const testing::PlacedVolume floor = testing::PlaceFloor();
   RigidTool tool = testing::Rod(2, 0.0);
-  tool.ball[0].p_SBall_mm = tool.ball[1].p_SBall_mm = 30.0 * Vec3::UnitX();
+  tool.ball[0].p_SBall_mm = tool.ball[1].p_SBall_mm = 15.0 * Vec3::UnitX();
   Chain chain(floor, tool, false);
   double z_mm = 0.5, given_mj = 0.0, last_n = 0.0;
   const auto step = [&](double to_mm, double turn_rad) {
@@ -171,14 +172,14 @@ TEST(ToolRenderer, AfterTurnsAPressIsASpringFromThere) {
     last_n = force_n;
   };
   for (int cycle = 0; cycle < 5; ++cycle) {
-    for (int n = 0; n <= 100; ++n) step(0.5, 0.001 * n);
-    for (int n = 0; n <= 100; ++n) step(0.5 + 0.03 * n, 0.1);  // out, with what the spring gives
+    for (int n = 0; n <= 100; ++n) step(0.5, 0.002 * n);
+    for (int n = 0; n <= 100; ++n) step(0.5 + 0.03 * n, 0.2);  // out, with what the spring gives
     step(3.5, 0.0);
     step(0.5, 0.0);
   }
-  for (int n = 0; n <= 100; ++n) step(0.5, 0.001 * n);
+  for (int n = 0; n <= 100; ++n) step(0.5, 0.002 * n);
   EXPECT_LT(last_n, 0.1);
-  for (int n = 0; n <= 100; ++n) step(0.5 - 0.01 * n, 0.1);
+  for (int n = 0; n <= 100; ++n) step(0.5 - 0.01 * n, 0.2);
   EXPECT_NEAR(last_n, 1.0, 0.1);
 }
 
@@ -209,7 +210,7 @@ TEST(ToolRenderer, ChangesUnderLoadAreFeltWithinTheWorkAndTheForce) {
     lab::ToolJudge judge(chain.felt.surface[0], chain.felt.tool);
     ASSERT_EQ(judge.Falls(output.tool.pose, output.tool.pose), 0) << n;
   }
-  EXPECT_GT(contacts, 5000);
+  EXPECT_GT(contacts, 3000);
 }
 
 TEST(ToolRenderer, AnotherRotationLengthKeepsTheForce) {
@@ -227,11 +228,80 @@ TEST(ToolRenderer, AnotherRotationLengthKeepsTheForce) {
   }
 }
 
+// The work that moves the surface is no debt of the hand's.
+TEST(ToolRenderer, ASurfaceThatRisesUnderAStillHandIsFeltInFull) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  for (const bool has_torque : {false, true}) {
+    for (const bool is_controlled : {false, true}) {
+      Chain chain(floor, testing::Rod(2, 0.0), has_torque);
+      chain.settings.passivity_control = is_controlled;
+      const ToolPose pressed{Vec3(0, 0, -0.5), Turn(0.0, Vec3::UnitX())};
+      for (int n = 0; n <= 100; ++n) {
+        chain.Step({Vec3(0, 0, 0.5 - 0.01 * n), Turn(0.0, Vec3::UnitX())});
+      }
+      chain.felt.surface[0].isovalue -= 1.5 / 39.0;  // a voxel is a mm
+      EXPECT_NEAR(chain.Step(pressed).haptic.force_D_n.z(), 2.0, 0.05) << has_torque;
+      EXPECT_NEAR(chain.Step(pressed).haptic.force_D_n.z(), 2.0, 0.05) << is_controlled;
+    }
+  }
+}
+
+TEST(ToolRenderer, WhileItTouchesAnIsovalueGlidesAndARefinementWaits) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  Chain chain(floor, testing::Rod(2, 0.0), true);
+  chain.state->glides = true;
+  const auto at = [&](double z_mm) {
+    return chain.Step({Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())}).haptic.isovalue;
+  };
+  for (int n = 0; n <= 100; ++n) at(0.5 - 0.01 * n);
+  const double target = 0.5 - 4.0 / 39.0;
+  chain.felt.surface[0].Refine(2);
+  chain.felt.surface[0].isovalue = target;
+  EXPECT_GT(at(-0.5), target + 3.0 / 39.0);
+  EXPECT_EQ(chain.memory.felt.refinement, 1);
+  for (int n = 0; n < 2000; ++n) at(-0.5);
+  EXPECT_EQ(at(-0.5), target);
+  EXPECT_EQ(chain.memory.felt.refinement, 1);
+  at(9.0);
+  at(9.0);
+  EXPECT_EQ(chain.memory.felt.refinement, 2);
+}
+
+TEST(ToolRenderer, DampingActsInContactAndViscosityEverywhere) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  Chain chain(floor, testing::Rod(2, 0.0), true);
+  chain.settings.damping_n_s_per_m = 4.0;
+  chain.settings.viscosity_n_s_per_m = 1.0;
+  ToolOutput output;
+  const auto press = [&](double from_mm, double to_mm) {
+    for (double z_mm = from_mm; z_mm > to_mm; z_mm -= 0.1) {
+      output = chain.Step({Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())});
+    }
+    return output.haptic.force_D_n.z() - output.haptic.spring_D_n.z();
+  };
+  // At 100 mm/s.
+  EXPECT_NEAR(press(10.0, 2.0), 0.1, 0.01);
+  EXPECT_NEAR(press(2.0, -2.0), 0.5, 0.05);
+}
+
+// What was not on the hand, it did not work against.
+TEST(ToolRenderer, TheTankCountsTheForceThatWasWritten) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  Chain chain(floor, testing::Rod(2, 0.0), false);
+  ToolOutput output;
+  for (int n = 0; n <= 300; ++n) {
+    output = chain.Step({Vec3(0, 0, 1.0 - 0.01 * n), Turn(0.0, Vec3::UnitX())});
+    TellWrittenWrench({}, chain.felt.tool.rotation_length_mm, *chain.state, chain.memory);
+  }
+  EXPECT_LT(output.haptic.force_D_n.z(), 1.6);
+  EXPECT_NEAR(output.haptic.spring_D_n.z(), 2.0, 0.01);
+}
+
 TEST(ToolRenderer, TheDensityIsThatOfTheFirstBall) {
   const testing::PlacedVolume floor = testing::PlaceFloor();
   Chain chain(floor, testing::Rod(4, 6.0), true);
   const ToolOutput output = chain.Step({Vec3(0, 0, 5.0), Turn(1.0, Vec3::UnitX())});
-  EXPECT_NEAR(output.haptic.proxy.density, 0.5 - 5.0 / 39.0, 1e-9);
+  EXPECT_NEAR(output.haptic.proxy.density, 0.5 - 5.0 / 39.0, 1e-7);
 }
 
 // --- Light hands in a closed loop

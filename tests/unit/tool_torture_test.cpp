@@ -1,9 +1,11 @@
 // Rigid tools under random attack. Every chord of every ball is judged from positions alone.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdio>
 #include <random>
 
+#include "server/haptics/tool/chord.h"
 #include "tests/support/scaled.h"
 #include "tests/support/tick_rig.h"
 #include "tests/support/tool_rig.h"
@@ -86,11 +88,70 @@ TEST(ToolTorture, NoBallEverCrossesH) {
   }
 }
 
+// Of the balls that were free at the beginning: also while others are brought out.
+int FallsOfTheFree(const ToolRig& rig, const ToolPose& from, const ToolPath& path) {
+  int falls = 0;
+  for (int n = 0; n < rig.tool.count; ++n) {
+    RigidTool ball = rig.tool;
+    ball.count = 1;
+    ball.ball[0] = rig.tool.ball[n];
+    ToolJudge judge(rig.surface, ball);
+    if (judge.Falls(from, from) == 0) falls += judge.Falls(from, path);
+  }
+  return falls;
+}
+
+// Where cells are many and slanted, too.
+TEST(ToolTorture, NoStepWorksMoreThanItMay) {
+  std::mt19937_64 random(12);
+  std::uniform_real_distribution<double> uniform;
+  Mat3 slanted;
+  slanted << 1.0, 0.95, 0.9, 0.0, 0.3, 0.2, 0.0, 0.0, 0.3;
+  long most = 0;
+  for (int n = 0; n < std::max(6, test::Scaled(12)); ++n) {
+    const auto checker = testing::MakeVolume(
+        Vec3i::Constant(10), [](int i, int j, int k) { return (i + j + k) % 2 ? 1.0 : 0.0; });
+    const HapticSurface surface =
+        MakeHapticSurface(*checker, {slanted, Vec3::Zero()}, uniform(random),
+                          DecompositionMethod::kTpbcc, 1, FreeSide::kBelow, 1 + n % 4);
+    ToolRig rig(surface, RandomTool(random, surface.voxel_mm));
+    ToolPose hand;
+    for (int k = 0; k < 200; ++k) {
+      const Vec3 hip_I = 12.0 * Vec3(uniform(random), uniform(random), uniform(random));
+      if (k % 20 == 0) hand.p_DS_mm = surface.X_DI.Apply(hip_I - Vec3::Ones());
+      hand.p_DS_mm += 0.05 * (hip_I - Vec3::Constant(6.0));
+      hand.R_DS = RandomTurn(random, 0.1) * hand.R_DS;
+      most = std::max<long>(most, rig.Step(hand).work);
+    }
+  }
+  EXPECT_LE(most, kLeastToolWork);
+}
+
+// Rounding is coarse there: 1e-13 mm. A point on the faces of many tetrahedra is in one of them.
+TEST(ToolTorture, FarFromTheOriginEveryPointHasADensity) {
+  std::mt19937_64 random(13);
+  std::uniform_real_distribution<double> uniform;
+  const auto volume = testing::RandomVolume(random, 0);
+  const auto cache = std::make_unique<ToolCellCache>();
+  for (int n = 0; n < 20'000; ++n) {
+    const Mat3 place = 0.01 * testing::Turn(uniform(random), Vec3(1, 2, 3)).toRotationMatrix();
+    const HapticSurface surface = MakeHapticSurface(
+        *volume, {place, 500.0 * Vec3(1.0, -1.0, 1.0)}, 0.0, DecompositionMethod::kTpbcc,
+        static_cast<std::uint64_t>(n) + 1, FreeSide::kBelow, 1 + n % 3);
+    const Vec3i corner(1 + n % 3, 1 + n / 3 % 3, 1 + n / 9 % 3);
+    Surroundings around;
+    int work = 0;
+    Look(surface, surface.X_DI.Apply(corner.cast<double>()), 1e-5, *cache, around, work);
+    ASSERT_TRUE(std::isfinite(around.excess)) << n;
+    ASSERT_GE(around.excess, -1e-9);  // τ is the least value
+  }
+}
+
 // A change of τ either leaves the tool free, or brings it out, or buries it.
 TEST(ToolTorture, AfterAChangeOfTheIsovalueNoBallIsInside) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> uniform;
-  int ejected = 0, buried = 0, inside = 0;
+  int ejected = 0, buried = 0, inside = 0, falls = 0;
   for (int n = 0; n < std::max(4, test::Scaled(20)); ++n) {
     const auto volume = testing::RandomVolume(random, 0);
     HapticSurface surface = testing::RandomSurface(random, *volume, 1);
@@ -102,7 +163,10 @@ TEST(ToolTorture, AfterAChangeOfTheIsovalueNoBallIsInside) {
       testing::MoveHip(random, hip_I);
       hand.p_DS_mm = surface.X_DI.Apply(hip_I);
       rig.surface.isovalue += 0.02 * (uniform(random) - 0.5);
-      const ToolStep step = rig.Step(hand);
+      const ToolState before = rig.state;
+      ToolPath path;
+      const ToolStep step = rig.Step(hand, &path);
+      if (before.placed && !before.buried) falls += FallsOfTheFree(rig, before.pose, path);
       ejected += step.mode == ProxyMode::kEjecting && !step.capped;
       buried += rig.state.buried;
       if (rig.state.buried || step.capped) continue;
@@ -113,6 +177,7 @@ TEST(ToolTorture, AfterAChangeOfTheIsovalueNoBallIsInside) {
   EXPECT_GT(ejected, 20);
   EXPECT_GT(buried, 20);
   EXPECT_EQ(inside, 0);
+  EXPECT_EQ(falls, 0) << "of balls that were free";
 }
 
 // --- Rest

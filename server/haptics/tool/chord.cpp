@@ -8,8 +8,9 @@
 namespace palpate {
 namespace {
 
-// Tetrahedra overlap by this, in barycentric weights, so that rounding leaves no gap between them.
-constexpr double kOverlap = 1e-12;
+// Tetrahedra overlap by this, in barycentric weights, so that rounding leaves no gap between them:
+// a metre from the origin, with voxels of a hundredth of a millimetre, it is 1e-11.
+constexpr double kOverlap = 1e-10;
 
 // The vertices above the bound.
 unsigned VerticesAbove(const HapticCell& cell, double bound) {
@@ -168,6 +169,7 @@ class View {
   void Run(double reach_mm) noexcept {
     around_.count = 0;
     around_.excess = -std::numeric_limits<double>::infinity();
+    least_weight_ = -std::numeric_limits<double>::infinity();
     const Vec3 p = surface_.X_LD.Apply(p_mm_);
     const Vec3 reach = reach_mm * surface_.X_LD.linear.rowwise().norm();
     if (IsBeyondASide(surface_, p - reach, p + reach)) {
@@ -216,21 +218,26 @@ class View {
     const int v = cell.parts.complex.vertices[t][0];
     const TetrahedronGradients gradients = cache_.Gradients(cell, t);
     const Vec3 from_base = p_mm_ - cell.origin_mm - cell.vertex_mm[v];
-    double rest = 1.0;
-    bool holds = may_hold;
-    const auto is_far = [&](double weight, const HalfSpace& inward) {
-      holds = holds && weight >= -kOverlap;
-      return weight < 0.0 && weight * weight > reach2_ * inward.normal2;
+    double rest = 1.0, least = 1.0;
+    bool is_far = false;
+    const auto look = [&](double weight, const HalfSpace& inward) {
+      least = std::min(least, weight);
+      is_far = is_far || (weight < 0.0 && weight * weight > reach2_ * inward.normal2);
     };
     for (std::size_t n = 1; n < 4; ++n) {
       const double weight = gradients.weight[n].normal.dot(from_base);
-      if (is_far(weight, gradients.weight[n])) return;
+      look(weight, gradients.weight[n]);
+      if (is_far && !may_hold) return;
       rest -= weight;
     }
-    if (is_far(rest, gradients.weight[0])) return;
+    look(rest, gradients.weight[0]);
     const HalfSpace& fall = gradients.fall;
-    if (holds) around_.excess = cell.parts.density[v] - fall.normal.dot(from_base) - bound_;
-    if (is_free || !(fall.normal2 > 0.0) || around_.count >= Surroundings::kMost) return;
+    // One of the cell's holds the point, whatever rounding says.
+    if (may_hold && least > least_weight_) {
+      least_weight_ = least;
+      around_.excess = cell.parts.density[v] - fall.normal.dot(from_base) - bound_;
+    }
+    if (is_far || is_free || !(fall.normal2 > 0.0) || around_.count >= Surroundings::kMost) return;
     around_.plane[static_cast<std::size_t>(around_.count++)] = PlaneOf(cell, t, fall, bound_);
   }
 
@@ -242,6 +249,7 @@ class View {
   Surroundings& around_;
   int& work_;
   Vec3i middle_;
+  double least_weight_;  // of the point in the tetrahedron that holds it best
 };
 
 }  // namespace
@@ -249,6 +257,17 @@ class View {
 std::optional<ChordHit> FirstHit(const HapticSurface& surface, const Vec3& from_mm,
                                  const Vec3& to_mm, ToolCellCache& cache, int& work) noexcept {
   return Chord(surface, from_mm, to_mm, cache, work).Run();
+}
+
+int MostChordWork(const HapticSurface& surface, double way_mm) noexcept {
+  const double cells = surface.X_LD.linear.rowwise().norm().sum() * way_mm + 4.0;
+  return static_cast<int>(cells) * (1 + kMaxTetrahedra);
+}
+
+int MostLookWork(const HapticSurface& surface, double reach_mm) noexcept {
+  const Vec3 reach = 2.0 * reach_mm * surface.X_LD.linear.rowwise().norm();
+  // One more: the middle cell may be looked at twice.
+  return static_cast<int>((reach.array().floor() + 2.0).prod() + 1.0) * (1 + kMaxTetrahedra);
 }
 
 void Look(const HapticSurface& surface, const Vec3& p_mm, double reach_mm, ToolCellCache& cache,

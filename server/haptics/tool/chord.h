@@ -55,6 +55,10 @@ struct Surroundings {
   int count = 0;
 };
 
+// The most work of FirstHit for so long a chord, and of Look.
+int MostChordWork(const HapticSurface& surface, double way_mm) noexcept;
+int MostLookWork(const HapticSurface& surface, double reach_mm) noexcept;
+
 void Look(const HapticSurface& surface, const Vec3& p_mm, double reach_mm, ToolCellCache& cache,
           Surroundings& around, int& work) noexcept;
 

@@ -26,10 +26,8 @@ constexpr double kRestStandoffs = 0.02;
 constexpr int kMostPlanes = 256;
 // The longest move of a ball in one round.
 constexpr double kLongestWayVoxels = 8.0;
+constexpr int kMostWayHalvings = 5;  // to a quarter of a voxel
 constexpr double kLongestWayOutVoxels = 1.0;
-// The most work that one look takes, and one chord of a voxel: it meets 4 cells.
-constexpr int kMostLookWork = 9 * (1 + kMaxTetrahedra);
-constexpr int kMostVoxelWork = 4 * (1 + kMaxTetrahedra);
 // Planes that a nearest move looks at cost as much as one tetrahedron.
 constexpr int kPlanesPerWork = 8;
 constexpr double kLongestRoundTurnRad = 0.25;
@@ -90,10 +88,17 @@ class Stepper {
     }
     standoff_mm_ = std::min(kStandoffMm, kStandoffVoxels * voxel_mm_);
     // So short that all chords of a round fit into half the work.
-    const double voxels =
-        std::clamp(0.5 * work / (tool.count * kMostVoxelWork) - 1.0, 0.25, kLongestWayVoxels);
-    longest_way_mm_ = voxels * voxel_mm_;
-    most_chord_work_ = static_cast<int>((voxels + 1.0) * kMostVoxelWork);
+    longest_way_mm_ = kLongestWayVoxels * voxel_mm_;
+    for (int n = 0; n < kMostWayHalvings && 2 * tool.count * ChordWork() > work; ++n) {
+      longest_way_mm_ *= 0.5;
+    }
+    longest_way_out_mm_ = std::min(longest_way_mm_, kLongestWayOutVoxels * voxel_mm_);
+    most_chord_work_ = ChordWork();
+    for (int n = 0; n < tool.radius_count; ++n) {
+      const HapticSurface& surface = *surfaces.surface[static_cast<std::size_t>(n)];
+      most_look_work_ =
+          std::max(most_look_work_, MostLookWork(surface, kReachStandoffs * standoff_mm_));
+    }
   }
 
   ToolStep Run() noexcept {
@@ -104,6 +109,15 @@ class Stepper {
   }
 
  private:
+  int ChordWork() const {
+    int most = 0;
+    for (int n = 0; n < tool_.radius_count; ++n) {
+      most = std::max(
+          most, MostChordWork(*surfaces_.surface[static_cast<std::size_t>(n)], longest_way_mm_));
+    }
+    return most;
+  }
+
   // --- Poses
 
   void SetPose(const ToolPose& pose) noexcept {
@@ -164,7 +178,7 @@ class Stepper {
 
   void LookFrom(int n) noexcept {
     excess_[n] = 0.0;
-    if (!MayWork(kMostLookWork)) return;
+    if (!MayWork(most_look_work_)) return;
     palpate::Look(SurfaceOf(n), p_mm_[n], kReachStandoffs * standoff_mm_, CacheOf(n), around_,
                   step_.work);
     excess_[n] = around_.excess;
@@ -270,7 +284,7 @@ class Stepper {
     ToolMove move = Plain(x);
     const double way_mm = LongestWay(move), turn_rad = move.turn_rad.norm();
     const double share =
-        std::min({1.0, (inside_ == 0 ? longest_way_mm_ : kLongestWayOutVoxels * voxel_mm_) / way_mm,
+        std::min({1.0, (inside_ == 0 ? longest_way_mm_ : longest_way_out_mm_) / way_mm,
                   kLongestRoundTurnRad / turn_rad});
     if (share < 1.0) move = move * share, to_stylus = false;
     End end = End::kBlocked;
@@ -407,7 +421,7 @@ class Stepper {
 
   bool GoOverRidgeOf(int ball, const Vec6& wanted) noexcept {
     const double reach_mm = std::min(kRidgeMm, kRidgeVoxels * SurfaceOf(ball).voxel_mm);
-    if (!MayWork(kMostLookWork)) return false;
+    if (!MayWork(MostLookWork(SurfaceOf(ball), reach_mm))) return false;
     palpate::Look(SurfaceOf(ball), p_mm_[ball], reach_mm, CacheOf(ball), around_, step_.work);
     for (int n = 0; n < around_.count && !step_.capped; ++n) {
       const BallPlane ridge{ball, around_.plane[static_cast<std::size_t>(n)]};
@@ -469,7 +483,8 @@ class Stepper {
   double longest_voxel_mm_ = 0.0;
   double standoff_mm_ = 0.0;
   double longest_way_mm_ = 0.0;  // of a ball in a round
-  int most_chord_work_ = 0;
+  double longest_way_out_mm_ = 0.0;
+  int most_chord_work_ = 0, most_look_work_ = 0;
   ToolStep step_;
 
   std::array<Vec3, kMostToolBalls> arm_mm_, p_mm_, next_mm_;
