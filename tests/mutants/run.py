@@ -120,9 +120,9 @@ class Tree:
     def changed(self, change):
         path = self.folder / change["file"]
         original = path.read_text()
-        if original.count(change["from"]) != 1:
-            raise RuntimeError(f"no longer applies: {change['file']} has its line "
-                               f"{original.count(change['from'])} times")
+        times = original.count(change["from"])
+        if times != 1:
+            raise RuntimeError(f"no longer applies: {change['file']} has its line {times} times")
         path.write_text(original.replace(change["from"], change["to"]))
         try:
             yield
@@ -163,13 +163,24 @@ def try_change(tree, change, seconds):
     return False, f"{change['name']}: SURVIVED {change['program']} ({change['why']})"
 
 
+def list_changes(changes):
+    gone = 0
+    for change in changes:
+        applies = (ROOT / change["file"]).read_text().count(change["from"]) == 1
+        gone += not applies
+        print(f"{change['name']}: {change['why']}\n    {change['file']}: {change['program']} "
+              f"{change['tests']}" + ("" if applies else "\n    NO LONGER APPLIES"))
+    return 1 if gone else 0
+
+
 def main():
     here = pathlib.Path(__file__).parent
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", metavar="NAME", action="append",
                         help="this change alone; may be given again")
-    parser.add_argument("--list", action="store_true", help="print the changes, and do nothing")
+    parser.add_argument("--list", action="store_true",
+                        help="print the changes, and whether each still applies")
     parser.add_argument("--work", metavar="FOLDER", type=pathlib.Path,
                         help="keep the copy and its build here, for the next run; "
                              "otherwise a temporary folder")
@@ -185,10 +196,7 @@ def main():
     if arguments.only:
         changes = [change for change in changes if change["name"] in arguments.only]
     if arguments.list:
-        for change in changes:
-            print(f"{change['name']}: {change['why']}\n    {change['file']}: {change['program']} "
-                  f"{change['tests']}")
-        return 0
+        return list_changes(changes)
     with contextlib.ExitStack() as stack:
         folder = arguments.work or pathlib.Path(
             stack.enter_context(tempfile.TemporaryDirectory(prefix="palpate-mutants-")))

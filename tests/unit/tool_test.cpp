@@ -180,11 +180,10 @@ TEST(ToolStep, ARodOverAnEdgeTurnsAboutIt) {
   RigidTool tool = Rod(31, 30.0);
   ToolRig rig(surface, tool);
   const Eigen::Quaterniond along_x = Turn(std::numbers::pi / 2, kY);
-  rig.Step({Vec3(-8, 0, 8), Turn(0.8, kY) * along_x});
   ToolStep step;
   ToolPose hand;
-  for (int n = 0; n <= 200; ++n) {
-    hand = {Vec3(-8, 0, 8.0 - 0.05 * n), Turn(0.8, kY) * along_x};
+  for (int n = 0; n <= 1000; ++n) {
+    hand = {Vec3(-8, 0, 48.0 - 0.05 * n), Turn(0.8, kY) * along_x};
     step = rig.Step(hand);
   }
   ASSERT_EQ(step.mode, ProxyMode::kConstrained);
@@ -271,6 +270,14 @@ TEST(ToolStep, WhatMovesUnderTheToolBringsItOutWithinFiftySteps) {
       EXPECT_GE(lab::BallAt(rig.tool, rig.state.pose, n).z(), rise_mm);
     }
   }
+}
+
+// Nobody asked for a push where a hand happens to be.
+TEST(ToolStep, TakenUpInTheObjectItIsBuried) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  ToolRig rig(floor.surface, Rod(4, 6.0));
+  EXPECT_EQ(rig.Step({Vec3(0, 0, -0.5), Turn(0.0, kX)}).mode, ProxyMode::kInside);
+  EXPECT_TRUE(rig.state.buried);
 }
 
 TEST(ToolStep, WhatIsTooDeepIsBuriedUntilTheStylusIsFree) {

@@ -265,12 +265,15 @@ class Stepper {
     return first;
   }
 
+  // Of a ball, at most: what the first order leaves out is shorter than the second term.
   double LongestWay(const ToolMove& move) const {
-    double longest2 = 0.0;
+    const double turn2 = move.turn_rad.squaredNorm();
+    double longest_mm = 0.0;
     for (int n = 0; n < tool_.count; ++n) {
-      longest2 = std::max(longest2, (move.way_mm + move.turn_rad.cross(arm_mm_[n])).squaredNorm());
+      longest_mm = std::max(longest_mm, (move.way_mm + move.turn_rad.cross(arm_mm_[n])).norm() +
+                                            0.5 * turn2 * arm_mm_[n].norm());
     }
-    return std::sqrt(longest2);
+    return longest_mm;
   }
 
   bool Knows(const BallPlane& plane) const {
@@ -331,9 +334,10 @@ class Stepper {
       eject_limit_mm_ = std::min(eject_limit_mm_, longest_voxel_mm_);
     }
     state_.loaded_revision = loaded;
-    SetPose(state_.placed && !state_.buried ? pose_ : stylus_);
+    const bool is_held = state_.placed && !state_.buried;
+    SetPose(is_held ? pose_ : stylus_);
     Look();
-    if (inside_ != 0 && !state_.buried) {
+    if (inside_ != 0 && is_held) {
       step_.mode = ProxyMode::kEjecting;
       const bool is_out = Eject();
       if (step_.capped && ++state_.ejecting_steps < kMostEjectSteps) {
