@@ -83,7 +83,7 @@ void VisitPassivity(Passivity& passivity, Visit& visit) {
 // Without a tool it is not there.
 template <class Tool, class Visit>
 void VisitTool(Tool& tool, Visit& visit) {
-  auto& [state, felt, touches, slope_per_mm, R_DS, turned_mm, spring_mj, port, passivity] = tool;
+  auto& [state, felt, touches, slope_per_mm, R_DS, turned_mm, spring_mj, tank, passivity] = tool;
   auto& [placed, buried, pose, ejecting_steps, ejected_mm, loaded_revision] = state;
   visit(placed);
   if (!placed) return;
@@ -102,9 +102,9 @@ void VisitTool(Tool& tool, Visit& visit) {
   for (auto* number : {&slope_per_mm, &spring_mj}) visit(*number);
   VisitVector(R_DS.coeffs(), visit);
   VisitVector(turned_mm, visit);
-  auto& [tank_mj, written_D_n] = port;
-  visit(tank_mj);
-  VisitVector(written_D_n, visit);
+  auto& [tank_mj, written_D, moved_D, last_mj] = tank;
+  for (auto* number : {&tank_mj, &last_mj}) visit(*number);
+  for (auto* v : {&written_D, &moved_D}) VisitVector(*v, visit);
   VisitPassivity(passivity, visit);
 }
 
@@ -253,8 +253,10 @@ bool IsTool(const ToolMemory& tool) {
          IsUnit(tool.R_DS.coeffs()) && IsBound(tool.felt.isovalue, kUnbounded) &&
          tool.felt.refinement >= 1 && tool.felt.refinement <= kMaxRefinement &&
          tool.slope_per_mm >= 0.0 && tool.spring_mj >= 0.0 && tool.turned_mm.allFinite() &&
-         std::isfinite(tool.state.ejected_mm) && std::isfinite(tool.port.tank_mj) &&
-         tool.port.written_D_n.allFinite() && IsPassivity(tool.passivity);
+         std::isfinite(tool.state.ejected_mm) &&
+         std::isfinite(tool.tank.tank_mj + tool.tank.spring_mj) &&
+         tool.tank.written_D.allFinite() && tool.tank.moved_D.allFinite() &&
+         IsPassivity(tool.passivity);
 }
 
 // Checks that indices stay within their arrays and lattices, and that lengths are finite.

@@ -38,6 +38,15 @@ class Chain {
                         memory);
   }
 
+  // As a device does: its torque has a limit.
+  Wrench Write(const ToolOutput& output) {
+    Wrench written{output.haptic.force_D_n, output.torque_D_n_mm};
+    const double torque_n_mm = written.torque_n_mm.norm(), most = state->device.max_torque_n_mm;
+    if (torque_n_mm > most) written.torque_n_mm *= most / torque_n_mm;
+    TellWrittenWrench(written, felt.tool.rotation_length_mm, *state, memory);
+    return written;
+  }
+
   FeltTool felt;
   HapticSettings settings{.stiffness_n_per_mm = 1.0};
   std::unique_ptr<RendererState> state = std::make_unique<RendererState>();
@@ -52,7 +61,7 @@ class Chain {
 struct Led {
   // The greatest net work on the hand up to any time.
   double given_mj = 0.0;
-  double unguarded_mj = 0.0;  // of the spring's force alone, without the port's tank
+  double unguarded_mj = 0.0;  // of the spring's force alone, without the tank
   int contacts = 0;
 };
 
@@ -65,12 +74,12 @@ Led Lead(Chain& chain, std::uint64_t seed) {
   };
   // Begins in free space, with an empty spring.
   ToolPose hand, goal;
-  ToolOutput last;
   do {
     hand = {20.0 * direction(), Turn(3.0, direction())};
     chain.memory = ToolMemory();
-    last = chain.Step(hand);
-  } while (last.tool.mode != ProxyMode::kFree);
+  } while (chain.Step(hand).tool.mode != ProxyMode::kFree);
+  Wrench last;
+  Vec3 last_spring_n = Vec3::Zero();
   double given_mj = 0.0, unguarded_mj = 0.0;
   Led led;
   for (int n = 0; n < 20'000; ++n) {
@@ -85,14 +94,16 @@ Led Lead(Chain& chain, std::uint64_t seed) {
                         depth.turn_rad * std::min(1.0, 0.2 / depth.turn_rad.norm())});
     const ToolMove moved = MoveBetween(hand, next);
     const ToolOutput output = chain.Step(next);
-    given_mj += 0.5 * (output.haptic.force_D_n + last.haptic.force_D_n).dot(moved.way_mm) +
-                0.5 * (output.torque_D_n_mm + last.torque_D_n_mm).dot(moved.turn_rad);
-    unguarded_mj += 0.5 * (output.haptic.spring_D_n + last.haptic.spring_D_n).dot(moved.way_mm);
+    const Wrench written = chain.Write(output);
+    given_mj += 0.5 * (written.force_n + last.force_n).dot(moved.way_mm) +
+                0.5 * (written.torque_n_mm + last.torque_n_mm).dot(moved.turn_rad);
+    unguarded_mj += 0.5 * (output.haptic.spring_D_n + last_spring_n).dot(moved.way_mm);
     led.given_mj = std::max(led.given_mj, given_mj);
     led.unguarded_mj = std::max(led.unguarded_mj, unguarded_mj);
     led.contacts += output.tool.touching != 0;
     hand = next;
-    last = output;
+    last = written;
+    last_spring_n = output.haptic.spring_D_n;
   }
   return led;
 }
@@ -104,6 +115,19 @@ TEST(ToolRenderer, WithTorqueALedHandGetsNoEnergy) {
     const Led led = Lead(chain, 1);
     EXPECT_GT(led.contacts, 5000);
     EXPECT_LE(led.given_mj, 0.005) << rho_mm;
+  }
+}
+
+// A torque at its limit takes too little work: without the tank, tens of mJ come back as force.
+TEST(ToolRenderer, WithALittleTorqueALedHandGetsNoEnergy) {
+  const testing::PlacedVolume gyroid = testing::PlaceBuiltin("builtin:gyroid:64", 1.0);
+  for (const double most_n_mm : {1.6, 12.0}) {
+    Chain chain(gyroid, testing::Rod(8, 60.0, 30.0), true);
+    chain.settings.passivity_control = false;
+    chain.state->device.max_torque_n_mm = most_n_mm;
+    const Led led = Lead(chain, 5);
+    EXPECT_GT(led.contacts, 5000);
+    EXPECT_LE(led.given_mj, kTankCreditMj) << most_n_mm;
   }
 }
 
@@ -121,19 +145,26 @@ TEST(ToolRenderer, WithoutTorqueALedHandGetsNoMoreThanTheCredit) {
   EXPECT_GT(unguarded_mj, 20.0);
 }
 
-// Who does not turn the stylus feels the spring as it is.
+// Who does not turn the stylus feels the spring as it is; with torque, who turns it, too.
 TEST(ToolRenderer, TheTankDoesNotChangeAPress) {
   const testing::PlacedVolume sphere = testing::PlaceBuiltin("builtin:sphere:64", 0.5);
-  Chain chain(sphere, testing::Rod(4, 6.0), false);
-  double most_n = 0.0;
-  for (int n = 0; n < 400; ++n) {
-    const double z_mm = 14.0 - 4.0 * std::sin(0.01 * n);
-    const ToolOutput output = chain.Step({Vec3(0, 0, z_mm), Eigen::Quaterniond::Identity()});
-    EXPECT_LE((output.haptic.force_D_n - output.haptic.spring_D_n).norm(),
-              1e-3 * output.haptic.spring_D_n.norm());
-    most_n = std::max(most_n, output.haptic.force_D_n.norm());
+  for (const bool has_torque : {false, true}) {
+    Chain chain(sphere, testing::Rod(4, 6.0), has_torque);
+    double most_n = 0.0, most_n_mm = 0.0;
+    for (int n = 0; n < 400; ++n) {
+      const double z_mm = 14.0 - 4.0 * std::sin(0.01 * n);
+      const ToolPose hand = has_torque
+                                ? ToolPose{Vec3(0, 3, z_mm), Turn(1.2 + 0.002 * n, Vec3::UnitX())}
+                                : ToolPose{Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())};
+      const ToolOutput output = chain.Step(hand);
+      EXPECT_LE((output.haptic.force_D_n - output.haptic.spring_D_n).norm(),
+                1e-3 * output.haptic.spring_D_n.norm());
+      most_n = std::max(most_n, output.haptic.force_D_n.norm());
+      most_n_mm = std::max(most_n_mm, output.torque_D_n_mm.norm());
+    }
+    EXPECT_GT(most_n, 1.0);
+    EXPECT_EQ(most_n_mm > 1.0, has_torque);
   }
-  EXPECT_GT(most_n, 1.0);
 }
 
 // Each way out ends between two ticks, with the old force on the hand for a part of the tick.
@@ -167,7 +198,7 @@ TEST(ToolRenderer, AfterTurnsAPressIsASpringFromThere) {
     const ToolOutput output = chain.Step({Vec3(0, 0, to_mm), Turn(turn_rad, Vec3::UnitY())});
     const double force_n = output.haptic.force_D_n.z();
     given_mj += 0.5 * (last_n + force_n) * (to_mm - z_mm);
-    EXPECT_LE(given_mj, kPortCreditMj + 1e-3);
+    EXPECT_LE(given_mj, kTankCreditMj + 1e-3);
     z_mm = to_mm;
     last_n = force_n;
   };

@@ -8,7 +8,7 @@
 
 #include "common/contract/enumerations.h"
 #include "server/haptics/passivity.h"
-#include "server/haptics/tool/force_port.h"
+#include "server/haptics/tool/spring_tank.h"
 #include "server/haptics/tool/tool_step.h"
 
 namespace palpate {
@@ -32,9 +32,9 @@ struct ToolMemory {
   UnalignedQuaternion R_DS = UnalignedQuaternion::Identity();  // of the last stylus
   // The sum of ρ times the stylus's turns since the tool is there, each with the ρ of its tool.
   Vec3 turned_mm = Vec3::Zero();
-  double spring_mj = 0.0;         // of force and torque, in the last step
-  ForcePort port;                 // of a device without torque
-  PassivityStateOf<6> passivity;  // of one with torque
+  double spring_mj = 0.0;  // of force and torque, in the last step
+  SpringTank tank;
+  PassivityStateOf<6> passivity;  // of a device with torque
 };
 
 }  // namespace palpate

@@ -20,6 +20,12 @@ bool IsOrientation(const Eigen::Quaterniond& q) {
   return q.coeffs().allFinite() && std::abs(q.squaredNorm() - 1.0) < kUnitTolerance;
 }
 
+Vec6 Vector(const Wrench& wrench) {
+  Vec6 vector;
+  vector << wrench.force_n, wrench.torque_n_mm;
+  return vector;
+}
+
 // A tool begins anew: nothing of a point is left.
 void TakeUp(RendererState& state) {
   state.proxy = Proxy();
@@ -55,7 +61,7 @@ class ToolUpdate {
     const ToolMove pull = MoveBetween(stylus_, output_.tool.pose);
     const double depth_mm = Length(pull);
     Remember(depth_mm, was_placed);
-    const Wrench wrench_D = Passive(WrenchOf(pull), depth_mm, budget_mj);
+    const Wrench wrench_D = Passive(WrenchOf(pull), pull, budget_mj);
     state_.limited_D_n = wrench_D.force_n;
     Tell(pull, wrench_D);
   }
@@ -117,7 +123,8 @@ class ToolUpdate {
 
   void Remember(double depth_mm, bool was_placed) noexcept {
     if (was_placed) {
-      memory_.turned_mm += rho_mm_ * MoveBetween({Vec3::Zero(), memory_.R_DS}, stylus_).turn_rad;
+      turned_rad_ = MoveBetween({Vec3::Zero(), memory_.R_DS}, stylus_).turn_rad;
+      memory_.turned_mm += rho_mm_ * turned_rad_;
     }
     memory_.R_DS = stylus_.R_DS;
     memory_.spring_mj = SpringEnergy(depth_mm);
@@ -144,17 +151,26 @@ class ToolUpdate {
     return {force_n, stiffness * rho_mm_ * rho_mm_ * pull.turn_rad};
   }
 
-  Wrench Passive(const Wrench& wrench, double depth_mm, double budget_mj) noexcept {
-    return has_torque() ? PassiveWithTorque(wrench, depth_mm, budget_mj)
-                        : PassiveForce(wrench.force_n, budget_mj);
+  Wrench Passive(Wrench wrench, const ToolMove& pull, double budget_mj) noexcept {
+    if (!has_torque()) wrench.torque_n_mm.setZero();
+    const double depth_mm = has_torque() ? Length(pull) : pull.way_mm.norm();
+    Vec6 moved;
+    moved << stylus_.p_DS_mm - state_.p_DLastHip_mm, turned_rad_;
+    const double share =
+        memory_.tank.ShareOf(Vector(wrench), SpringEnergy(depth_mm), moved, budget_mj);
+    wrench = {share * wrench.force_n, share * wrench.torque_n_mm};
+    if (settings_.passivity_control) {
+      wrench = has_torque() ? Limited(wrench, depth_mm, budget_mj)
+                            : Wrench{.force_n = Limited(wrench.force_n, depth_mm, budget_mj)};
+    } else if (state_.passivity.started || memory_.passivity.started) {
+      state_.passivity = {};
+      memory_.passivity = {};
+    }
+    memory_.tank.written_D = Vector(wrench);
+    return wrench;
   }
 
-  Wrench PassiveWithTorque(const Wrench& wrench, double depth_mm, double budget_mj) noexcept {
-    PassivityStateOf<6>& passivity = memory_.passivity;
-    if (!settings_.passivity_control) {
-      if (passivity.started) passivity = {};
-      return wrench;
-    }
+  Wrench Limited(const Wrench& wrench, double depth_mm, double budget_mj) noexcept {
     PassivityDevice device = state_.device;
     device.resolution_mm = std::max(device.resolution_mm, rho_mm_ * kResolutionRad);
     const double turning_n = device.max_torque_n_mm / rho_mm_;
@@ -163,22 +179,13 @@ class ToolUpdate {
     force << wrench.force_n, wrench.torque_n_mm / rho_mm_;
     place << stylus_.p_DS_mm, memory_.turned_mm;
     const Vec6 passive = LimitToPassive(force, settings_.stiffness_n_per_mm, depth_mm, place,
-                                        budget_mj, dt_s_, device, passivity);
+                                        budget_mj, dt_s_, device, memory_.passivity);
     return {passive.head<3>(), rho_mm_ * passive.tail<3>()};
   }
 
-  Wrench PassiveForce(Vec3 force_n, double budget_mj) noexcept {
-    const double depth_mm = (output_.tool.pose.p_DS_mm - stylus_.p_DS_mm).norm();
-    const Vec3 moved_mm = stylus_.p_DS_mm - state_.p_DLastHip_mm;
-    force_n *= memory_.port.ShareOf(force_n, SpringEnergy(depth_mm), moved_mm, budget_mj);
-    if (settings_.passivity_control) {
-      force_n = LimitToPassive(force_n, settings_.stiffness_n_per_mm, depth_mm, stylus_.p_DS_mm,
-                               budget_mj, dt_s_, state_.device, state_.passivity);
-    } else if (state_.passivity.started) {
-      state_.passivity = {};
-    }
-    memory_.port.written_D_n = force_n;
-    return {.force_n = force_n};
+  Vec3 Limited(const Vec3& force_n, double depth_mm, double budget_mj) noexcept {
+    return LimitToPassive(force_n, settings_.stiffness_n_per_mm, depth_mm, stylus_.p_DS_mm,
+                          budget_mj, dt_s_, state_.device, state_.passivity);
   }
 
   void Tell(const ToolMove& pull, const Wrench& wrench_D) noexcept {
@@ -223,6 +230,7 @@ class ToolUpdate {
   ToolOutput& output_;
   std::array<HapticSurface, kMostToolRadii> surface_;  // of this step
   ToolStep settled_;
+  Vec3 turned_rad_ = Vec3::Zero();  // the stylus's last turn
 };
 
 }  // namespace
@@ -248,7 +256,7 @@ ToolOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings, co
 
 void TellWrittenWrench(const Wrench& written_D, double rotation_length_mm, RendererState& state,
                        ToolMemory& memory) noexcept {
-  memory.port.written_D_n = written_D.force_n;
+  memory.tank.written_D = Vector(written_D);
   if (state.passivity.started) state.passivity.written_D_n.col(0) = written_D.force_n;
   if (!memory.passivity.started) return;
   memory.passivity.written_D_n.col(0) << written_D.force_n,
