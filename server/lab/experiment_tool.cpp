@@ -97,7 +97,7 @@ class Run {
   Vec3 Direction() { return Vector().normalized(); }
   ToolPose Tool() const { return memory_.state.pose; }
 
-  // Next to the surface, where the whole tool is free.
+  // In free space, next to the surface.
   void BeginSomewhere() {
     const Vec3 size = surface().volume->size().cast<double>();
     do {
@@ -107,9 +107,24 @@ class Run {
       memory_ = ToolMemory();
       last_ = StepWithTool(felt_, settings_, hand_.p_DS_mm, hand_.R_DS, kReplayPeriodS, kToolWork,
                            *state_, memory_);
-    } while (last_.tool.mode != ProxyMode::kFree);
+    } while (last_.tool.mode != ProxyMode::kFree || !GoToTheSurface());
     goal_ = hand_;
     given_mj_ = force_only_mj_ = 0.0;
+  }
+
+  // Straight on until the tool touches, and a step back. Returns false if it does not.
+  bool GoToTheSurface() {
+    const Vec3 step_mm = 0.5 * Direction();
+    const auto go = [&](const Vec3& way_mm) {
+      hand_.p_DS_mm += way_mm;
+      last_ = StepWithTool(felt_, settings_, hand_.p_DS_mm, hand_.R_DS, kReplayPeriodS, kToolWork,
+                           *state_, memory_);
+      return last_.tool.touching != 0;
+    };
+    for (int n = 0; n < 400; ++n) {
+      if (go(step_mm)) return !go(-2.0 * step_mm);
+    }
+    return false;
   }
 
   void MoveHand(const Pace& pace, int tick) {
@@ -125,11 +140,14 @@ class Run {
       goal_ =
           Moved(Tool(), {(0.5 + 9.0 * uniform_(random_)) * Direction(), turn_rad * Direction()});
     }
-    const ToolMove way = MoveBetween(hand_, goal_);
-    const double most_mm = 10.0 * pace.cm_per_s * kReplayPeriodS;
-    hand_ = Moved(hand_, Limited(way, most_mm, pace.rad_per_s * kReplayPeriodS));
-    // No hand presses harder.
-    hand_ = Moved(Tool(), Limited(MoveBetween(Tool(), hand_), kDeepestMm, kMostTurnedRad));
+    // No hand presses harder, or is faster.
+    const ToolPose wanted =
+        Moved(Tool(), Limited(MoveBetween(Tool(), GoTo(goal_, pace)), kDeepestMm, kMostTurnedRad));
+    hand_ = GoTo(wanted, pace);
+  }
+  ToolPose GoTo(const ToolPose& goal, const Pace& pace) const {
+    return Moved(hand_, Limited(MoveBetween(hand_, goal), 10.0 * pace.cm_per_s * kReplayPeriodS,
+                                pace.rad_per_s * kReplayPeriodS));
   }
   static ToolMove Limited(const ToolMove& move, double most_mm, double most_rad) {
     const double mm = move.way_mm.norm(), rad = move.turn_rad.norm();

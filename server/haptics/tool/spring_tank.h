@@ -10,9 +10,9 @@
 // turned the stylus into a wall, and used the credit up, feels a spring that begins where the hand
 // begins to press.
 //
-// Bound: the hand gets at most kTankCreditMj, plus `budget_mj`, plus what a sampled spring gives
-// where it ends between two ticks: an eighth of stiffness times (way in a tick)². Work is counted
-// with the mean of two forces; that a force is held for a tick is passivity.h's matter.
+// Bound: the hand gets at most kTankCreditMj, plus `budget_mj`, plus the work of a hand that goes
+// faster out of a spring's last tick than into it. Work is counted with the mean of two forces;
+// that a force is held for a tick is passivity.h's matter.
 //
 // Frame: D, about the HIP. Threads: pure. Real-time: no allocation, O(1).
 // Source: F. Barbagli, K. Salisbury, Haptics Symposium 2003, for the energy of fewer motors than
@@ -41,16 +41,18 @@ struct SpringTank {
     // Only now it is known what was written at the end of the last tick. What is dissipated is not
     // given back.
     tank_mj = std::min(tank_mj - 0.5 * written_D.dot(moved_D), spring_mj);
-    // No spring gives more than it holds: the rest is the tick's, and no debt.
+    // No debt: a press that begins with one would begin too late.
     const double had_mj =
         std::max(0.0, tank_mj + kTankCreditMj + budget_mj - 0.5 * written_D.dot(now_moved_D));
     tank_mj = had_mj - kTankCreditMj;
     moved_D = now_moved_D;
     spring_mj = now_mj;
-    // At share s, the hand gets s given, and the spring holds s² now.
     const double given_mj = 0.5 * wrench_D.dot(now_moved_D);
+    // A spring that ends within the next tick gives half of that tick's work, whatever it holds.
+    const double most = 2.0 * given_mj > had_mj ? had_mj / (2.0 * given_mj) : 1.0;
+    // At share s, the hand gets s given, and the spring holds s² now.
     const double root = std::sqrt(given_mj * given_mj + 4.0 * now_mj * had_mj);
-    return root - given_mj < 2.0 * now_mj ? (root - given_mj) / (2.0 * now_mj) : 1.0;
+    return root - given_mj < 2.0 * now_mj * most ? (root - given_mj) / (2.0 * now_mj) : most;
   }
 };
 

@@ -23,6 +23,8 @@ constexpr double kRidgeVoxels = 0.25;
 constexpr double kThinStandoffs = 0.1;
 // Shorter moves are rest, in standoffs.
 constexpr double kRestStandoffs = 0.02;
+// Turns use the standoff up: after so much progress, balls get it back.
+constexpr double kRiseStandoffs = 20.0;
 constexpr int kMostPlanes = 256;
 // The longest move of a ball in one round.
 constexpr double kLongestWayVoxels = 8.0;
@@ -143,6 +145,13 @@ class Stepper {
   }
   ToolMove Plain(const Vec6& x) const { return {x.head<3>(), x.tail<3>() / rho_mm_}; }
   Vec6 Wanted() const { return Metric(MoveBetween(pose_, stylus_)); }
+
+  // The share of a move that a round may go.
+  double ShareOfRound(const ToolMove& move) const {
+    const double longest_mm = inside_ == 0 ? longest_way_mm_ : longest_way_out_mm_;
+    return std::min(
+        {1.0, longest_mm / LongestWay(move), kLongestRoundTurnRad / move.turn_rad.norm()});
+  }
 
   // --- What is around the balls
 
@@ -285,10 +294,7 @@ class Stepper {
   // Goes as far along `x` as the chords are free. kNewPlane: there is one more plane to hold.
   End Follow(const Vec6& x, bool to_stylus, bool may_resolve) noexcept {
     ToolMove move = Plain(x);
-    const double way_mm = LongestWay(move), turn_rad = move.turn_rad.norm();
-    const double share =
-        std::min({1.0, (inside_ == 0 ? longest_way_mm_ : longest_way_out_mm_) / way_mm,
-                  kLongestRoundTurnRad / turn_rad});
+    const double share = ShareOfRound(move);
     if (share < 1.0) move = move * share, to_stylus = false;
     End end = End::kBlocked;
     for (int tries = 0; tries < kMostTries; ++tries) {
@@ -384,7 +390,13 @@ class Stepper {
       Look();
       if (step_.capped) return Rest();
       const Vec6 wanted = Wanted();
+      if (wanted.norm() < risen_at_ - kRiseStandoffs * standoff_mm_) may_rise_ = true;
+      if (may_rise_) risen_at_ = wanted.norm();
       Vec6 x = Solve(wanted, may_rise_ ? Limits::kRestore : Limits::kKeep);
+      // A move that is too long for a round is cut, but not its part that gives standoffs back.
+      const double share = ShareOfRound(Plain(x));
+      bool is_cut = may_rise_ && active_count_ > 0 && share < 1.0;
+      if (is_cut) x = Solve(share * wanted, Limits::kRestore);
       if (step_.capped) return Rest();
       if (IsRest(x)) {
         if (kept_.count > 0 && !is_sure) {
@@ -397,9 +409,10 @@ class Stepper {
       }
       End end = End::kBlocked;
       for (int n = 0; n < kMostTries; ++n) {
-        end = Follow(x, active_count_ == 0, n < 4);
+        end = Follow(x, active_count_ == 0 && !is_cut, n < 4);
         if (end != End::kNewPlane) break;
         x = Solve(wanted);
+        is_cut = false;
         if (IsRest(x)) break;
       }
       if (step_.capped || end == End::kBlocked) return Rest();
@@ -494,9 +507,11 @@ class Stepper {
   std::array<Vec3, kMostToolBalls> arm_mm_, p_mm_, next_mm_;
   std::array<double, kMostToolBalls> excess_{};
   bool is_looked_ = false;
-  // The first move of a step gives the balls their standoff back. From there on the energy only
-  // falls: so a step ends, and the next one of a resting hand is the same.
+  // The first move of a step gives the balls their standoff back, and so does one after more
+  // progress than that costs. Else the energy only falls: so a step ends, and the next one of a
+  // resting hand is the same.
   bool may_rise_ = true;
+  double risen_at_ = std::numeric_limits<double>::infinity();  // so far from the stylus
   std::uint64_t inside_ = 0;
   Surroundings around_;
   Planes near_;  // of the tetrahedra around the balls
