@@ -19,6 +19,8 @@ constexpr double kReachStandoffs = 4.0;
 // a few mm, may lift the ball over them.
 constexpr double kRidgeMm = 0.1;
 constexpr double kRidgeVoxels = 0.25;
+// Beyond a ridge, so many planes may hold a ball.
+constexpr int kMostBeyond = 3;
 // So near to H a ball may come on its way over a ridge, in standoffs.
 constexpr double kThinStandoffs = 0.1;
 // Shorter moves are rest, in standoffs.
@@ -216,15 +218,14 @@ class Stepper {
     }
   }
 
-  // The nearest move in the planes at hand. `ridge`: see Limits; else null.
-  Vec6 Solve(const Vec6& wanted, Limits limits = Limits::kKeep,
-             const BallPlane* ridge = nullptr) noexcept {
+  // The nearest move in the planes at hand. `beyond`: the planes beyond a ridge, of one ball.
+  Vec6 Solve(const Vec6& wanted, Limits limits, std::span<const BallPlane> beyond = {}) noexcept {
     held_.count = 0;
-    const int but_of = limits == Limits::kBeyond ? ridge->ball : -1;
+    thin_ball_ = beyond.empty() ? -1 : beyond.front().ball;
+    const int but_of = limits == Limits::kBeyond ? thin_ball_ : -1;
     Hold(near_.all(), but_of);
     Hold(kept_.all(), but_of);
-    if (ridge != nullptr) held_.Add(*ridge);
-    thin_ball_ = ridge != nullptr ? ridge->ball : -1;
+    Hold(beyond, -1);
     LeastMove move = Nearest(wanted, limits);
     if (!move.feasible && limits == Limits::kRestore) move = Nearest(wanted, Limits::kKeep);
     if (!move.feasible) move = {};
@@ -392,11 +393,7 @@ class Stepper {
       const Vec6 wanted = Wanted();
       if (wanted.norm() < risen_at_ - kRiseStandoffs * standoff_mm_) may_rise_ = true;
       if (may_rise_) risen_at_ = wanted.norm();
-      Vec6 x = Solve(wanted, may_rise_ ? Limits::kRestore : Limits::kKeep);
-      // A move that is too long for a round is cut, but not its part that gives standoffs back.
-      const double share = ShareOfRound(Plain(x));
-      bool is_cut = may_rise_ && active_count_ > 0 && share < 1.0;
-      if (is_cut) x = Solve(share * wanted, Limits::kRestore);
+      Vec6 x = Next(wanted);
       if (step_.capped) return Rest();
       if (IsRest(x)) {
         if (kept_.count > 0 && !is_sure) {
@@ -409,10 +406,9 @@ class Stepper {
       }
       End end = End::kBlocked;
       for (int n = 0; n < kMostTries; ++n) {
-        end = Follow(x, active_count_ == 0 && !is_cut, n < 4);
+        end = Follow(x, active_count_ == 0 && !is_cut_, n < 4);
         if (end != End::kNewPlane) break;
-        x = Solve(wanted);
-        is_cut = false;
+        x = Next(wanted);
         if (IsRest(x)) break;
       }
       if (step_.capped || end == End::kBlocked) return Rest();
@@ -420,6 +416,14 @@ class Stepper {
     }
     step_.capped = true;
     Rest();
+  }
+
+  // A move that is too long for a round is cut, but not its part that gives standoffs back.
+  Vec6 Next(const Vec6& wanted) noexcept {
+    const Vec6 x = Solve(wanted, may_rise_ ? Limits::kRestore : Limits::kKeep);
+    const double share = ShareOfRound(Plain(x));
+    is_cut_ = may_rise_ && active_count_ > 0 && share < 1.0;
+    return is_cut_ ? Solve(share * wanted, Limits::kRestore) : x;
   }
 
   // Returns true if the tool could come nearer beyond a ridge.
@@ -452,16 +456,22 @@ class Stepper {
     const double before = wanted.norm();
     const double least_gain = std::max(2.0 * standoff_mm_, 1e-3 * before);
     const auto gain = [&](const Vec6& x) { return before - (wanted - x).norm(); };
-    if (gain(Solve(wanted, Limits::kBeyond, &ridge)) < least_gain) return false;
-    const Vec6 across = Solve(wanted, Limits::kAcross, &ridge);
+    List<BallPlane, kMostBeyond> beyond;
+    beyond.Add(ridge);
+    if (gain(Solve(wanted, Limits::kBeyond, beyond.all())) < least_gain) return false;
+    const Vec6 across = Solve(wanted, Limits::kAcross, beyond.all());
     if (!(gain(across) > 0.0) || !IsFree(ridge.ball, across)) return false;
     const ToolPose from = pose_;
     const int path_count = path_ != nullptr ? path_->count : 0;
     if (Follow(across, false, false) != End::kMoved) return false;
-    const Vec6 on = Wanted();
-    if (Follow(Solve(on, Limits::kBeyond, &ridge), false, false) == End::kMoved &&
-        before - Wanted().norm() >= least_gain) {
-      return true;
+    for (int n = 0; n < kMostBeyond; ++n) {
+      const int known = kept_.count;
+      const End end = Follow(Solve(Wanted(), Limits::kBeyond, beyond.all()), false, false);
+      if (end == End::kMoved && before - Wanted().norm() >= least_gain) return true;
+      if (end != End::kNewPlane || kept_.count == known) break;
+      const BallPlane& met = kept_.item[static_cast<std::size_t>(known)];
+      if (met.ball != ridge.ball) break;
+      beyond.Add(met);
     }
     SetPose(from);
     if (path_ != nullptr) path_->count = path_count;
@@ -518,6 +528,7 @@ class Stepper {
   Planes kept_;  // of those that chords have met
   Planes held_;  // those that limit the move
   std::array<MoveLimit, kMostPlanes> limits_;
+  bool is_cut_ = false;       // the move is one to a nearer goal than the stylus
   int thin_ball_ = -1;        // that is on its way over a ridge; -1: none
   std::uint64_t active_ = 0;  // balls that hold the tool back
   double slope_per_mm_ = 0.0;
