@@ -415,6 +415,11 @@ HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& 
   output.input_rejected = !TrackHip(p_DHip_mm, dt_s, state);
   if (output.input_rejected) state.rejected_s += dt_s;
   output.p_DHip_mm = output.proxy.p_DH_mm = state.p_DLastHip_mm = state.p_DHip_mm;
+  ForgetContact(state);
+  return output;
+}
+
+void ForgetContact(RendererState& state) noexcept {
   state.proxy = Proxy();
   state.friction = FrictionState();
   state.passivity = PassivityState();
@@ -422,7 +427,6 @@ HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& 
   state.touched = 0;
   state.slack_mm = state.pop_fade = state.spring_mj = 0.0;
   state.felt_D_n = state.limited_D_n = state.by_design_D_n = Vec3::Zero();
-  return output;
 }
 
 void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept {

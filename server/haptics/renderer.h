@@ -95,6 +95,9 @@ VisualProxy VisualProxyOf(const HapticSurface& surface, const HapticOutput& outp
 // there.
 HapticOutput SuspendRenderer(const Vec3& p_DHip_mm, double dt_s, RendererState& state) noexcept;
 
+// Nothing of what was touched is left.
+void ForgetContact(RendererState& state) noexcept;
+
 // Call it after each step if the force is limited further before it is written, so that the
 // passivity control accounts for the force that the hand gets.
 void TellWrittenForce(const Vec3& written_D_n, RendererState& state) noexcept;

@@ -26,18 +26,6 @@ Vec6 Vector(const Wrench& wrench) {
   return vector;
 }
 
-// A tool begins anew: nothing of a point is left.
-void TakeUp(RendererState& state) {
-  state.proxy = Proxy();
-  state.friction = FrictionState();
-  state.passivity = PassivityState();
-  state.passed = 0;
-  state.touched = 0;
-  state.slack_mm = state.pop_fade = state.spring_mj = 0.0;
-  state.layered = false;
-  state.felt_D_n = state.limited_D_n = state.by_design_D_n = Vec3::Zero();
-}
-
 class ToolUpdate {
  public:
   ToolUpdate(const FeltTool& felt, const HapticSettings& settings, const ToolPose& stylus,
@@ -245,7 +233,10 @@ ToolOutput StepWithTool(const FeltTool& felt, const HapticSettings& settings, co
     state.rejected_s += dt_s;
     if (!state.has_hip || !memory.state.placed) return output;
   }
-  if (!memory.state.placed) TakeUp(state);
+  if (!memory.state.placed) {
+    ForgetContact(state);
+    state.layered = false;
+  }
   const Eigen::Quaterniond turned =
       is_rejected ? Eigen::Quaterniond(memory.R_DS) : R_DS.normalized();
   output.haptic.p_DHip_mm = state.p_DHip_mm;
