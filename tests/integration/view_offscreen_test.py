@@ -10,6 +10,7 @@ import time
 import unittest
 
 import numpy as np
+import palpate
 from PIL import Image
 from support import PATIENCE_S, Daemon, DaemonTest, nrrd, wait_until
 from text_in_picture import places_of
@@ -124,6 +125,12 @@ class OfASphere(Drawn):
         middle = picture[75:225, 100:300].reshape(-1, 3).astype(int)
         pink = (middle[:, 0] > middle[:, 1] + 60) & (middle[:, 2] > middle[:, 1] + 60)
         self.assertGreater(int(pink.sum()), 20)
+
+    def test_contact_of_a_tool_is_waited_for(self):
+        self.conn.settings.tool = palpate.Tool((palpate.ToolBall((0.0, 0.0, 0.0)),))
+        self.addCleanup(setattr, self.conn.settings, "tool", None)
+        self.conn.settings.wait_for_tool()
+        self.draw("--size", "64x64", "--wait-contact")
 
 
 def ball(shape, radius):

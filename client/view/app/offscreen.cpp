@@ -92,8 +92,10 @@ void AwaitScene(Viewer& viewer, const Options& options) {
   if (!options.wait_contact) return;
   const auto touches = [&] {
     const std::optional<client::Pose>& pose = feed.pose();
-    return pose && pose->contact && pose->scp_v_mm &&
-           (*pose->scp_v_mm - pose->scp_h_mm).norm() >= options.wait_gap_mm;
+    if (!pose || !pose->contact) return false;
+    // A tool has no SCP_V.
+    if (pose->tool_orientation) return options.wait_gap_mm == 0.0;
+    return pose->scp_v_mm && (*pose->scp_v_mm - pose->scp_h_mm).norm() >= options.wait_gap_mm;
   };
   if (!Await(viewer, touches)) {
     throw Error(
