@@ -84,13 +84,13 @@ void VisitPassivity(Passivity& passivity, Visit& visit) {
 template <class Tool, class Visit>
 void VisitTool(Tool& tool, Visit& visit) {
   auto& [state, felt, touches, slope_per_mm, R_DS, turned_mm, spring_mj, tank, passivity] = tool;
-  auto& [placed, buried, pose, ejecting_steps, ejected_mm, loaded_revision] = state;
+  auto& [placed, buried, pose, stalled_steps, ejecting_steps, ejected_mm, loaded_revision] = state;
   visit(placed);
   if (!placed) return;
   visit(buried);
   VisitVector(pose.p_DS_mm, visit);
   VisitVector(pose.R_DS.coeffs(), visit);
-  visit(ejecting_steps);
+  for (auto* steps : {&stalled_steps, &ejecting_steps}) visit(*steps);
   visit(ejected_mm);
   visit(loaded_revision);
   auto& [geometry_revision, volume_revision, refinement, free_side, isovalue] = felt;

@@ -312,6 +312,33 @@ TEST(ToolStep, WorkIsBoundedAndCarriedOver) {
   EXPECT_FALSE(rig.Step(hand).capped);
 }
 
+// Where so many planes are around the balls that looking at them leaves no work for a move, the
+// tool does not stay for ever.
+TEST(ToolStep, NoCapHoldsATool) {
+  const auto noise = testing::MakeVolume(Vec3i(24, 24, 24), [](int i, int j, int k) {
+    return static_cast<double>((i * 7919 + j * 104729 + k * 1299709) % 101 % 7);
+  });
+  const HapticSurface surface =
+      MakeHapticSurface(*noise, {0.01 * Mat3::Identity(), Vec3::Constant(-0.12)},
+                        noise->Normalize(4.5), DecompositionMethod::kTpbcc, 1);
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> uniform(-0.15, 0.15);
+  ToolRig rig(surface, Rod(64, 0.08));
+  int begun = 0, most = 0, capped = 0;
+  for (int n = 0; n < 2000; ++n) {
+    const Eigen::Quaterniond turn = Turn(20.0 * uniform(random), kY);
+    const ToolPose hand{{uniform(random), uniform(random), uniform(random)}, turn};
+    for (int k = 0; k < 20; ++k) {
+      const ToolStep step = rig.Step(hand);
+      capped += step.capped;
+      begun = step.capped && step.rounds == 1 ? begun + 1 : 0;
+      most = std::max(most, begun);
+    }
+  }
+  EXPECT_GT(capped, 100);
+  EXPECT_LE(most, 10);
+}
+
 TEST(ToolStep, DoesNotDependOnItsCache) {
   const testing::PlacedVolume gyroid = testing::PlaceBuiltin("builtin:gyroid:64", 1.0);
   ToolRig rig(gyroid.surface, Rod(16, 16.0)), other(gyroid.surface, Rod(16, 16.0));

@@ -32,8 +32,13 @@ constexpr int kMostPlanes = 256;
 constexpr double kLongestWayVoxels = 8.0;
 constexpr int kMostWayHalvings = 5;  // to a quarter of a voxel
 constexpr double kLongestWayOutVoxels = 1.0;
-// Planes that a nearest move looks at cost as much as one tetrahedron.
+// Planes that a nearest move looks at cost as much as one tetrahedron. One may cost a quarter of
+// the work.
 constexpr int kPlanesPerWork = 8;
+constexpr int kMovesInWork = 4;
+// After steps without a move, the tool is content with the planes of the tetrahedra that hold its
+// balls, and with ever shorter moves: so there is work left for one.
+constexpr int kMostStalledHalvings = 10;
 constexpr double kLongestRoundTurnRad = 0.25;
 constexpr int kMostTries = 12;
 constexpr int kMostEjectSteps = 50;
@@ -91,22 +96,30 @@ class Stepper {
       longest_voxel_mm_ = std::max(longest_voxel_mm_, surface.longest_voxel_mm);
     }
     standoff_mm_ = std::min(kStandoffMm, kStandoffVoxels * voxel_mm_);
+    reach_mm_ = kReachStandoffs * standoff_mm_;
     // So short that all chords of a round fit into half the work.
     longest_way_mm_ = kLongestWayVoxels * voxel_mm_;
     for (int n = 0; n < kMostWayHalvings && 2 * tool.count * ChordWork() > work; ++n) {
       longest_way_mm_ *= 0.5;
     }
+    if (state.stalled_steps > 0) reach_mm_ = 0.0;
+    longest_way_mm_ = std::ldexp(longest_way_mm_, -state.stalled_steps);
     longest_way_out_mm_ = std::min(longest_way_mm_, kLongestWayOutVoxels * voxel_mm_);
     most_chord_work_ = ChordWork();
     for (int n = 0; n < tool.radius_count; ++n) {
       const HapticSurface& surface = *surfaces.surface[static_cast<std::size_t>(n)];
-      most_look_work_ =
-          std::max(most_look_work_, MostLookWork(surface, kReachStandoffs * standoff_mm_));
+      most_look_work_ = std::max(most_look_work_, MostLookWork(surface, reach_mm_));
     }
   }
 
   ToolStep Run() noexcept {
+    const ToolPose from = state_.pose;
     Place();
+    if (!step_.capped) {
+      state_.stalled_steps = 0;
+    } else if (pose_.p_DS_mm == from.p_DS_mm && pose_.R_DS.coeffs() == from.R_DS.coeffs()) {
+      state_.stalled_steps = std::min(state_.stalled_steps + 1, kMostStalledHalvings);
+    }
     step_.pose = pose_;
     state_.pose = pose_;
     return step_;
@@ -190,8 +203,7 @@ class Stepper {
   void LookFrom(int n) noexcept {
     excess_[n] = 0.0;
     if (!MayWork(most_look_work_)) return;
-    palpate::Look(SurfaceOf(n), p_mm_[n], kReachStandoffs * standoff_mm_, CacheOf(n), around_,
-                  step_.work);
+    palpate::Look(SurfaceOf(n), p_mm_[n], reach_mm_, CacheOf(n), around_, step_.work);
     excess_[n] = around_.excess;
     if (around_.excess > 0.5 * kDensityMargin) inside_ |= std::uint64_t{1} << n;
     if (around_.count == 0) return;
@@ -249,8 +261,8 @@ class Stepper {
       limits_[n] = LimitOf(held, floor_mm - gap_mm);
     }
     const int count = std::max(1, held_.count);
-    const int most_steps =
-        std::min(kMostLeastMoveSteps, kPlanesPerWork * (most_work_ - step_.work) / count);
+    const int work = std::min(most_work_ - step_.work, most_work_ / kMovesInWork);
+    const int most_steps = std::min(kMostLeastMoveSteps, kPlanesPerWork * work / count);
     const LeastMove move =
         NearestMove(wanted, {limits_.data(), static_cast<std::size_t>(held_.count)},
                     1e-3 * standoff_mm_, most_steps);
@@ -509,6 +521,7 @@ class Stepper {
   double voxel_mm_ = 0.0;
   double longest_voxel_mm_ = 0.0;
   double standoff_mm_ = 0.0;
+  double reach_mm_ = 0.0;
   double longest_way_mm_ = 0.0;  // of a ball in a round
   double longest_way_out_mm_ = 0.0;
   int most_chord_work_ = 0, most_look_work_ = 0;

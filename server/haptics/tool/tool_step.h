@@ -47,6 +47,7 @@ struct ToolState {
   bool placed = false;
   bool buried = false;  // nothing is felt until the tool is free where the stylus is
   ToolPose pose;
+  int stalled_steps = 0;    // that were capped before the tool could move
   int ejecting_steps = 0;   // that have not brought it out yet
   double ejected_mm = 0.0;  // by these, in the metric of the coupling
   std::uint64_t loaded_revision = 0;
