@@ -102,8 +102,8 @@ double Bearable(double stiffness_n_per_mm, double depth_mm, double energy_mj, do
 
 // Sets the stiffness that the tank allows, and the damping that fills the tank.
 template <int kDimensions>
-void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, double max_force_n,
-             State<kDimensions>& state) {
+void Control(double stiffness_n_per_mm, double depth_mm, double held_mm, double dt_s,
+             double max_force_n, State<kDimensions>& state) {
   const double spring_mj = Stored(state.scale * stiffness_n_per_mm, depth_mm, max_force_n);
   double forgiven_mj = kForgivenMjPerS * dt_s;
   if (depth_mm > 0.0) {
@@ -114,7 +114,8 @@ void Control(double stiffness_n_per_mm, double depth_mm, double dt_s, double max
     forgiven_mj = std::min(forgiven_mj, missing_mj);
   }
   state.tank_mj += forgiven_mj;
-  state.tank_mj = std::min(state.tank_mj, Stored(stiffness_n_per_mm, depth_mm, max_force_n));
+  state.tank_mj =
+      std::min(state.tank_mj, Stored(stiffness_n_per_mm, std::max(depth_mm, held_mm), max_force_n));
 
   const double lacking_mj = spring_mj - state.tank_mj;
   state.damping = std::clamp(lacking_mj / kFullDampingMj, 0.0, 1.0);
@@ -166,16 +167,16 @@ template <int kDimensions>
 Vector<kDimensions> LimitToPassive(const Vector<kDimensions>& force_D_n, double stiffness_n_per_mm,
                                    double depth_mm, const Vector<kDimensions>& p_DHip_mm,
                                    double budget_mj, double dt_s, const PassivityDevice& device,
-                                   State<kDimensions>& state) noexcept {
+                                   State<kDimensions>& state, double held_mm) noexcept {
   Vector<kDimensions> limited_D_n = Vector<kDimensions>::Zero();
   if (force_D_n.allFinite() && p_DHip_mm.allFinite() && dt_s > 0.0 &&
-      std::isfinite(stiffness_n_per_mm + depth_mm + budget_mj + dt_s)) {
+      std::isfinite(stiffness_n_per_mm + depth_mm + held_mm + budget_mj + dt_s)) {
     if (state.started) {
       const Vector<kDimensions> moved_mm = p_DHip_mm - state.p_DHip_mm[state.newest];
       state.tank_mj += LeastAbsorbed(state, moved_mm) + budget_mj;
     }
     Remember(p_DHip_mm, dt_s, device.resolution_mm, state);
-    Control(stiffness_n_per_mm, depth_mm, dt_s, device.max_force_n, state);
+    Control(stiffness_n_per_mm, depth_mm, held_mm, dt_s, device.max_force_n, state);
     limited_D_n = Limited(force_D_n, stiffness_n_per_mm, depth_mm, device, state);
   } else {
     state = {};
@@ -193,8 +194,9 @@ Vector<kDimensions> LimitToPassive(const Vector<kDimensions>& force_D_n, double 
 }
 
 template Vec3 LimitToPassive<3>(const Vec3&, double, double, const Vec3&, double, double,
-                                const PassivityDevice&, PassivityStateOf<3>&) noexcept;
+                                const PassivityDevice&, PassivityStateOf<3>&, double) noexcept;
 template Vector<6> LimitToPassive<6>(const Vector<6>&, double, double, const Vector<6>&, double,
-                                     double, const PassivityDevice&, PassivityStateOf<6>&) noexcept;
+                                     double, const PassivityDevice&, PassivityStateOf<6>&,
+                                     double) noexcept;
 
 }  // namespace palpate

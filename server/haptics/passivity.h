@@ -106,6 +106,8 @@ bool IsDevice(const PassivityDevice& device);
 // force_D_n: spring, damper and friction. Magnets and similar effects add energy by design: add
 // their forces to the result.
 // depth_mm: |SCP_H - HIP| in contact, 0 without contact.
+// held_mm: the depth of a spring with the energy that the hand may have given, where that is more:
+// a force alone does not show what turns hold.
 // budget_mj: the energy that the spring gained in this tick because the surface was moved (τ,
 // edits, a pop) and not by the hand.
 // dt_s: time since the last call; longer if ticks were missed.
@@ -116,6 +118,6 @@ typename PassivityStateOf<kDimensions>::Vector LimitToPassive(
     const typename PassivityStateOf<kDimensions>::Vector& force_D_n, double stiffness_n_per_mm,
     double depth_mm, const typename PassivityStateOf<kDimensions>::Vector& p_DHip_mm,
     double budget_mj, double dt_s, const PassivityDevice& device,
-    PassivityStateOf<kDimensions>& state) noexcept;
+    PassivityStateOf<kDimensions>& state, double held_mm = 0.0) noexcept;
 
 }  // namespace palpate

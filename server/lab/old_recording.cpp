@@ -40,7 +40,7 @@ void VisitOldFields(TickSample& sample, Visit&& visit) {
   VisitFields(sample, [&](std::string_view name, auto& field) {
     constexpr std::array kLater = {"led_",          "series_",    "push_",         "torque_",
                                    "force_torque_", "refinement", "layers_passed", "contact_layer",
-                                   "tool_radius",   "hand"};
+                                   "tool_",         "touching_",  "hand"};
     if (std::ranges::none_of(kLater, [&](auto later) { return name.starts_with(later); })) {
       visit(field);
     }

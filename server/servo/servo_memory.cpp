@@ -83,7 +83,8 @@ void VisitPassivity(Passivity& passivity, Visit& visit) {
 // Without a tool it is not there.
 template <class Tool, class Visit>
 void VisitTool(Tool& tool, Visit& visit) {
-  auto& [state, felt, touches, slope_per_mm, R_DS, turned_mm, spring_mj, tank, passivity] = tool;
+  auto& [state, felt, is_settling, touches, slope_per_mm, R_DS, turned_mm, spring_mj, tank,
+         passivity] = tool;
   auto& [placed, buried, pose, stalled_steps, ejecting_steps, ejected_mm, loaded_revision] = state;
   visit(placed);
   if (!placed) return;
@@ -93,11 +94,12 @@ void VisitTool(Tool& tool, Visit& visit) {
   for (auto* steps : {&stalled_steps, &ejecting_steps}) visit(*steps);
   visit(ejected_mm);
   visit(loaded_revision);
-  auto& [geometry_revision, volume_revision, refinement, free_side, isovalue] = felt;
+  auto& [geometry_revision, volume_revision, refinement, free_side, isovalue, stiffness] = felt;
   for (auto* revision : {&geometry_revision, &volume_revision}) visit(*revision);
   visit(refinement);
   visit(free_side);
-  visit(isovalue);
+  for (auto* number : {&isovalue, &stiffness}) visit(*number);
+  visit(is_settling);
   visit(touches);
   for (auto* number : {&slope_per_mm, &spring_mj}) visit(*number);
   VisitVector(R_DS.coeffs(), visit);

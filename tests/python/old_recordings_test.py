@@ -27,7 +27,7 @@ FIGURES = {
 # What ticks have had since.
 LATER = {"replayed", "led_target_mm", "series_position_frames", "refinement", "layers_passed",
          "contact_layer", "tool_radius_mm", "hand", "torque_n_mm", "force_torque_limit_n_mm",
-         "push_n"}
+         "push_n", "tool_orientation", "touching_balls"}
 
 
 def digest(ticks):

@@ -62,7 +62,7 @@ class Ticks(RecordingTest):
         for name in ("tick", "time_ns", "buttons", "scene_revision", "settings_revision",
                      "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
                      "faulty_ticks", "refinement", "layers_passed", "contact_layer",
-                     "tool_radius_mm", "hand"):
+                     "tool_radius_mm", "hand", "touching_balls"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
         np.testing.assert_array_equal(self.recording.to_unix_ns(ticks.time_ns),
                                       column("unix_ns", int))
@@ -89,9 +89,10 @@ class Ticks(RecordingTest):
             expected = np.stack([column(f"{stem}_{axis}{unit}")
                                  for axis in "xyz"], axis=1)
             np.testing.assert_array_equal(getattr(ticks, name), expected, name)
-        np.testing.assert_array_equal(
-            ticks.stylus_orientation,
-            np.stack([column(f"stylus_{part}") for part in "wxyz"], axis=1))
+        for stem in ("stylus", "tool"):
+            np.testing.assert_array_equal(
+                getattr(ticks, f"{stem}_orientation"),
+                np.stack([column(f"{stem}_{part}") for part in "wxyz"], axis=1))
         self.assertEqual(compared, set(rows[0]))
         self.assertTrue(ticks.contact.any() and has_v.any())
 

@@ -167,6 +167,43 @@ TEST(ToolRenderer, TheTankDoesNotChangeAPress) {
   }
 }
 
+// The ball is beside the grip, so the tool turns under a press, and its spring holds more than the
+// force shows.
+TEST(ToolRenderer, TheTankDoesNotChangeAPressBesideTheGrip) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  RigidTool tool = testing::Rod(1, 0.0);
+  tool.ball[0].p_SBall_mm = 30.0 * Vec3::UnitX();
+  Chain chain(floor, tool, false);
+  for (int n = 0; n < 300; ++n) {
+    const Vec3 p_mm(-20, 0, 1.0 - 3.0 * std::sin(0.02 * n));
+    const ToolOutput output = chain.Step({p_mm, Turn(0.0, Vec3::UnitX())});
+    EXPECT_LE((output.haptic.force_D_n - output.haptic.spring_D_n).norm(),
+              1e-3 * output.haptic.spring_D_n.norm())
+        << n;
+  }
+}
+
+// The control softens a point and a tool of one ball alike, and the tank adds nothing to that.
+TEST(ToolRenderer, TheTankAddsNothingToThePassivityControl) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  for (const bool has_torque : {false, true}) {
+    Chain chain(floor, testing::Rod(1, 0.0), has_torque);
+    chain.settings = {.stiffness_n_per_mm = 2.0, .passivity_control = true};
+    RendererState point;
+    point.device = chain.state->device;
+    const auto step = [&](double z_mm) {
+      const HapticOutput felt =
+          StepRenderer(floor.surface, chain.settings, Vec3(0, 0, z_mm), kLoopTickS, point);
+      const double tool_n =
+          chain.Step({Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())}).haptic.force_D_n.norm();
+      EXPECT_NEAR(tool_n, felt.force_D_n.norm(), 0.15);
+    };
+    for (double z_mm = 1.0; z_mm > -2.0; z_mm -= 0.05) step(z_mm);
+    for (int n = 0; n < 4000; ++n) step(-1.5 - 0.5 * std::cos(0.08 * n));
+    for (int n = 0; n < 5000; ++n) step(-2.0);
+  }
+}
+
 // Each way out ends between two ticks, with the old force on the hand for a part of the tick.
 TEST(ToolRenderer, TheTankDoesNotChangeTaps) {
   const testing::PlacedVolume floor = testing::PlaceFloor();
@@ -183,6 +220,27 @@ TEST(ToolRenderer, TheTankDoesNotChangeTaps) {
       chain.Step({Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())});
     }
     ASSERT_NEAR(most_n, 2.0, 0.02) << tap;
+  }
+}
+
+// A hand may get faster on its way out.
+TEST(ToolRenderer, TapsThatEndInHasteGiveNoEnergy) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  Chain chain(floor, testing::Rod(2, 0.0), false);
+  chain.settings.stiffness_n_per_mm = 2.0;
+  double given_mj = 0.0, last_n = 0.0, last_mm = 1.0;
+  const auto go = [&](double z_mm) {
+    const double n = chain.Step({Vec3(0, 0, z_mm), Turn(0.0, Vec3::UnitX())}).haptic.force_D_n.z();
+    given_mj += 0.5 * (last_n + n) * (z_mm - last_mm);
+    EXPECT_LE(given_mj, kTankCreditMj + 1e-3);
+    last_n = n;
+    last_mm = z_mm;
+  };
+  for (int tap = 0; tap < 1000; ++tap) {
+    for (double z_mm = 1.0; z_mm > -1.0; z_mm -= 0.01) go(z_mm);
+    for (double way_mm = 0.002; last_mm < 1.0; way_mm = std::min(0.2, 1.2 * way_mm)) {
+      go(last_mm + way_mm);
+    }
   }
 }
 
@@ -275,6 +333,24 @@ TEST(ToolRenderer, ASurfaceThatRisesUnderAStillHandIsFeltInFull) {
       EXPECT_NEAR(chain.Step(pressed).haptic.force_D_n.z(), 2.0, 0.05) << is_controlled;
     }
   }
+}
+
+// Sixty-four balls need some ticks to come out, and then another spring is set.
+TEST(ToolRenderer, WhatTakesTicksToSettleAndAnotherStiffnessAreFeltInFull) {
+  const testing::PlacedVolume floor = testing::PlaceFloor();
+  RigidTool flat = testing::Rod(64, 0.0);
+  for (int n = 0; n < 64; ++n) flat.ball[n].p_SBall_mm = 0.35 * Vec3(n % 8, n / 8, 0.0);
+  Chain chain(floor, flat, false);
+  const ToolPose pressed{Vec3(0, 0, -0.5), Turn(0.0, Vec3::UnitX())};
+  for (int n = 0; n <= 100; ++n) {
+    chain.Step({Vec3(0, 0, 0.5 - 0.01 * n), Turn(0.0, Vec3::UnitX())});
+  }
+  chain.felt.surface[0].isovalue -= 2.5 / 39.0;  // a voxel is a mm
+  EXPECT_TRUE(chain.Step(pressed).tool.capped);
+  for (int n = 0; n < 50; ++n) chain.Step(pressed);
+  EXPECT_NEAR(chain.Step(pressed).haptic.force_D_n.z(), 3.0, 0.03);
+  chain.settings.stiffness_n_per_mm = 3.0;
+  EXPECT_NEAR(chain.Step(pressed).haptic.force_D_n.z(), 9.0, 0.09);
 }
 
 TEST(ToolRenderer, WhileItTouchesAnIsovalueGlidesAndARefinementWaits) {

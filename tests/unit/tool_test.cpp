@@ -312,6 +312,28 @@ TEST(ToolStep, WorkIsBoundedAndCarriedOver) {
   EXPECT_FALSE(rig.Step(hand).capped);
 }
 
+// No hop between two poses, and no creep.
+TEST(ToolStep, UnderAHandAtRestItRests) {
+  const testing::PlacedVolume gyroid = testing::PlaceBuiltin("builtin:gyroid:64", 0.33);
+  std::mt19937_64 random(37);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  int rests = 0;
+  for (int n = 0; n < 4000; ++n) {
+    ToolRig rig(gyroid.surface, Rod(4, 6.0));
+    const Vec3 at = 8.0 * Vec3(uniform(random), uniform(random), uniform(random));
+    if (rig.Step({at, Turn(uniform(random), kX)}).mode != ProxyMode::kFree) continue;
+    const Vec3 to = at + 4.0 * Vec3(uniform(random), uniform(random), uniform(random));
+    const ToolPose hand{to, Turn(uniform(random), kX + kZ)};
+    ToolStep step;
+    for (int k = 0; k < 30; ++k) step = rig.Step(hand);
+    if (step.capped || step.mode != ProxyMode::kConstrained) continue;
+    ++rests;
+    const Vec3 rest_mm = step.pose.p_DS_mm;
+    for (int k = 0; k < 20; ++k) EXPECT_EQ(rig.Step(hand).pose.p_DS_mm, rest_mm) << n;
+  }
+  EXPECT_GT(rests, 50);
+}
+
 // Where so many planes are around the balls that looking at them leaves no work for a move, the
 // tool does not stay for ever.
 TEST(ToolStep, NoCapHoldsATool) {

@@ -162,7 +162,9 @@ TEST(ToolTorture, AfterAChangeOfTheIsovalueNoBallIsInside) {
     for (int k = 0; k < 200; ++k) {
       testing::MoveHip(random, hip_I);
       hand.p_DS_mm = surface.X_DI.Apply(hip_I);
-      rig.surface.isovalue += 0.02 * (uniform(random) - 0.5);
+      // Below all values, the judge takes what is outside for the object, too.
+      rig.surface.isovalue =
+          std::clamp(rig.surface.isovalue + 0.02 * (uniform(random) - 0.5), 0.0, 1.0);
       const ToolState before = rig.state;
       ToolPath path;
       const ToolStep step = rig.Step(hand, &path);

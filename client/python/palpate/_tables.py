@@ -39,8 +39,8 @@ def unit_of(name: str) -> str:
 
 def _parts(name: str) -> list[str]:
     """Returns the column names of a vector, as in `palpate-lab export`."""
-    if name == "stylus_orientation":
-        return [f"stylus_{axis}" for axis in "wxyz"]
+    if name.endswith("_orientation"):
+        return [f"{name.removesuffix('_orientation')}_{axis}" for axis in "wxyz"]
     stem, _, unit = name.rpartition("_")
     if name.endswith("_n_mm"):
         stem, unit = name[:-len("_n_mm")], "n_mm"

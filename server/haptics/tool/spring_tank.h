@@ -10,8 +10,8 @@
 // turned the stylus into a wall, and used the credit up, feels a spring that begins where the hand
 // begins to press.
 //
-// Bound: the hand gets at most kTankCreditMj, plus `budget_mj`, plus the work of a hand that goes
-// faster out of a spring's last tick than into it. Work is counted with the mean of two forces;
+// Bound: the hand gets at most kTankCreditMj, plus `budget_mj`, plus the work of a hand that gets
+// faster than kFasterInATick where it leaves. Work is counted with the mean of two forces;
 // that a force is held for a tick is passivity.h's matter.
 //
 // Frame: D, about the HIP. Threads: pure. Real-time: no allocation, O(1).
@@ -28,6 +28,9 @@ namespace palpate {
 
 inline constexpr double kTankCreditMj = 0.1;
 
+// Between two ticks, no hand gets faster by more than half.
+inline constexpr double kFasterInATick = 1.5;
+
 struct SpringTank {
   double tank_mj = 0.0;           // without the end of the last tick
   Vec6 written_D = Vec6::Zero();  // the last force (N) and torque (N mm) on the hand
@@ -35,8 +38,9 @@ struct SpringTank {
   double spring_mj = 0.0;         // then
 
   // The share of this force and torque (N, N mm) that may act after the hand has moved (mm, rad).
-  // `now_mj`: the energy of a spring that has them.
-  double ShareOf(const Vec6& wrench_D, double now_mj, const Vec6& now_moved_D,
+  // `now_mj`: the energy of a spring that has them. `held_mj`: of the tool's spring: without torque
+  // it holds more, as the tool turns under a press beside the grip.
+  double ShareOf(const Vec6& wrench_D, double now_mj, double held_mj, const Vec6& now_moved_D,
                  double budget_mj) noexcept {
     // Only now it is known what was written at the end of the last tick. What is dissipated is not
     // given back.
@@ -46,10 +50,11 @@ struct SpringTank {
         std::max(0.0, tank_mj + kTankCreditMj + budget_mj - 0.5 * written_D.dot(now_moved_D));
     tank_mj = had_mj - kTankCreditMj;
     moved_D = now_moved_D;
-    spring_mj = now_mj;
+    spring_mj = held_mj;
     const double given_mj = 0.5 * wrench_D.dot(now_moved_D);
     // A spring that ends within the next tick gives half of that tick's work, whatever it holds.
-    const double most = 2.0 * given_mj > had_mj ? had_mj / (2.0 * given_mj) : 1.0;
+    const double end_mj = (1.0 + kFasterInATick) * given_mj;
+    const double most = end_mj > had_mj ? had_mj / end_mj : 1.0;
     // At share s, the hand gets s given, and the spring holds s² now.
     const double root = std::sqrt(given_mj * given_mj + 4.0 * now_mj * had_mj);
     return root - given_mj < 2.0 * now_mj * most ? (root - given_mj) / (2.0 * now_mj) : most;

@@ -13,13 +13,14 @@
 
 namespace palpate {
 
-// The surfaces of a step, as far as they tell whether they are the next one's.
+// The surfaces of a step, and the spring, as far as they tell whether they are the next one's.
 struct ToolSurfacesFelt {
   std::uint64_t geometry_revision = 0;
   std::uint64_t volume_revision = 0;
   int refinement = 1;
   FreeSide free_side = FreeSide::kBelow;
   double isovalue = 0.0;
+  double stiffness_n_per_mm = 0.0;
 
   bool operator==(const ToolSurfacesFelt&) const = default;
 };
@@ -27,6 +28,7 @@ struct ToolSurfacesFelt {
 struct ToolMemory {
   ToolState state;
   ToolSurfacesFelt felt;
+  bool is_settling = false;  // to what has changed under it
   bool touches = false;
   double slope_per_mm = 0.0;  // the least of the density where the tool touches
   UnalignedQuaternion R_DS = UnalignedQuaternion::Identity();  // of the last stylus

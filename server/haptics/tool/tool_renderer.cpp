@@ -45,7 +45,10 @@ class ToolUpdate {
     ChooseSurface();
     const bool was_placed = memory_.state.placed;
     const double budget_mj = Settle();
-    output_.tool = Step(stylus_, work_ - settled_.work);
+    // An ejection is the surface's work to its end.
+    const bool is_pushed = settled_.capped && settled_.mode == ProxyMode::kEjecting;
+    output_.tool = is_pushed ? settled_ : Step(stylus_, work_ - settled_.work);
+    if (is_pushed) settled_ = {};
     const ToolMove pull = MoveBetween(stylus_, output_.tool.pose);
     const double depth_mm = Length(pull);
     Remember(depth_mm, was_placed);
@@ -59,6 +62,7 @@ class ToolUpdate {
   double Length(const ToolMove& move) const {
     return std::sqrt(move.way_mm.squaredNorm() + rho_mm_ * rho_mm_ * move.turn_rad.squaredNorm());
   }
+  double Scale() const { return has_torque() ? memory_.passivity.scale : state_.passivity.scale; }
   double SpringEnergy(double depth_mm) const {
     return 0.5 * settings_.stiffness_n_per_mm * depth_mm * depth_mm;
   }
@@ -94,19 +98,25 @@ class ToolUpdate {
     }
   }
 
-  // Where the surface has moved, the tool first comes to rest with the stylus at its old place.
-  // Returns the energy that the spring gained by that.
+  // Where the surface has moved, the tool first comes to rest with the stylus at its old place: for
+  // some steps, if the work is not enough for one. Returns the energy that the spring gained by
+  // that, or by its stiffness.
   double Settle() noexcept {
     const HapticSurface& first = surface_[0];
-    const ToolSurfacesFelt now{first.geometry_revision, first.volume->revision(),
-                               first.lattice.refinement(), first.free_side, first.isovalue};
-    const bool same = !memory_.state.placed || now == memory_.felt;
+    const ToolSurfacesFelt now{
+        first.geometry_revision, first.volume->revision(), first.lattice.refinement(),
+        first.free_side,         first.isovalue,           settings_.stiffness_n_per_mm};
+    const bool settles = memory_.is_settling;
+    const bool same = !memory_.state.placed || (now == memory_.felt && !settles);
     memory_.felt = now;
     if (same) return 0.0;
     const ToolPose last{state_.p_DLastHip_mm, memory_.R_DS};
     settled_ = Step(last, work_ / 2);
-    const double now_mj = SpringEnergy(Length(MoveBetween(last, settled_.pose)));
-    return settled_.capped ? 0.0 : std::max(0.0, now_mj - memory_.spring_mj);
+    memory_.is_settling = settled_.capped;
+    const double gained_mj =
+        SpringEnergy(Length(MoveBetween(last, settled_.pose))) - memory_.spring_mj;
+    // On the way to rest it may first gain more than it keeps.
+    return settles || settled_.capped ? gained_mj : std::max(0.0, gained_mj);
   }
 
   void Remember(double depth_mm, bool was_placed) noexcept {
@@ -141,20 +151,27 @@ class ToolUpdate {
 
   Wrench Passive(Wrench wrench, const ToolMove& pull, double budget_mj) noexcept {
     if (!has_torque()) wrench.torque_n_mm.setZero();
-    const double depth_mm = has_torque() ? Length(pull) : pull.way_mm.norm();
-    Vec6 moved;
-    moved << stylus_.p_DS_mm - state_.p_DLastHip_mm, turned_rad_;
-    const double share =
-        memory_.tank.ShareOf(Vector(wrench), SpringEnergy(depth_mm), moved, budget_mj);
-    wrench = {share * wrench.force_n, share * wrench.torque_n_mm};
+    const double held_mm = Length(pull);
+    const double depth_mm = has_torque() ? held_mm : pull.way_mm.norm();
+    double scale = 1.0;  // of the stiffness, by the control
     if (settings_.passivity_control) {
-      wrench = has_torque() ? Limited(wrench, depth_mm, budget_mj)
-                            : Wrench{.force_n = Limited(wrench.force_n, depth_mm, budget_mj)};
+      const double before = Scale();
+      wrench = has_torque()
+                   ? Limited(wrench, depth_mm, budget_mj)
+                   : Wrench{.force_n = Limited(wrench.force_n, depth_mm, held_mm, budget_mj)};
+      scale = Scale();
+      // What the control forgives, nobody worked for.
+      budget_mj += std::max(0.0, scale - before) * SpringEnergy(held_mm);
     } else if (state_.passivity.started || memory_.passivity.started) {
       state_.passivity = {};
       memory_.passivity = {};
     }
-    memory_.tank.written_D = Vector(wrench);
+    Vec6 moved;
+    moved << stylus_.p_DS_mm - state_.p_DLastHip_mm, turned_rad_;
+    const double share = memory_.tank.ShareOf(Vector(wrench), scale * SpringEnergy(depth_mm),
+                                              scale * SpringEnergy(held_mm), moved, budget_mj);
+    wrench = {share * wrench.force_n, share * wrench.torque_n_mm};
+    TellWrittenWrench(wrench, rho_mm_, state_, memory_);
     return wrench;
   }
 
@@ -171,9 +188,9 @@ class ToolUpdate {
     return {passive.head<3>(), rho_mm_ * passive.tail<3>()};
   }
 
-  Vec3 Limited(const Vec3& force_n, double depth_mm, double budget_mj) noexcept {
+  Vec3 Limited(const Vec3& force_n, double depth_mm, double held_mm, double budget_mj) noexcept {
     return LimitToPassive(force_n, settings_.stiffness_n_per_mm, depth_mm, stylus_.p_DS_mm,
-                          budget_mj, dt_s_, state_.device, state_.passivity);
+                          budget_mj, dt_s_, state_.device, state_.passivity, held_mm);
   }
 
   void Tell(const ToolMove& pull, const Wrench& wrench_D) noexcept {

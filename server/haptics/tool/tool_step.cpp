@@ -369,7 +369,7 @@ class Stepper {
     state_.ejected_mm = 0.0;
     state_.placed = true;
     state_.buried = inside_ != 0;
-    if (!state_.buried) return Advance();
+    if (!state_.buried) return is_held ? AdvanceOrStay() : Advance();
     step_.mode = ProxyMode::kInside;
     SetPose(stylus_);
   }
@@ -394,6 +394,16 @@ class Stepper {
       if (step_.capped) return false;
     }
     return inside_ == 0;
+  }
+
+  // A step that does not come nearer stays: giving standoffs back would let a resting tool hop.
+  void AdvanceOrStay() noexcept {
+    const ToolPose from = pose_;
+    const double distance = Wanted().norm();
+    Advance();
+    if (distance - Wanted().norm() > kRestStandoffs * standoff_mm_) return;
+    SetPose(from);
+    if (path_ != nullptr) path_->count = 0;
   }
 
   void Advance() noexcept {
