@@ -62,7 +62,6 @@ class ToolUpdate {
   double Length(const ToolMove& move) const {
     return std::sqrt(move.way_mm.squaredNorm() + rho_mm_ * rho_mm_ * move.turn_rad.squaredNorm());
   }
-  double Scale() const { return has_torque() ? memory_.passivity.scale : state_.passivity.scale; }
   double SpringEnergy(double depth_mm) const {
     return 0.5 * settings_.stiffness_n_per_mm * depth_mm * depth_mm;
   }
@@ -155,13 +154,10 @@ class ToolUpdate {
     const double depth_mm = has_torque() ? held_mm : pull.way_mm.norm();
     double scale = 1.0;  // of the stiffness, by the control
     if (settings_.passivity_control) {
-      const double before = Scale();
       wrench = has_torque()
                    ? Limited(wrench, depth_mm, budget_mj)
                    : Wrench{.force_n = Limited(wrench.force_n, depth_mm, held_mm, budget_mj)};
-      scale = Scale();
-      // What the control forgives, nobody worked for.
-      budget_mj += std::max(0.0, scale - before) * SpringEnergy(held_mm);
+      scale = has_torque() ? memory_.passivity.scale : state_.passivity.scale;
     } else if (state_.passivity.started || memory_.passivity.started) {
       state_.passivity = {};
       memory_.passivity = {};

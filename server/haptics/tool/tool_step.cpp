@@ -401,7 +401,7 @@ class Stepper {
     const ToolPose from = pose_;
     const double distance = Wanted().norm();
     Advance();
-    if (distance - Wanted().norm() > kRestStandoffs * standoff_mm_) return;
+    if (step_.capped || distance - Wanted().norm() > kRestStandoffs * standoff_mm_) return;
     SetPose(from);
     if (path_ != nullptr) path_->count = 0;
   }
