@@ -255,7 +255,7 @@ bool IsTool(const ToolMemory& tool) {
          IsUnit(tool.R_DS.coeffs()) && IsBound(tool.felt.isovalue, kUnbounded) &&
          tool.felt.refinement >= 1 && tool.felt.refinement <= kMaxRefinement &&
          tool.slope_per_mm >= 0.0 && tool.spring_mj >= 0.0 && tool.turned_mm.allFinite() &&
-         std::isfinite(tool.state.ejected_mm) &&
+         tool.state.stalled_steps >= 0 && std::isfinite(tool.state.ejected_mm) &&
          std::isfinite(tool.tank.tank_mj + tool.tank.spring_mj) &&
          tool.tank.written_D.allFinite() && tool.tank.moved_D.allFinite() &&
          IsPassivity(tool.passivity);
