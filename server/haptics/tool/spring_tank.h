@@ -5,9 +5,9 @@
 // fro would throw the hand. A device whose torque is at its limit takes too little. So a tank
 // counts only what the hand has given by moving and turning against what was written to the device,
 // and force and torque are those of the same spring, pressed only so far that it holds what the
-// tank holds, and kTankCreditMj. Within the device's limits, that is the whole spring. So is a
-// press without turns on a device without torque. A hand that has turned the stylus into a wall,
-// and used the credit up, feels a spring that begins where the hand begins to press.
+// tank holds, and kTankCreditMj. Within the device's limits, and in presses without turns, that is
+// the whole spring. A hand that has turned the stylus into a wall, and used the credit up, feels a
+// spring that begins where the hand begins to press.
 //
 // Bound: the hand gets at most kTankCreditMj, plus `budget_mj`, plus the work of ways out in which
 // it gets faster than kFasterInATick says. Work is counted with the mean of two forces. That a

@@ -5,8 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/haptics/tool/chord.h"
-#include "server/haptics/tool/least_move.h"
+#include "server/haptics/tool/ball_planes.h"
 
 namespace palpate {
 namespace {
@@ -21,20 +20,15 @@ constexpr double kRidgeMm = 0.1;
 constexpr double kRidgeVoxels = 0.25;
 // Beyond a ridge, so many planes may hold a ball.
 constexpr int kMostBeyond = 3;
-// So near to H a ball may come on its way over a ridge, in standoffs.
-constexpr double kThinStandoffs = 0.1;
 // Shorter moves are rest, in standoffs.
 constexpr double kRestStandoffs = 0.02;
 // Turns use the standoff up: after so much progress, balls get it back.
 constexpr double kRiseStandoffs = 20.0;
-constexpr int kMostPlanes = 256;
 // The longest move of a ball in one round.
 constexpr double kLongestWayVoxels = 8.0;
 constexpr int kMostWayHalvings = 5;  // to a quarter of a voxel
 constexpr double kLongestWayOutVoxels = 1.0;
-// Planes that a nearest move looks at cost as much as one tetrahedron. One may cost a quarter of
-// the work.
-constexpr int kPlanesPerWork = 8;
+// A nearest move may cost a quarter of the work.
 constexpr int kMovesInWork = 4;
 // After steps without a move, the tool is content with the planes of the tetrahedra that hold its
 // balls, and with ever shorter moves: so there is work left for one.
@@ -43,38 +37,18 @@ constexpr double kLongestRoundTurnRad = 0.25;
 constexpr int kMostTries = 12;
 constexpr int kMostEjectSteps = 50;
 
-struct BallPlane {
-  int ball = 0;
-  SurfacePlane plane;
-
-  bool operator==(const BallPlane&) const = default;
-};
-
-template <class T, int kMost>
-struct List {
-  std::array<T, kMost> item;
-  int count = 0;
-
-  void Add(const T& added) {
-    if (count < kMost) item[static_cast<std::size_t>(count++)] = added;
-  }
-  std::span<const T> all() const { return {item.data(), static_cast<std::size_t>(count)}; }
-};
-
-using Planes = List<BallPlane, kMostPlanes>;
-
-// How the planes limit a move.
-enum class Limits : std::uint8_t {
-  kKeep,     // no ball comes nearer than its standoff, or than it is
-  kRestore,  // every ball gets its standoff back
-  kAcross,   // one ball may come as near as kThinStandoffs, and holds the plane beyond a ridge, too
-  kBeyond,   // it holds only that
-};
-
 struct Hit {
   int ball = -1;
   ChordHit chord;
 };
+
+double ShortestVoxel(const RigidTool& tool, const ToolSurfaces& surfaces) {
+  double voxel_mm = std::numeric_limits<double>::infinity();
+  for (int n = 0; n < tool.radius_count; ++n) {
+    voxel_mm = std::min(voxel_mm, surfaces.surface[static_cast<std::size_t>(n)]->voxel_mm);
+  }
+  return voxel_mm;
+}
 
 class Stepper {
  public:
@@ -89,14 +63,10 @@ class Stepper {
         state_(state),
         path_(path),
         pose_(state.pose) {
-    voxel_mm_ = std::numeric_limits<double>::infinity();
     for (int n = 0; n < tool.radius_count; ++n) {
       const HapticSurface& surface = *surfaces.surface[static_cast<std::size_t>(n)];
-      voxel_mm_ = std::min(voxel_mm_, surface.voxel_mm);
       longest_voxel_mm_ = std::max(longest_voxel_mm_, surface.longest_voxel_mm);
     }
-    standoff_mm_ = std::min(kStandoffMm, kStandoffVoxels * voxel_mm_);
-    reach_mm_ = kReachStandoffs * standoff_mm_;
     // So short that all chords of a round fit into half the work.
     longest_way_mm_ = kLongestWayVoxels * voxel_mm_;
     for (int n = 0; n < kMostWayHalvings && 2 * tool.count * ChordWork() > work; ++n) {
@@ -141,8 +111,8 @@ class Stepper {
     pose_ = pose;
     const Mat3 R = pose.R_DS.toRotationMatrix();
     for (int n = 0; n < tool_.count; ++n) {
-      arm_mm_[n] = R * tool_.ball[n].p_SBall_mm;
-      p_mm_[n] = pose.p_DS_mm + arm_mm_[n];
+      balls_.arm_mm[n] = R * tool_.ball[n].p_SBall_mm;
+      balls_.p_mm[n] = pose.p_DS_mm + balls_.arm_mm[n];
     }
     is_looked_ = false;
   }
@@ -173,25 +143,10 @@ class Stepper {
   void Look() noexcept {
     if (is_looked_) return;
     is_looked_ = true;
-    near_.count = 0;
+    planes_.ForgetNear();
     inside_ = 0;
     for (int n = 0; n < tool_.count; ++n) LookFrom(n);
-    int kept = 0;
-    for (const BallPlane& met : kept_.all()) {
-      if (Holds(met)) kept_.item[static_cast<std::size_t>(kept++)] = met;
-    }
-    kept_.count = kept;
-  }
-
-  void Keep(const BallPlane& plane) {
-    if (std::ranges::find(kept_.all(), plane) == kept_.all().end()) kept_.Add(plane);
-  }
-
-  // A plane counts as long as it does not overestimate the density where its ball is.
-  bool Holds(const BallPlane& met) const {
-    const double excess = met.plane.Excess(p_mm_[met.ball]);
-    return excess <= std::max(excess_[met.ball], 0.0) + kDensityMargin &&
-           (std::isinf(excess_[met.ball]) || excess <= excess_[met.ball] + kDensityMargin);
+    planes_.DropKept();
   }
 
   // Whether there is room for so much more work.
@@ -201,74 +156,21 @@ class Stepper {
   }
 
   void LookFrom(int n) noexcept {
-    excess_[n] = 0.0;
+    balls_.excess[n] = 0.0;
     if (!MayWork(most_look_work_)) return;
-    palpate::Look(SurfaceOf(n), p_mm_[n], reach_mm_, CacheOf(n), around_, step_.work);
-    excess_[n] = around_.excess;
+    palpate::Look(SurfaceOf(n), balls_.p_mm[n], reach_mm_, CacheOf(n), around_, step_.work);
+    balls_.excess[n] = around_.excess;
     if (around_.excess > 0.5 * kDensityMargin) inside_ |= std::uint64_t{1} << n;
-    if (around_.count == 0) return;
     for (int i = 0; i < around_.count; ++i) {
-      const BallPlane plane{n, around_.plane[static_cast<std::size_t>(i)]};
-      if (Holds(plane)) {
-        near_.Add(plane);
-      }
+      planes_.AddNear({n, around_.plane[static_cast<std::size_t>(i)]});
     }
   }
 
-  // --- The nearest move
-
-  MoveLimit LimitOf(const BallPlane& held, double least) const {
-    MoveLimit limit;
-    limit.along << held.plane.normal_D, arm_mm_[held.ball].cross(held.plane.normal_D) / rho_mm_;
-    limit.least = least;
-    return limit;
-  }
-
-  void Hold(std::span<const BallPlane> planes, int but_of) {
-    for (const BallPlane& plane : planes) {
-      if (plane.ball != but_of) held_.Add(plane);
-    }
-  }
-
-  // The nearest move in the planes at hand. `beyond`: the planes beyond a ridge, of one ball.
+  // The nearest move in the planes at hand.
   Vec6 Solve(const Vec6& wanted, Limits limits, std::span<const BallPlane> beyond = {}) noexcept {
-    held_.count = 0;
-    thin_ball_ = beyond.empty() ? -1 : beyond.front().ball;
-    const int but_of = limits == Limits::kBeyond ? thin_ball_ : -1;
-    Hold(near_.all(), but_of);
-    Hold(kept_.all(), but_of);
-    Hold(beyond, -1);
-    LeastMove move = Nearest(wanted, limits);
-    if (!move.feasible && limits == Limits::kRestore) move = Nearest(wanted, Limits::kKeep);
-    if (!move.feasible) move = {};
-    active_ = 0;
-    slope_per_mm_ = std::numeric_limits<double>::infinity();
-    for (int n = 0; n < move.active_count; ++n) {
-      const BallPlane& active = held_.item[static_cast<std::size_t>(move.active[n])];
-      active_ |= std::uint64_t{1} << active.ball;
-      slope_per_mm_ = std::min(slope_per_mm_, active.plane.slope);
-    }
-    active_count_ = move.active_count;
-    return move.x;
-  }
-
-  LeastMove Nearest(const Vec6& wanted, Limits limits) noexcept {
-    for (int n = 0; n < held_.count; ++n) {
-      const BallPlane& held = held_.item[static_cast<std::size_t>(n)];
-      const double gap_mm = held.plane.Gap(p_mm_[held.ball]);
-      double floor_mm = limits == Limits::kRestore ? standoff_mm_ : std::min(standoff_mm_, gap_mm);
-      if (held.ball == thin_ball_) floor_mm = kThinStandoffs * standoff_mm_;
-      limits_[n] = LimitOf(held, floor_mm - gap_mm);
-    }
-    const int count = std::max(1, held_.count);
     const int work = std::min(most_work_ - step_.work, most_work_ / kMovesInWork);
-    const int most_steps = std::min(kMostLeastMoveSteps, kPlanesPerWork * work / count);
-    const LeastMove move =
-        NearestMove(wanted, {limits_.data(), static_cast<std::size_t>(held_.count)},
-                    1e-3 * standoff_mm_, most_steps);
-    step_.work += count * move.steps / kPlanesPerWork;
-    step_.capped = step_.capped || (move.steps == most_steps && most_steps < kMostLeastMoveSteps);
-    return move;
+    held_ = planes_.Solve(wanted, limits, beyond, work, step_.work, step_.capped);
+    return held_.x;
   }
 
   // --- Moves
@@ -281,7 +183,7 @@ class Stepper {
       next_mm_[n] = to.p_DS_mm + R * tool_.ball[n].p_SBall_mm;
       if (inside_ >> n & 1) continue;
       if (!MayWork(most_chord_work_)) return first;
-      const auto hit = FirstHit(SurfaceOf(n), p_mm_[n], next_mm_[n], CacheOf(n), step_.work);
+      const auto hit = FirstHit(SurfaceOf(n), balls_.p_mm[n], next_mm_[n], CacheOf(n), step_.work);
       if (hit && (first.ball < 0 || hit->share < first.chord.share)) first = {n, *hit};
     }
     return first;
@@ -292,14 +194,11 @@ class Stepper {
     const double turn2 = move.turn_rad.squaredNorm();
     double longest_mm = 0.0;
     for (int n = 0; n < tool_.count; ++n) {
-      longest_mm = std::max(longest_mm, (move.way_mm + move.turn_rad.cross(arm_mm_[n])).norm() +
-                                            0.5 * turn2 * arm_mm_[n].norm());
+      longest_mm =
+          std::max(longest_mm, (move.way_mm + move.turn_rad.cross(balls_.arm_mm[n])).norm() +
+                                   0.5 * turn2 * balls_.arm_mm[n].norm());
     }
     return longest_mm;
-  }
-
-  bool Knows(const BallPlane& plane) const {
-    return std::ranges::find(held_.all(), plane) != held_.all().end();
   }
 
   enum class End : std::uint8_t { kMoved, kNewPlane, kBlocked };
@@ -324,14 +223,13 @@ class Stepper {
       double left = 0.5 * hit.chord.share;
       if (hit.chord.plane) {
         const BallPlane met{hit.ball, *hit.chord.plane};
-        const double from_mm = met.plane.Gap(p_mm_[met.ball]);
+        const double from_mm = met.plane.Gap(balls_.p_mm[met.ball]);
         const double to_mm = met.plane.Gap(next_mm_[met.ball]);
         left = 0.5;
-        if (!Knows(met)) {
-          Keep(met);
-          held_.Add(met);
+        if (!planes_.Knows(met)) {
+          planes_.Keep(met);
           end = End::kNewPlane;
-          if (may_resolve && Holds(met)) return end;
+          if (may_resolve && planes_.Holds(met)) return end;
           left = std::clamp((from_mm - standoff_mm_) / (from_mm - to_mm), 0.0, hit.chord.share);
         }
       }
@@ -418,8 +316,8 @@ class Stepper {
       Vec6 x = Next(wanted);
       if (step_.capped) return Rest();
       if (IsRest(x)) {
-        if (kept_.count > 0 && !is_sure) {
-          kept_.count = 0;
+        if (!planes_.kept().empty() && !is_sure) {
+          planes_.ForgetKept();
           is_sure = true;
           continue;
         }
@@ -428,7 +326,7 @@ class Stepper {
       }
       End end = End::kBlocked;
       for (int n = 0; n < kMostTries; ++n) {
-        end = Follow(x, active_count_ == 0 && !is_cut_, n < 4);
+        end = Follow(x, held_.active_count == 0 && !is_cut_, n < 4);
         if (end != End::kNewPlane) break;
         x = Next(wanted);
         if (IsRest(x)) break;
@@ -444,31 +342,29 @@ class Stepper {
   Vec6 Next(const Vec6& wanted) noexcept {
     const Vec6 x = Solve(wanted, may_rise_ ? Limits::kRestore : Limits::kKeep);
     const double share = ShareOfRound(Plain(x));
-    is_cut_ = may_rise_ && active_count_ > 0 && share < 1.0;
+    is_cut_ = may_rise_ && held_.active_count > 0 && share < 1.0;
     return is_cut_ ? Solve(share * wanted, Limits::kRestore) : x;
   }
 
   // Returns true if the tool could come nearer beyond a ridge.
   bool GoOverRidge(const Vec6& wanted) noexcept {
-    const std::uint64_t holding = active_;
-    const double slope_per_mm = slope_per_mm_;
-    for (std::uint64_t left = holding; left != 0; left &= left - 1) {
+    const HeldMove holding = held_;
+    for (std::uint64_t left = holding.active; left != 0; left &= left - 1) {
       const int ball = std::countr_zero(left);
       if (GoOverRidgeOf(ball, wanted)) return true;
       if (step_.capped) break;
     }
-    active_ = holding;
-    slope_per_mm_ = slope_per_mm;
+    held_ = holding;
     return false;
   }
 
   bool GoOverRidgeOf(int ball, const Vec6& wanted) noexcept {
     const double reach_mm = std::min(kRidgeMm, kRidgeVoxels * SurfaceOf(ball).voxel_mm);
     if (!MayWork(MostLookWork(SurfaceOf(ball), reach_mm))) return false;
-    palpate::Look(SurfaceOf(ball), p_mm_[ball], reach_mm, CacheOf(ball), around_, step_.work);
+    palpate::Look(SurfaceOf(ball), balls_.p_mm[ball], reach_mm, CacheOf(ball), around_, step_.work);
     for (int n = 0; n < around_.count && !step_.capped; ++n) {
       const BallPlane ridge{ball, around_.plane[static_cast<std::size_t>(n)]};
-      if (!Holds(ridge) && GoOver(ridge, wanted)) return true;
+      if (!planes_.Holds(ridge) && GoOver(ridge, wanted)) return true;
     }
     return false;
   }
@@ -487,11 +383,11 @@ class Stepper {
     const int path_count = path_ != nullptr ? path_->count : 0;
     if (Follow(across, false, false) != End::kMoved) return false;
     for (int n = 0; n < kMostBeyond; ++n) {
-      const int known = kept_.count;
+      const std::size_t known = planes_.kept().size();
       const End end = Follow(Solve(Wanted(), Limits::kBeyond, beyond.all()), false, false);
       if (end == End::kMoved && before - Wanted().norm() >= least_gain) return true;
-      if (end != End::kNewPlane || kept_.count == known) break;
-      const BallPlane& met = kept_.item[static_cast<std::size_t>(known)];
+      if (end != End::kNewPlane || planes_.kept().size() == known) break;
+      const BallPlane& met = planes_.kept()[known];
       if (met.ball != ridge.ball) break;
       beyond.Add(met);
     }
@@ -509,14 +405,14 @@ class Stepper {
     }
     const ToolPose to = Moved(pose_, move);
     const Vec3 to_mm = to.p_DS_mm + to.R_DS * tool_.ball[ball].p_SBall_mm;
-    return !FirstHit(SurfaceOf(ball), p_mm_[ball], to_mm, CacheOf(ball), step_.work);
+    return !FirstHit(SurfaceOf(ball), balls_.p_mm[ball], to_mm, CacheOf(ball), step_.work);
   }
 
   void Rest() noexcept {
-    step_.touching = active_;
-    if (active_ != 0) step_.slope_per_mm = slope_per_mm_;
+    step_.touching = held_.active;
+    if (held_.active != 0) step_.slope_per_mm = held_.slope_per_mm;
     if (step_.mode == ProxyMode::kEjecting) return;
-    step_.mode = active_ != 0 ? ProxyMode::kConstrained : ProxyMode::kFree;
+    step_.mode = held_.active != 0 ? ProxyMode::kConstrained : ProxyMode::kFree;
   }
 
   const RigidTool& tool_;
@@ -528,17 +424,17 @@ class Stepper {
   ToolState& state_;
   ToolPath* path_;
   ToolPose pose_;
-  double voxel_mm_ = 0.0;
+  const double voxel_mm_ = ShortestVoxel(tool_, surfaces_);
   double longest_voxel_mm_ = 0.0;
-  double standoff_mm_ = 0.0;
-  double reach_mm_ = 0.0;
+  const double standoff_mm_ = std::min(kStandoffMm, kStandoffVoxels* voxel_mm_);
+  double reach_mm_ = kReachStandoffs * standoff_mm_;
   double longest_way_mm_ = 0.0;  // of a ball in a round
   double longest_way_out_mm_ = 0.0;
   int most_chord_work_ = 0, most_look_work_ = 0;
   ToolStep step_;
 
-  std::array<Vec3, kMostToolBalls> arm_mm_, p_mm_, next_mm_;
-  std::array<double, kMostToolBalls> excess_{};
+  PlacedBalls balls_;
+  std::array<Vec3, kMostToolBalls> next_mm_;
   bool is_looked_ = false;
   // The first move of a step gives the balls their standoff back, and so does one after more
   // progress than that costs. Else the energy only falls: so a step ends, and the next one of a
@@ -547,15 +443,9 @@ class Stepper {
   double risen_at_ = std::numeric_limits<double>::infinity();  // so far from the stylus
   std::uint64_t inside_ = 0;
   Surroundings around_;
-  Planes near_;  // of the tetrahedra around the balls
-  Planes kept_;  // of those that chords have met
-  Planes held_;  // those that limit the move
-  std::array<MoveLimit, kMostPlanes> limits_;
-  bool is_cut_ = false;       // the move is one to a nearer goal than the stylus
-  int thin_ball_ = -1;        // that is on its way over a ridge; -1: none
-  std::uint64_t active_ = 0;  // balls that hold the tool back
-  double slope_per_mm_ = 0.0;
-  int active_count_ = 0;
+  BallPlanes planes_{balls_, standoff_mm_, rho_mm_};
+  HeldMove held_;
+  bool is_cut_ = false;  // the move is one to a nearer goal than the stylus
 };
 
 }  // namespace
