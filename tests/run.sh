@@ -4,6 +4,7 @@
 # volume are skipped.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+data=${PALPATE_DATA_DIR:-$root/../shared/data}
 
 usage() {
   cat <<'TEXT'
@@ -53,7 +54,7 @@ stage() { printf '== %02d:%02d %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$1"; }
 # build PRESET TARGET...
 build() {
   stage "$1: build"
-  cmake --preset "$1" -DPALPATE_TESTS="$tests" >"$results/build.log" ||
+  cmake --preset "$1" -DPALPATE_TESTS="$tests" -DPALPATE_DATA_DIR="$data" >"$results/build.log" ||
     { cat "$results/build.log"; exit 1; }
   deploy/build.sh "$(folder "$1")" "${@:2}"
 }

@@ -32,7 +32,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "deploy/guides").glob("*.md"))]
 LINKED = [*PAGES, ROOT / "client/python/README.md", *sorted((ROOT / "tests").glob("**/*.md"))]
 PROGRAMS = pathlib.Path(os.environ["PALPATED"]).parent
 RUN = ("sh", "python")
-SHOWN = ("cmake", "cpp", "promql", "text", "toml", "yaml")
+SHOWN = ("cmake", "cpp", "ini", "promql", "text", "toml", "yaml")
 PATIENCE_S = 300
 
 FENCE = re.compile(r"^```(.*)$")

@@ -47,10 +47,10 @@ void FollowHandFile() {
   std::ifstream file(path);
   std::array<double, 3> position{};
   int buttons = 0;
-  if (file >> position[0] >> position[1] >> position[2] >> buttons) {
-    fake.position = position;
-    fake.buttons = buttons;
-  }
+  if (!(file >> position[0] >> position[1] >> position[2] >> buttons)) return;
+  fake.position = position;
+  fake.buttons = buttons;
+  for (std::size_t n = 0; n < 9; ++n) file >> fake.transform[n / 3 * 4 + n % 3];
 }
 
 FakeHdDevice& Current() { return fake.devices[set_up[handle]]; }

@@ -2,8 +2,8 @@
 // behaviour and read what it saw. It checks the library's required order of calls and notes each
 // breach.
 //
-// In another process, the file that PALPATE_FAKE_HD_HAND names leads its hand: position and
-// buttons, as text. Whoever writes it renames it into its place.
+// In another process, the file that PALPATE_FAKE_HD_HAND names leads its hand: position, buttons and
+// the stylus's axes x, y, z, as text. Whoever writes it renames it into its place.
 //
 // Threads: the scheduler's own thread calls the callback. A test locks the mutex to read.
 #pragma once

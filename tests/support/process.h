@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <functional>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -102,8 +103,14 @@ class Process {
 
   // Collects until stdout or stderr contains `text`. Returns false if it never does.
   bool WaitFor(const std::string& text) {
-    while (result_.output.find(text) == std::string::npos &&
-           result_.error.find(text) == std::string::npos) {
+    return WaitUntil([&](const ProcessResult& so_far) {
+      return so_far.output.find(text) != std::string::npos ||
+             so_far.error.find(text) != std::string::npos;
+    });
+  }
+  // Collects until it is so. Returns false if it never is.
+  bool WaitUntil(const std::function<bool(const ProcessResult&)>& is_so) {
+    while (!is_so(result_)) {
       if (!Collect()) return false;
     }
     return true;

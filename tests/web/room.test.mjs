@@ -133,7 +133,8 @@ test("guests are told of a replay, but not who replays what", async (t) => {
   const says = (words) => awaitPage(tab, `document.body.innerText.includes("${words}")`);
   await says("replay: forces are off until");
   assert.match(await room.palpate("info"), /replay of patient-7.mcap by local socket: forces are off/);
-  const seen = await tab.evaluate(() => document.body.innerText + JSON.stringify(window.palpate.state));
+  const seen = await tab.evaluate(() => document.body.innerText +
+    JSON.stringify(window.palpate.state, (_, value) => (typeof value === "bigint" ? `${value}` : value)));
   assert.doesNotMatch(seen, /patient-7|local socket/);
   await replay.end("SIGINT");
   await says("live");

@@ -72,7 +72,7 @@ export class ToolBody {
       const wanted = new three.Mesh(kSphere, new three.MeshBasicMaterial({
         color: 0xf5f5f5, transparent: true, opacity: 0.12, depthWrite: false,
       }));
-      for (const mesh of [felt, wanted]) mesh.position.set(...centerMm);
+      for (const mesh of [felt, wanted]) mesh.position.fromArray(centerMm);
       this.felt.add(felt);
       this.wanted.add(wanted);
     }
