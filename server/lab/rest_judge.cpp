@@ -12,13 +12,18 @@
 namespace palpate::lab {
 namespace {
 
+// Densities are rounded by this share of them: where two corners are nearly as dense, that moves H
+// between them by more than positions are rounded.
+constexpr double kDensityRounding = 1e-15;
+
 // A tetrahedron with the felt densities at its corners.
 struct Part {
   std::array<Vec3, 4> corner;
   std::array<double, 4> density{};
 };
 
-// Adds the part of a tetrahedron in which sign * density <= sign * bound, as tetrahedra.
+// Adds the part of a tetrahedron in which sign * density <= sign * bound, as tetrahedra. H between
+// two corners is put to the free side of its rounding.
 void Cut(const Part& whole, double bound, double sign, std::vector<Part>& parts) {
   std::array<int, 4> order = {0, 1, 2, 3};  // corners within the bound first
   const auto inner = std::stable_partition(
@@ -31,7 +36,9 @@ void Cut(const Part& whole, double bound, double sign, std::vector<Part>& parts)
   const auto crossing = [&](int free, int other) {
     const auto [a, low] = at(free);
     const auto [b, high] = at(other);
-    return Corner{Vec3(a + (bound - low) / (high - low) * (b - a)), bound};
+    const double rounding = kDensityRounding * std::max(std::abs(low), std::abs(high));
+    const double share = std::max(0.0, std::abs(bound - low) - rounding) / std::abs(high - low);
+    return Corner{Vec3(a + share * (b - a)), bound};
   };
   const auto add = [&](const std::array<Corner, 4>& corners) {
     Part& part = parts.emplace_back();
