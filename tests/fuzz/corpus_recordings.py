@@ -68,6 +68,16 @@ def scene(tick=0, revision=1, settings_revision=1, volume=1, loaded=1, geometry=
         25: message(safety), **(more or {})})
 
 
+def held_tool(radii=(2.0, 1.0), apart_mm=3.0, length_mm=30.0):
+    balls = [message({1: vector((0, 0, n * apart_mm)), 2: float(radius), 3: n == 0}) for n, radius in enumerate(radii)]
+    return message({1: "drill", 2: balls, 3: length_mm})
+
+
+def felt_tool(fields=(2.0, 1.0), **changes):
+    fields = [message({1: radius, 2: affine((3, 0, 0, 0, 3, 0, 0, 0, 3), HERE)}) for radius in fields]
+    return {29: message({1: held_tool(**changes), 2: fields})}
+
+
 def place(kind=2, cell=(4, 4, 4), faces=0x15, p_I=(4, 4, 4), vertices=(0,), weights=(1.0,), count=None,
           tetrahedron=-1):
     count = len(weights) if count is None else count
@@ -329,6 +339,12 @@ def replays():
         "limits_not_a_number": scene(limits=(NAN,) * 7), "limits_of_0": scene(limits=(0,) * 7),
         "hardware": scene(limits=(3.3, 200, 0.5, 1.0, 10, 2000, 20)), "forces_off": scene(forces_off=1),
         "other_rate": scene(period=0.002), "unknown_setting": scene(words=settings() | {1000: 7}),
+        "tool": scene(more=felt_tool()), "tool_of_points": scene(more=felt_tool((), radii=(0.0,) * 64)),
+        "tool_far": scene(more=felt_tool(apart_mm=-240.0)), "tool_too_far": scene(more=felt_tool(apart_mm=1e9)),
+        "tool_not_a_number": scene(more=felt_tool((NAN,), radii=(NAN,), apart_mm=NAN)),
+        "tool_of_no_length": scene(more=felt_tool(length_mm=-1.0)), "tool_without_fields": scene(more=felt_tool(())),
+        "tool_of_many": scene(more=felt_tool((), radii=(0.0,) * 65)),
+        "tool_awaited": scene(words=settings() | {24: held_tool()}),
         "device_of_0": scene(more={26: message({1: 0.0, 2: 3.3, 3: 0.001})}),
     }
     results |= {f"scene_{name}": sized(0, data) + begun[len(begin):] + press for name, data in odd.items()}
@@ -348,6 +364,10 @@ def replays():
                          ticks(9, (NAN, 0, 0)) + ticks(9, (1e9, 0, 0)) + ticks(9, (3, 3, 3), 0xfe00),
         "suspended": begun + press + ticks(5, (0, 0, 0), 2) + ticks(5, (0, 0, 0), 4) + press,
         "samples": begun + sized(4, sample(0)) + sized(4, sample(1, (1.0, 0.0, 3.0))),
+        "tool_taken": begun + press + sized(0, scene(more=felt_tool())) + press + edit_step(0, 1, 8, 0, 3) +
+                      sized(0, scene(volume=2, more=felt_tool())) + press +
+                      sized(0, scene(isovalue=0.3, settings_revision=2, more=felt_tool((), radii=(0.0,)))) + press +
+                      sized(0, scene()) + press,
         "gap": begun + press + step(5, struct.pack("<2Q", 3, 9)) + press + sized(1, keyframe()) + press,
         "nothing_before_a_scene": sized(1, keyframe()) + press + begun,
     }

@@ -28,6 +28,27 @@ isovalue = -100.5
 {haptics}"""
 
 
+def layers(*named):
+    return "".join(f'[[haptics.layer]]\nname = "{name}"\nid = {n + 1}\nisovalue = {isovalue}\npop_force_n = 0.2\n'
+                   for n, (name, isovalue) in enumerate(named))
+
+
+def tool(center="[0, 0, 1]", radius="1.5", count="3"):
+    return f"""[haptics.tool]
+name = "drill"
+rotation_length_mm = 30
+[[haptics.tool.ball]]
+center_mm = {center}
+radius_mm = {radius}
+carves = true
+[[haptics.tool.line]]
+from_mm = [0, 0, 4]
+to_mm = [0, 0, 9]
+count = {count}
+radius_mm = 0
+"""
+
+
 def sessions():
     raw = "raw = {{ size = [{}], type = \"int16\", big_endian = true, offset_bytes = 16 }}"
     return {
@@ -45,6 +66,11 @@ def sessions():
         "no_isovalue": session().replace("isovalue = -100.5", ""),
         "no_haptics": session()[:-len(HAPTICS) - 10],
         "odd_names": session(configured='title = "\\u0000\\u001b[31m\\U0001F600"'),
+        "layers": session(haptics=HAPTICS + layers(("skin", 0.1), ("bone", 0.5))),
+        "layers_out_of_order": session(haptics=HAPTICS + layers(("bone", 0.5), ("", "nan"), ("skin", 0.1))),
+        "tool": session(haptics=HAPTICS + tool()),
+        "tool_in_nothing": session(haptics=HAPTICS + tool(center="[nan, inf, 0]", radius="-1e300")),
+        "tool_of_many": session(haptics=HAPTICS + tool(count="9223372036854775807")),
         "key_twice": session(volume="frame = 1\nframe = 2"),
         "no_utf8": session(volume="x = 'ab'").encode().replace(b"ab", b"\xff\xfe"),
         "deep": "a = " + "[" * 300,
