@@ -238,8 +238,10 @@ TEST(ToolRenderer, TapsThatEndInHasteGiveNoEnergy) {
   };
   for (int tap = 0; tap < 1000; ++tap) {
     for (double z_mm = 1.0; z_mm > -1.0; z_mm -= 0.01) go(z_mm);
-    for (double way_mm = 0.002; last_mm < 1.0; way_mm = std::min(0.2, 1.2 * way_mm)) {
+    double way_mm = 0.002;
+    while (last_mm < 1.0) {
       go(last_mm + way_mm);
+      way_mm = std::min(0.2, 1.2 * way_mm);
     }
   }
 }
