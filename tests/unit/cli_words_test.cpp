@@ -79,7 +79,8 @@ TEST(Tools, WhatIsNoneIsRefusedWithItsLine) {
       {"name = \"x\"\n[[", "line 2"},
       {"name = \"without balls\"", "x.toml"}};
   for (const auto& [text, line] : lines) {
-    const std::string refusal = testing::Complaint([&] { ParseTool(text, "x.toml"); });
+    const std::string refusal =
+        testing::Complaint([&, &text = text] { ParseTool(text, "x.toml"); });
     EXPECT_NE(refusal.find(line), std::string::npos) << text << ": " << refusal;
     EXPECT_NE(refusal.find("x.toml"), std::string::npos) << refusal;
   }
