@@ -113,7 +113,7 @@ TEST(ToolRenderer, WithTorqueALedHandGetsNoEnergy) {
   for (const double rho_mm : {10.0, 30.0, 100.0}) {
     Chain chain(gyroid, testing::Rod(8, 16.0, rho_mm), true);
     const Led led = Lead(chain, 1);
-    EXPECT_GT(led.contacts, 2000);  // of 20 000, on ways that differ between compilers
+    EXPECT_GT(led.contacts, 4000);  // clang draws the numbers in another order
     EXPECT_LE(led.given_mj, 0.005) << rho_mm;
   }
 }
@@ -126,7 +126,7 @@ TEST(ToolRenderer, WithALittleTorqueALedHandGetsNoEnergy) {
     chain.settings.passivity_control = false;
     chain.state->device.max_torque_n_mm = most_n_mm;
     const Led led = Lead(chain, 5);
-    EXPECT_GT(led.contacts, 2000);  // of 20 000, on ways that differ between compilers
+    EXPECT_GT(led.contacts, 5000);
     EXPECT_LE(led.given_mj, kTankCreditMj) << most_n_mm;
   }
 }
@@ -138,7 +138,7 @@ TEST(ToolRenderer, WithoutTorqueALedHandGetsNoMoreThanTheCredit) {
   for (const double rho_mm : {10.0, 30.0, 100.0, 300.0}) {
     Chain chain(gyroid, testing::Rod(8, 60.0, rho_mm), false);
     const Led led = Lead(chain, 2);
-    EXPECT_GT(led.contacts, 2000);  // of 20 000, on ways that differ between compilers
+    EXPECT_GT(led.contacts, 5000);
     EXPECT_LE(led.given_mj, 0.2) << rho_mm;
     unguarded_mj = std::max(unguarded_mj, led.unguarded_mj);
   }
