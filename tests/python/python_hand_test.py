@@ -126,17 +126,18 @@ class HandTest(DaemonTest):
         np.testing.assert_allclose(felt.hip_mm[0], places_mm[1], atol=3 * RESOLUTION_MM)
 
     def test_a_hand_in_contact_stays_where_it_is(self):
-        for _ in range(5):
+        def moved_mm():
             with self.conn.device.lead() as hand:
                 felt = hand.follow(self.path(self.above(55), self.center_mm))
                 before_mm, force_n = rest(felt)
             self.assertGreater(np.linalg.norm(force_n), 1.0)
             with self.conn.device.lead(), self.conn.poses(rate_hz=1000, batch=100) as poses:
-                later = [next(poses) for _ in range(5)]
-            # In between the hand explores by itself: only a short while counts.
-            if later[0].tick[0] - felt.tick[-1] < 100:
-                break
-        np.testing.assert_allclose(rest(later[-1])[0], before_mm, atol=1.5)
+                for _ in range(5):
+                    felt = next(poses)
+            return np.linalg.norm(rest(felt)[0] - before_mm)
+
+        # Between the two the hand explores by itself: 1.4 mm in 20 ms, on a slow machine farther.
+        self.assertTrue(any(moved_mm() < 1.5 for _ in range(5)))
 
     def test_a_live_target_replaces_the_one_before(self):
         with self.conn.device.lead(self.above(55)) as hand, \
