@@ -96,18 +96,20 @@ class Escape(DaemonTest):
         self.assertTrue(wait_until(lambda: not says()))
         self.assertEqual(self.forces(), palpate.ForceState.ON)
 
-    def test_stop_is_pressed_through_whatever_lies_over_it(self):
+    def test_stop_is_pressed_through_whatever_lies_over_it_and_stops_once(self):
         x, y = self.window.find("STOP FORCES", within=TOP)
         for name, (open_it, text, place) in THINGS.items():
             with self.subTest(open=name):
+                self.enable()
                 open_it(self.window)
                 self.window.find(text, within=place)
                 self.window.do("mousemove", x, y, "mousedown", 1)
                 self.assertTrue(self.stopped())
-                self.window.do("mouseup", 1)
                 self.enable()
-                self.escape()
+                self.window.do("mouseup", 1)
                 time.sleep(1.1)
+                self.assertEqual(self.forces(), palpate.ForceState.ON)
+                self.escape()
         self.assertEqual(self.window.find("STOP FORCES", within=TOP), (x, y))
 
 

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "client/sdk/words.h"
@@ -202,8 +201,10 @@ void StopButton(Viewer& viewer, RowFromRight& row, bool wide, float scale) {
   ImGui::PopStyleColor(4);
   const ImVec2 min = ImGui::GetItemRectMin(), max = ImGui::GetItemRectMax();
   viewer.state().stop_button = {min, {max.x - min.x, max.y - min.y}};
-  // The pointer's press has stopped them already, unless the bar moved meanwhile.
-  if (pressed && !std::exchange(viewer.state().stop_was_pressed, false)) viewer.feed().StopForces();
+  // The pointer's press has stopped them already, unless the bar moved meanwhile. A second stop at
+  // its release would end forces that somebody has enabled since. A key's press always stops them.
+  const bool by_pointer = ImGui::IsMouseReleased(ImGuiMouseButton_Left);
+  if (pressed && !(by_pointer && viewer.state().stop_was_pressed)) viewer.feed().StopForces();
   Tip("emergency stop: no forces until they are enabled again");
 }
 

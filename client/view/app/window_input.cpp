@@ -171,8 +171,9 @@ void WindowInput::OnButton(GLFWwindow* window, int button, int action, int modif
   // The pointer's place at the last event. GLFW's present place may already be farther.
   input.waiting_.push_back(input.newest_);
   if (button == GLFW_MOUSE_BUTTON_LEFT && action == GLFW_PRESS) {
-    const bool stops = input.viewer_.state().stop_button.Holds({input.newest_.x, input.newest_.y});
-    if (stops) input.viewer_.feed().StopForces();
+    ViewState& state = input.viewer_.state();
+    state.stop_was_pressed = state.stop_button.Holds({input.newest_.x, input.newest_.y});
+    if (state.stop_was_pressed) input.viewer_.feed().StopForces();
   }
 }
 
