@@ -110,7 +110,19 @@ class Escape(DaemonTest):
                 time.sleep(1.1)
                 self.assertEqual(self.forces(), palpate.ForceState.ON)
                 self.escape()
+                time.sleep(1.1)  # with nothing open it has stopped them by then
         self.assertEqual(self.window.find("STOP FORCES", within=TOP), (x, y))
+
+    def test_a_key_presses_stop_after_a_press_that_was_drawn_off_it(self):
+        x, y = self.window.find("STOP FORCES", within=TOP)
+        self.window.do("mousemove", x, y, "mousedown", 1)
+        self.assertTrue(self.stopped())
+        self.window.do("mousemove", 1, 1, "mouseup", 1)
+        self.enable()
+        # The first key shows where the keyboard is, a frame later.
+        self.window.do("key", "Right")
+        self.assertTrue(wait_until(lambda: self.window.do("key", "space") or
+                                   self.forces() == palpate.ForceState.STOPPED))
 
 
 if __name__ == "__main__":

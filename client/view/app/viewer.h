@@ -110,7 +110,7 @@ struct ViewState {
   bool help_shown = false;
   EscapeRule escape{};
   Area stop_button{};             // a press there stops the forces, whatever is drawn over it
-  bool stop_was_pressed = false;  // the last press of the left button was there
+  bool stop_was_pressed = false;  // by the last press that a frame has shown
   FacingForm facing{};
   ConnectForm connect{};
   SessionState session{};

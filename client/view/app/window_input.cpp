@@ -59,6 +59,7 @@ void WindowInput::BeginFrame() {
     ++shown_;
     io.MousePos = {static_cast<float>(event.x), static_cast<float>(event.y)};
     down_ = event.down;
+    viewer_.state().stop_was_pressed = event.stopped;
     if (changes) io.KeyCtrl = event.ctrl;
     way.emplace_back(event.x, event.y);
     clicked = changes;
@@ -169,12 +170,12 @@ void WindowInput::OnButton(GLFWwindow* window, int button, int action, int modif
   input.newest_.down[static_cast<std::size_t>(button)] = action == GLFW_PRESS;
   input.newest_.ctrl = (modifiers & GLFW_MOD_CONTROL) != 0;
   // The pointer's place at the last event. GLFW's present place may already be farther.
-  input.waiting_.push_back(input.newest_);
   if (button == GLFW_MOUSE_BUTTON_LEFT && action == GLFW_PRESS) {
-    ViewState& state = input.viewer_.state();
-    state.stop_was_pressed = state.stop_button.Holds({input.newest_.x, input.newest_.y});
-    if (state.stop_was_pressed) input.viewer_.feed().StopForces();
+    input.newest_.stopped =
+        input.viewer_.state().stop_button.Holds({input.newest_.x, input.newest_.y});
+    if (input.newest_.stopped) input.viewer_.feed().StopForces();
   }
+  input.waiting_.push_back(input.newest_);
 }
 
 void WindowInput::OnMove(GLFWwindow* window, double x, double y) {

@@ -42,6 +42,7 @@ class WindowInput {
     double y = 0.0;
     Buttons down{};
     bool ctrl = false;
+    bool stopped = false;  // the last press of the left button was on STOP
   };
 
   struct WaitingKey {
