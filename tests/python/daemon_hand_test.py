@@ -138,7 +138,9 @@ class Inside(CallsTest):
         return not list((self.daemon.folder / "state" / "faults").glob("*"))
 
     def test_a_volume_that_is_moved_over_it(self):
-        with self.conn.poses(500, 10, waiting=100) as stream:
+        # Batches of 0.1 s: wait_until reads at most 50 in a second, and where it reads too slowly the
+        # hand is elsewhere when its pose is read.
+        with self.conn.poses(500, 50, waiting=20) as stream:
             self.touching(stream)
             pose = next(stream)
             to_hand = pose.hip_mm[-1] - self.conn.volume.place().center_mm
