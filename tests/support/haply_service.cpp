@@ -41,8 +41,8 @@ HaplyService::HaplyService() {
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_adddup2(&actions, input[1], STDIN_FILENO);
   posix_spawn_file_actions_adddup2(&actions, output[1], STDOUT_FILENO);
-  std::string program = "/usr/bin/python3", script = kHaplyServiceScript;
-  char* const argv[] = {program.data(), script.data(), nullptr};
+  std::string program = "/usr/bin/python3", no_cache = "-B", script = kHaplyServiceScript;
+  char* const argv[] = {program.data(), no_cache.data(), script.data(), nullptr};
   const int failure = posix_spawn(&pid_, argv[0], &actions, nullptr, argv, environ);
   posix_spawn_file_actions_destroy(&actions);
   close(input[1]);
