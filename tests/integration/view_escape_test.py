@@ -38,7 +38,7 @@ class Escape(DaemonTest):
         self.enable()
 
     def enable(self):
-        self.window.picture()  # whatever was pressed before is done
+        self.window.picture()  # the window has handled each press before this one
         self.conn.device.enable()
         self.assertTrue(wait_until(lambda: self.forces() == palpate.ForceState.ON))
         # The next Esc is a first one.

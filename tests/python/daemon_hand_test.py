@@ -138,8 +138,8 @@ class Inside(CallsTest):
         return not list((self.daemon.folder / "state" / "faults").glob("*"))
 
     def test_a_volume_that_is_moved_over_it(self):
-        # Batches of 0.1 s: wait_until reads at most 50 in a second, and where it reads too slowly the
-        # hand is elsewhere when its pose is read.
+        # wait_until reads at most 50 batches in a second. A reader that falls behind would move the
+        # volume to where the hand was.
         with self.conn.poses(500, 50, waiting=20) as stream:
             self.touching(stream)
             pose = next(stream)
