@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/bare_loops.h"
 #include "tests/support/daemon_rig.h"
 #include "tests/support/vendor_hands.h"
 
@@ -191,28 +192,35 @@ TEST(ForceDimensionDaemonTest, UnpluggedItIsAFaultAndWaitsForTheOperator) {
   EXPECT_TRUE(rig.Pushes());
 }
 
-// A second without a stop of the machine: of ten, the middle one counts.
+// Of ten seconds, the middle one counts: the machine may stop in some. Where it stops in most,
+// loops without work miss ticks, too.
 TYPED_TEST(VendorDaemonTest, IsReadAndAnsweredTwoThousandTimesASecond) {
   this->rig_.Start();
   ASSERT_TRUE(this->rig_.Pushes());
-  std::vector<double> lost, answered;
+  std::vector<double> lost, more_than_bare, answered;
   double all = 0.0;
   for (int second = 0; second < 10; ++second) {
     const auto [readings, forces] = this->rig_.ReadingsAndForces();
     const double lost_before = static_cast<double>(this->rig_.Get().health().lost_readings());
+    BareLoops bare_loops(std::chrono::microseconds(500));
     std::this_thread::sleep_for(std::chrono::seconds(1));
+    bare_loops.Stop();
     const auto [readings_after, forces_after] = this->rig_.ReadingsAndForces();
     all += readings_after - readings;
     answered.push_back((forces_after - forces) / (readings_after - readings));
     lost.push_back(static_cast<double>(this->rig_.Get().health().lost_readings()) - lost_before);
+    more_than_bare.push_back(lost.back() - static_cast<double>(bare_loops.most()));
   }
   std::ranges::sort(lost);
+  std::ranges::sort(more_than_bare);
   std::ranges::sort(answered);
   std::printf(
-      "%.0f readings in 10 s; a second lost %.0f to %.0f, and had %.4f to %.4f forces each\n", all,
-      lost.front(), lost.back(), answered.front(), answered.back());
+      "%.0f readings in 10 s; a second lost %.0f to %.0f, %.0f to %.0f more than bare loops, and"
+      " had %.4f to %.4f forces each\n",
+      all, lost.front(), lost.back(), more_than_bare.front(), more_than_bare.back(),
+      answered.front(), answered.back());
   EXPECT_GT(all, 18'000.0);
-  EXPECT_EQ(lost[5], 0.0);
+  EXPECT_LE(more_than_bare[5], 0.0);
   EXPECT_GE(answered[5], 0.99);
 }
 

@@ -1,5 +1,5 @@
-// A loop of 1 kHz without work on each processor, to compare with the servo's loop. If the machine
-// stops for milliseconds, these loops miss ticks, too.
+// A loop without work on each processor, to compare with a loop of palpated of the same period.
+// If the machine stops for milliseconds, these loops miss ticks, too.
 #pragma once
 
 #include <atomic>
@@ -15,7 +15,8 @@ namespace palpate::test {
 
 class BareLoops {
  public:
-  BareLoops() {
+  explicit BareLoops(std::chrono::nanoseconds period = std::chrono::milliseconds(1))
+      : period_(period) {
     const int processors = static_cast<int>(std::thread::hardware_concurrency());
     for (int cpu = 0; cpu < processors; ++cpu) threads_.emplace_back([this, cpu] { Run(cpu); });
   }
@@ -39,7 +40,7 @@ class BareLoops {
     RealtimeGrant grant;
     SetupRealtimeThread({.cpu = cpu, .lock_memory = false}, grant);
     // Without a spin: the loops must leave the processors to the servo.
-    TickTimer timer(std::chrono::milliseconds(1), std::chrono::nanoseconds(0));
+    TickTimer timer(period_, std::chrono::nanoseconds(0));
     std::uint64_t missed = 0;
     while (!stop_) missed = timer.WaitForNext().missed;
     missed_ += missed;
@@ -48,6 +49,7 @@ class BareLoops {
     }
   }
 
+  const std::chrono::nanoseconds period_;
   std::atomic<bool> stop_{false};
   std::atomic<std::uint64_t> missed_{0}, most_{0};
   std::vector<std::thread> threads_;
