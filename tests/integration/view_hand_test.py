@@ -59,6 +59,8 @@ class Led:
         seen = {}
 
         def rests():
+            # Drawn after the pointer was seen. Around a volume, the hand stops until the next frame.
+            self.window.picture()
             now = seen["pose"] = self.pose()
             before = seen.setdefault("before", now)
             if now.tick[-1] < before.tick[-1] + 100:
@@ -76,7 +78,8 @@ class Led:
         """Poses of all ticks while the pointer goes across the volume, and where it rested."""
         rests = []
         with self.conn.poses(rate_hz=1000, batch=50, waiting=1000) as stream:
-            last_mm = self.pose().hip_mm[-1]
+            # Until the window has the surface, the hand stays where it was taken.
+            last_mm = self.touch(MIDDLE).hip_mm[-1]
             for step in (-1, 0, 1):
                 rests.append(self.touch(MIDDLE + (step * WAY_PX, 0), last_mm))
                 last_mm = rests[-1].hip_mm[-1]
