@@ -44,13 +44,13 @@ Status StatusOf(Viewer& viewer) {
 void ShowStatus(Viewer& viewer) {
   const Status status = StatusOf(viewer);
   WrappedText(status.color, status.text);
+  // One of three of the same height: the buttons below must not move away from the pointer while
+  // palpated starts.
   if (const auto fraction = FractionIn(status.text)) {
     ImGui::ProgressBar(static_cast<float>(*fraction));
-  }
-  if (viewer.files().is_page_kept() && viewer.feed().volume().lattice()) {
+  } else if (viewer.files().is_page_kept() && viewer.feed().volume().lattice()) {
     if (ImGui::Button("Show the sample")) viewer.files().ClosePage();
   } else {
-    // The buttons below must not move away from the pointer when palpated is there.
     ImGui::Dummy({0.0f, ImGui::GetFrameHeight()});
   }
 }
