@@ -221,6 +221,8 @@ TYPED_TEST(VendorDaemonTest, IsReadAndAnsweredTwoThousandTimesASecond) {
       answered.front(), answered.back());
   EXPECT_GT(all, 18'000.0);
   EXPECT_LE(more_than_bare[5], 0.0);
+  // The loops have palpated's timer. Whatever that counts, at most 0.5 % may be lost.
+  EXPECT_LE(lost[5], 10.0);
   EXPECT_GE(answered[5], 0.99);
 }
 
