@@ -10,7 +10,6 @@ namespace palpate {
 
 FactBoard::FactBoard(const std::vector<Source>& sources) {
   for (const Source& source : sources) facts_.push_back({.source = source});
-  facts_.resize(std::min(facts_.size(), kMostFacts));
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -32,16 +31,17 @@ void FactBoard::Add(std::weak_ptr<FactFollower> follower) {
 }
 
 bool FactBoard::Take(Told& told, v1::Facts& facts) const {
-  std::array<std::shared_ptr<const v1::Facts>, kMostFacts> newer;
+  std::vector<std::shared_ptr<const v1::Facts>> newer;
   {
     const std::lock_guard lock(mutex_);
+    told.resize(facts_.size());
     for (std::size_t n = 0; n < facts_.size(); ++n) {
-      if (std::exchange(told[n], facts_[n].number) != facts_[n].number) newer[n] = facts_[n].newest;
+      if (std::exchange(told[n], facts_[n].number) == facts_[n].number) continue;
+      newer.push_back(facts_[n].newest);
     }
   }
   bool is_newer = false;
   for (const auto& fact : newer) {
-    if (!fact) continue;
     facts.MergeFrom(*fact);
     is_newer = true;
   }

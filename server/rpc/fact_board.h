@@ -8,7 +8,6 @@
 // Errors: none. A look that throws leaves its fact as it was told last.
 #pragma once
 
-#include <array>
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
@@ -36,7 +35,6 @@ class FactFollower {
 
 class FactBoard {
  public:
-  static constexpr std::size_t kMostFacts = 7;
   static constexpr std::chrono::milliseconds kAnyway{1000};
 
   // How to look at one fact: puts it into the message, or leaves the message as it is if the fact
@@ -48,7 +46,7 @@ class FactBoard {
     std::vector<std::string_view> after{};
   };
   // The numbers of what a follower was told last.
-  using Told = std::array<std::uint64_t, kMostFacts>;
+  using Told = std::vector<std::uint64_t>;
 
   explicit FactBoard(const std::vector<Source>& sources);
   ~FactBoard() { Stop(); }

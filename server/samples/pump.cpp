@@ -38,12 +38,12 @@ void Pump::Stop() noexcept {
 }
 
 void Pump::Subscribe(std::weak_ptr<SampleSink> sink, Feed feed) {
-  const std::lock_guard lock(sinks_mutex_);
-  sinks_.push_back({std::move(sink), feed});
+  const std::lock_guard lock(newcomers_mutex_);
+  newcomers_.push_back({std::move(sink), feed});
 }
 
 void Pump::Replace(std::shared_ptr<SampleReplacement> replacement) {
-  const std::lock_guard lock(sinks_mutex_);
+  const std::lock_guard lock(replacement_mutex_);
   replacement_.swap(replacement);
 }
 
@@ -123,14 +123,28 @@ void Pump::AddScpVOf(TickSample& sample) {
 void Pump::Deliver(TickSample& sample) {
   NoteRevision(sample);
   AddScpVOf(sample);
-  const std::lock_guard lock(sinks_mutex_);
+  TakeNewcomers();
   DeliverKeyframes(sample.tick);
-  const TickSample shown = replacement_ ? replacement_->Shown(sample) : sample;
+  const TickSample shown = ShownFor(sample);
   std::erase_if(sinks_, [&](const Subscriber& subscriber) {
     const std::shared_ptr<SampleSink> sink = subscriber.sink.lock();
     if (sink) sink->OnSample(subscriber.feed == Feed::kShown ? shown : sample);
     return !sink;
   });
+}
+
+void Pump::TakeNewcomers() {
+  const std::lock_guard lock(newcomers_mutex_);
+  if (newcomers_.empty()) return;
+  sinks_.insert(sinks_.end(), newcomers_.begin(), newcomers_.end());
+  newcomers_.clear();
+  std::stable_partition(sinks_.begin(), sinks_.end(),
+                        [](const Subscriber& one) { return one.feed == Feed::kLive; });
+}
+
+TickSample Pump::ShownFor(const TickSample& sample) {
+  const std::lock_guard lock(replacement_mutex_);
+  return replacement_ ? replacement_->Shown(sample) : sample;
 }
 
 void Pump::NoteRevision(const TickSample& sample) {

@@ -5,8 +5,8 @@
 // sink, in order. It also keeps the first tick of each scene revision, for callers that wait until
 // their change is felt.
 //
-// Threads: Subscribe and WaitForScene on any ordinary thread. Sinks are called on the pump thread
-// and must not block.
+// Threads: Subscribe and WaitForScene on any ordinary thread. Sinks are called on the pump thread,
+// without a lock, and must not block: those of live samples first, as recordings may lose nothing.
 // Ownership: borrows the outbox and the inbox; holds sinks by weak_ptr.
 #pragma once
 
@@ -86,6 +86,8 @@ class Pump {
   void Run();
   void DeliverKeyframes(std::uint64_t up_to_tick);
   void Deliver(TickSample& sample);
+  void TakeNewcomers();
+  TickSample ShownFor(const TickSample& sample);
   void AddScpVOf(TickSample& sample);
   void NoteRevision(const TickSample& sample);
   void NoteUse(const SceneUse& use);
@@ -96,8 +98,10 @@ class Pump {
   std::atomic<bool> stop_{false};
   std::thread thread_;
 
-  std::mutex sinks_mutex_;
-  std::vector<Subscriber> sinks_;
+  std::mutex newcomers_mutex_;
+  std::vector<Subscriber> newcomers_;
+  std::vector<Subscriber> sinks_;      // the pump thread's: those of live samples come first
+  std::mutex replacement_mutex_;
   std::shared_ptr<SampleReplacement> replacement_;
   std::optional<ServoKeyframe> keyframe_;        // the pump thread's: the next to deliver
   std::optional<std::uint64_t> noted_revision_;  // the pump thread's: of the last sample

@@ -67,8 +67,13 @@ class FactBoardTest : public ::testing::Test {
                      },
                      std::chrono::milliseconds(1),
                      {"settings"}},
-                    {[](v1::Facts& facts) { facts.mutable_recording()->set_path("a"); }},
-                    {[](v1::Facts&) {}}}};
+                    {[](v1::Facts&) {}},
+                    {[](v1::Facts&) {}},
+                    {[](v1::Facts&) {}},
+                    {[](v1::Facts&) {}},
+                    {[](v1::Facts&) {}},
+                    {[](v1::Facts&) {}},
+                    {[](v1::Facts& facts) { facts.mutable_recording()->set_path("a"); }}}};
 };
 
 TEST_F(FactBoardTest, TellsAllAtFirstThenWhatHasChanged) {

@@ -3,6 +3,8 @@
 
 #include <atomic>
 #include <cmath>
+#include <functional>
+#include <future>
 #include <map>
 #include <memory>
 #include <thread>
@@ -431,6 +433,38 @@ TEST(Pump, NamesTheFirstTickOfEachSceneWithoutSamples) {
     EXPECT_EQ(applied->time_ns, 1000 + static_cast<std::int64_t>(applied->tick));
   }
   EXPECT_FALSE(pump.WaitForScene(6, milliseconds(1)));
+}
+
+// One who makes a message of each sample delays neither a recording nor one who comes.
+TEST(Pump, NoSinkHoldsUpASubscriberAndLiveOnesComeFirst) {
+  struct Sink final : SampleSink {
+    explicit Sink(std::function<void()> called) : called_(std::move(called)) {}
+    void OnSample(const TickSample&) override { called_(); }
+    const std::function<void()> called_;
+  };
+  const auto outbox = std::make_unique<TickOutbox>();
+  SceneInbox inbox;
+  Pump pump(*outbox, inbox);
+  std::promise<void> called, subscribed;
+  std::atomic<int> recorded{0}, recorded_before{-1}, later{0};
+  const auto viewer = std::make_shared<Sink>([&] {
+    if (recorded_before >= 0) return;
+    recorded_before = recorded.load();
+    called.set_value();
+    subscribed.get_future().wait();
+  });
+  const auto recorder = std::make_shared<Sink>([&] { ++recorded; });
+  const auto newcomer = std::make_shared<Sink>([&] { ++later; });
+  pump.Subscribe(viewer, Pump::Feed::kShown);
+  pump.Subscribe(recorder);
+  pump.Start();
+  outbox->TryPush(Sample(0, ForceState::kOn));
+  called.get_future().wait();
+  pump.Subscribe(newcomer);
+  subscribed.set_value();
+  outbox->TryPush(Sample(1, ForceState::kOn));
+  EXPECT_TRUE(test::Eventually([&] { return later == 1; }));
+  EXPECT_EQ(recorded_before, 1);
 }
 
 TEST(LastTick, KnowsItsScene) {
