@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <future>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,15 @@ TEST(Worker, TheNewestWorkOfAKeyReplacesWorkThatWaits) {
     end.get_future().wait();
   }
   EXPECT_EQ(done, (std::vector<std::string>{"a1", "a4", "b2"}));
+}
+
+TEST(Worker, WorkThatThrowsEndsNothingElse) {
+  std::promise<std::string> why, after;
+  Worker worker([&](const std::string& told) { why.set_value(told); });
+  worker.Put("a", [](bool) { throw std::bad_alloc(); });
+  worker.Put("b", [&](bool) { after.set_value("done"); });
+  EXPECT_EQ(why.get_future().get(), std::bad_alloc().what());
+  EXPECT_EQ(after.get_future().get(), "done");
 }
 
 TEST(Worker, WorkThatGoesLastIsDoneInOrder) {

@@ -1,6 +1,7 @@
 #include "client/web/source/worker.h"
 
 #include <algorithm>
+#include <exception>
 
 namespace palpate::web {
 
@@ -37,7 +38,11 @@ void Worker::Run() {
     const Work work = std::move(waiting_.front().second);
     waiting_.erase(waiting_.begin());
     lock.unlock();
-    work(false);
+    try {
+      work(false);
+    } catch (const std::exception& error) {
+      if (failed_) failed_(error.what());
+    }
     lock.lock();
   }
 }

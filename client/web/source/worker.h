@@ -14,12 +14,16 @@
 
 namespace palpate::web {
 
+// On the worker's thread; one line. Work that throws ends nothing but itself.
+using WorkFailed = std::function<void(const std::string& why)>;
+
 class Worker {
  public:
   // Called once: to do the work, or because newer work replaced it.
   using Work = std::function<void(bool is_replaced)>;
 
-  Worker() : thread_([this] { Run(); }) {}
+  explicit Worker(WorkFailed failed = {})
+      : failed_(std::move(failed)), thread_([this] { Run(); }) {}
   // Waits for the work that runs. Other work is dropped.
   ~Worker();
   Worker(const Worker&) = delete;
@@ -34,6 +38,7 @@ class Worker {
   void Add(const std::string& key, Work work, bool goes_last);
   void Run();
 
+  const WorkFailed failed_;
   std::mutex mutex_;
   std::condition_variable wake_;
   bool stopping_ = false;
