@@ -99,6 +99,19 @@ std::string UnixTarget(const std::string& path) {
   return "unix:" + absolute;
 }
 
+std::string StopSocketPath(const std::string& socket_path) {
+  constexpr std::string_view kSuffix = ".sock";
+  const std::string absolute = std::filesystem::absolute(socket_path).string();
+  const bool has_suffix = absolute.ends_with(kSuffix);
+  std::string path = absolute.substr(0, absolute.size() - (has_suffix ? kSuffix.size() : 0));
+  path += has_suffix ? "-stop.sock" : "-stop";
+  if (path.size() > kMaxSocketPathLength) {
+    Refuse("the path of palpated's socket has at most 102 bytes, this one has " +
+           std::to_string(absolute.size()) + ": " + absolute);
+  }
+  return path;
+}
+
 std::string HostPort::ToString() const {
   const bool is_ipv6 = host.find(':') != std::string::npos;
   return (is_ipv6 ? "[" + host + "]" : host) + ":" + std::to_string(port);

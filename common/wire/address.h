@@ -28,6 +28,10 @@ std::string DefaultSocketPath(const std::string& system_folder = "/run/palpate")
 // read as parts of a URI.
 std::string UnixTarget(const std::string& path);
 
+// The socket for the emergency stop alone, beside palpated's own: "/run/palpate/palpated-stop.sock"
+// for "/run/palpate/palpated.sock". Refuses a path that becomes too long.
+std::string StopSocketPath(const std::string& socket_path);
+
 // A TCP address.
 struct HostPort {
   std::string host;  // name, IPv4 address, or IPv6 address without brackets

@@ -28,7 +28,8 @@ void ReportGrant(const RealtimeGrant& grant) {
 
 }  // namespace
 
-// The device's thread gets a lower priority than the servo, if there is a lower one.
+// The device's thread gets a lower priority than the servo, and the stop's a lower one than that,
+// if there is one.
 Instrument::Instrument(const Config& config, const std::filesystem::path& state_folder)
     : device(MakeDevice(config.device, std::max(1, config.realtime.priority - 1), hand)),
       outbox(std::make_unique<TickOutbox>()),
@@ -36,6 +37,7 @@ Instrument::Instrument(const Config& config, const std::filesystem::path& state_
       forces(outbox->last),
       limits(LimitsFor(device->spec(), StopButtons(config.device, device->spec()))),
       servo(*device, inbox, *outbox, config.realtime, limits),
+      stop_door(servo, outbox->last, *device, std::max(1, config.realtime.priority - 2)),
       monitor_(std::make_shared<DeviceMonitor>(*device)),
       black_box_(std::make_shared<BlackBox>(
           state_folder.empty() ? state_folder : state_folder / "faults", LogBlackBox)) {

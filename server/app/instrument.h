@@ -15,6 +15,7 @@
 #include "server/samples/force_watch.h"
 #include "server/samples/pump.h"
 #include "server/servo/servo_loop.h"
+#include "server/stop/stop_door.h"
 
 namespace palpate {
 
@@ -34,6 +35,7 @@ class Instrument {
   const ForceWatch forces;
   const SafetyLimits limits;
   ServoLoop servo;
+  StopDoor stop_door;  // the server opens it
 
  private:
   const std::shared_ptr<DeviceMonitor> monitor_;

@@ -39,7 +39,7 @@ ServerParts::ServerParts(const LoadedConfig& loaded, const DaemonPaths& paths,
       rpc({paths.socket, loaded.config.listen, paths.clients, loaded.config.uploads,
            loaded.config.security},
           {parts.session, parts.editor, parts.series, parts.recording, instrument.pump,
-           *instrument.device, HandOf(instrument), instrument.servo, instrument.inbox,
+           *instrument.device, HandOf(instrument), instrument.servo, instrument.stop_door, instrument.inbox,
            instrument.forces, DeviceListOf(loaded.config.device), service_metrics_}),
       state_metrics_(std::make_shared<StateMetrics>(
           MeasuredParts{instrument.servo, *instrument.device, instrument.forces, parts.recording,

@@ -84,9 +84,11 @@ class HapticDevice {
   // Sets the stylus's place of rest: the present place if the stylus is docked, else the place of
   // the next docking. Throws Error (kInvalidArgument) if the device has no place of rest.
   virtual void Calibrate() { RefuseCalibration(spec().kind); }
-  // Ends what the device does by itself, such as a calibration in which its arm moves. Returns at
-  // once. Any ordinary thread.
+  // Ends what the device does by itself, such as a calibration in which its arm moves. Any thread,
+  // also the servo's: no lock, no allocation, no log, no wait.
   virtual void StopMoving() noexcept {}
+  // True from the announcement of such a motion to its end. Any thread.
+  virtual bool moves_by_itself() const noexcept { return false; }
 };
 
 }  // namespace palpate

@@ -6,8 +6,6 @@
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -16,6 +14,7 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "common/files/bound_socket.h"
 #include "server/log/log.h"
 
 namespace palpate {
@@ -49,15 +48,8 @@ sockaddr_storage Parse(const HostPort& address) {
 }  // namespace
 
 void Acceptor::TakeSocket(const std::string& path) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  std::strncpy(address.sun_path, path.c_str(), sizeof(address.sun_path) - 1);
-  const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  // Nobody can connect before the mode is set, because the socket does not listen yet.
-  if (fd < 0 || bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 ||
-      chmod(path.c_str(), 0660) != 0) {
-    FailToListen(fd, path, "--socket");
-  }
+  const int fd = BindSocket(path);
+  if (fd < 0) FailToListen(fd, path, "--socket");
   listeners_.push_back(fd);
   names_.push_back(path);
 }

@@ -3,9 +3,11 @@
 #include <grpc/grpc.h>
 #include <grpc/grpc_security_constants.h>
 
+#include <ctime>
 #include <iterator>
 #include <utility>
 
+#include "common/error/error.h"
 #include "common/wire/status.h"
 #include "server/log/log.h"
 #include "server/realtime/tick_timer.h"
@@ -16,6 +18,13 @@ namespace {
 
 constexpr char kAuthorization[] = "authorization";
 constexpr char kStrangers[] = "a stranger";
+
+// Of the calling thread.
+double ThreadTimeS() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
 
 std::string Joined(const std::vector<grpc::string_ref>& values) {
   std::string text;
@@ -100,6 +109,8 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
 
 std::string Admission::Who() const { return WhoInWords(running_->caller, running_->peer); }
 
+bool Admission::is_question() const { return running_->rule->kind == CallKind::kQuestion; }
+
 void Admission::MayHaveChanged(std::string_view what) const {
   if (access_) access_->activity_.MayHaveChanged(what);
 }
@@ -116,6 +127,11 @@ grpc::Status Admission::Answered(const grpc::Status& status, std::size_t answer_
   access_->unread_.Waits(call.peer, answer_bytes, now_ns);
   call.answer_bytes = answer_bytes;
   if (!status.ok() || !access_->unread_.IsAbove(call.peer, now_ns)) return status;
+  if (call.rule->kind == CallKind::kStop) {
+    // Whoever stops the forces must learn that they are off. One who never reads must end.
+    if (access_->connections_) access_->connections_->Cut(call.peer);
+    return status;
+  }
   return {grpc::StatusCode::RESOURCE_EXHAUSTED,
           std::string(NameOf(call.rule->method)) +
               " is done, but its answer is left out: read the answers that wait for this "
@@ -148,6 +164,22 @@ grpc::Status Admission::Failed(const std::exception& error) const {
   return ToStatus(error);
 }
 
+Access::Work::Work(Access& access, const Admission& admission)
+    : access_(access),
+      question_of_(admission.is_question() ? admission.caller().name : ""),
+      began_s_(ThreadTimeS()) {}
+
+Access::Work::~Work() {
+  if (!question_of_.empty()) access_.limits_.Worked(question_of_, ThreadTimeS() - began_s_);
+}
+
+void Access::Work::Begin() const {
+  if (question_of_.empty()) return;
+  if (const auto problem = access_.limits_.MayWork(question_of_, MonotonicNowNs())) {
+    throw Error(ErrorKind::kTooLarge, *problem);
+  }
+}
+
 Access::Judgement Access::Judge(const grpc::ServerContextBase& context, std::string_view method,
                                 const PolicyBoard::Reading& policy) const {
   Judgement judgement;
@@ -170,6 +202,16 @@ Access::Judgement Access::Judge(const grpc::ServerContextBase& context, std::str
 
 bool Access::May(const grpc::ServerContextBase& context, std::string_view method) const {
   return Judge(context, method, PolicyBoard::Reading(policy_)).refusal.ok();
+}
+
+bool Access::MayStill(const Credentials& credentials, std::string_view method) const {
+  const PolicyBoard::Reading policy(policy_);
+  const std::optional<Identity> identity = policy->Recognise(credentials, now_()).identity;
+  return identity && identity->role >= FindMethodRule(method)->least;
+}
+
+void Access::Changed(std::string_view what, const std::string& who) {
+  activity_.Changed(what, who, MonotonicNowNs());
 }
 
 Admission Access::Admit(grpc::ServerContextBase* context, std::string_view method,
@@ -238,6 +280,7 @@ void Access::Review() {
     grpc_call_unref(end.call);
     LogOfClient(LogLevel::kWarning, end.whose, "{}", end.line);
   }
+  if (on_review_) on_review_();
   if (!connections_) return;
   connections_->Judge([&](const Credentials& credentials) {
     const auto identity = identity_of(credentials);

@@ -64,7 +64,9 @@ class Admission {
   void SendsVoxels(std::size_t bytes) const;
   // Ends the call if its client has not sent more by then, ns of the monotonic clock; 0: never.
   void MustSendBy(std::int64_t time_ns) const;
+  bool is_question() const;        // of an admitted call
   const Identity& caller() const { return running_->caller; }  // of an admitted call
+  const Credentials& credentials() const { return running_->credentials; }  // as caller()
   // "local socket", "token ada at ipv4:192.0.2.7:51544"; of an admitted call.
   std::string Who() const;
   // Where an admitted call came from, as gRPC names it.
@@ -105,6 +107,23 @@ class Admission {
 
 class Access {
  public:
+  // The work of an admitted call on this thread, while this object lives: what a question takes
+  // counts against its caller.
+  class Work {
+   public:
+    Work(Access& access, const Admission& admission);
+    ~Work();
+    Work(const Work&) = delete;
+    Work& operator=(const Work&) = delete;
+    // Throws Error (kTooLarge) if the caller's questions have taken too much already.
+    void Begin() const;
+
+   private:
+    Access& access_;
+    const std::string question_of_;  // empty: the call is no question
+    const double began_s_;
+  };
+
   // Starts with a policy that trusts only peers on the socket and on loopback.
   Access() : Access(LimitOptions{}) {}
   // connections: learns which connections belong to a known client; must outlive this object. now:
@@ -119,7 +138,12 @@ class Access {
   Admission Admit(grpc::ServerContextBase* context, std::string_view method,
                   std::size_t request_bytes = 0);
 
+  // Whether who has these may make this call now. May take as long as verifying a certificate.
+  bool MayStill(const Credentials& credentials, std::string_view method) const;
+
   const Activity& activity() const { return activity_; }
+  // Somebody who made no call of gRPC has changed this; see Activity.
+  void Changed(std::string_view what, const std::string& who);
   // See Activity::SetOnChange.
   void SetOnChange(Activity::OnChange call) { activity_.SetOnChange(std::move(call)); }
   const LimitOptions& limits() const { return options_; }
@@ -130,6 +154,8 @@ class Access {
   // Ends running calls whose certificate has expired, and those that have not sent in time. Call it
   // every second.
   void Review();
+  // Called at the end of each review. Set it before the first.
+  void SetOnReview(std::function<void()> call) { on_review_ = std::move(call); }
 
  private:
   friend class Admission;
@@ -164,6 +190,7 @@ class Access {
   const std::function<CertificateTime()> now_;
   Activity activity_;
   PolicyBoard policy_;
+  std::function<void()> on_review_;
   mutable std::mutex running_mutex_;  // nothing else is locked, called or written under it
   std::list<Admission::Running> running_;
 };

@@ -11,7 +11,8 @@ namespace palpate {
 
 CallThreads::CallThreads() {
   for (const MethodRule& rule : MethodRules()) {
-    if (rule.kind == CallKind::kCall || rule.kind == CallKind::kTransfer) lanes_[rule.method];
+    const bool is_call = rule.kind == CallKind::kCall || rule.kind == CallKind::kQuestion;
+    if (is_call || rule.kind == CallKind::kTransfer) lanes_[rule.method];
   }
 }
 

@@ -118,7 +118,9 @@ class Calls {
       return call;
     }
     threads_.Run(method, [this, method, call, &response, work = std::move(work)] {
+      const Access::Work measured(access_, call->admission);
       const grpc::Status status = StatusOf(call->admission, [&] {
+        measured.Begin();
         RequireVolume(method);
         work(std::as_const(call->admission));
       });

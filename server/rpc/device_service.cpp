@@ -1,5 +1,6 @@
 #include "server/rpc/device_service.h"
 
+#include <fmt/format.h>
 #include <grpcpp/alarm.h>
 
 #include <algorithm>
@@ -18,10 +19,11 @@
 namespace palpate {
 namespace {
 
+constexpr char kPushHand[] = "/palpate.v1.DeviceService/PushHand";
+
 constexpr std::chrono::seconds kTickPatience{1};
 
-constexpr double kMostPushN = 0.5;
-constexpr double kLongestPushS = 5.0;
+constexpr double kLongestPushS = HandPush::kMostTicks / ServoLoop::kRateHz;
 
 void CheckHand(std::uint32_t hand) {
   if (hand == 0) return;
@@ -45,10 +47,6 @@ int IndexInUse(const std::vector<ListedDevice>& devices, const std::string& kind
   }
   return -1;
 }
-
-// The present tick may have read the commands before this command. The next tick certainly knows
-// it.
-std::uint64_t FirstTickThatKnows(const ServoLoop& servo) { return servo.ticks() + 1; }
 
 Error NoTick(ForceCommand command, bool holds) {
   return {ErrorKind::kUnavailable, "the haptic loop did not tick within 1 s: the command to " +
@@ -129,6 +127,7 @@ Reply* DeviceService::GetDevice(CallContext* context, const v1::GetDeviceRequest
 }
 
 HandsState DeviceService::Hands() const {
+  stop_door_.TellStops();  // so that who has stopped is known
   Hand hand = {.device = device_.spec(), .health = device_.health()};
   // None before the first tick.
   if (const auto forces = forces_.newest()) {
@@ -158,8 +157,12 @@ Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesR
                        [=, this](const Admission& by) {
                          CheckHand(request->hand());
                          CheckName(request->device());
+                         CheckStandsStill();
                          const ForceTick forces = Command(ForceCommand::kEnable);
                          CheckEnabled(forces.forces);
+                         // A calibration may have been asked for meanwhile; it looks after this.
+                         if (device_.moves_by_itself()) Command(ForceCommand::kDisable);
+                         CheckStandsStill();
                          Note(ForceCommand::kEnable, by);
                          Answer(forces, *response, session_.forces_off());
                        });
@@ -194,17 +197,17 @@ Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesReque
     return refused;
   }
   Note(ForceCommand::kStop, admission);
-  return new StopAnswer(std::move(admission), forces_, FirstTickThatKnows(servo_), *response);
+  return new StopAnswer(std::move(admission), forces_, servo_.FirstTickThatKnows(), *response);
 }
 
 Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* request,
                                v1::PushHandResponse* response) {
   return calls_.Answer(
-      context, "/palpate.v1.DeviceService/PushHand", *request, *response,
+      context, kPushHand, *request, *response,
       [=, this](const Admission& by) {
         CheckHand(request->hand());
         const Vec3 force_D_n = FromProto(request->force_n());
-        if (!force_D_n.allFinite() || !(force_D_n.stableNorm() <= kMostPushN)) {
+        if (!force_D_n.allFinite() || !(force_D_n.stableNorm() <= HandPush::kMostN)) {
           throw Error(ErrorKind::kInvalidArgument, "force_n must be at most 0.5 N long");
         }
         const double seconds = request->seconds();
@@ -213,7 +216,7 @@ Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* 
         }
         const auto refuse_unless_they_act = [&](const std::optional<ForceTick>& forces) {
           if (forces && Act(ForcesOf(forces->forces, session_.forces_off()))) return;
-          Push(Vec3::Zero(), 0);
+          Push(Vec3::Zero(), 0, {});
           throw Error(ErrorKind::kFailedPrecondition,
                       "the forces do not act: " + (forces ? InWords(forces->forces.reason)
                                                           : "the haptic loop does not tick"));
@@ -223,9 +226,16 @@ Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* 
                                                           device_.spec().kind +
                                                           "`: its motor figures are missing");
         }
+        const int ticks = std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz));
+        if (const int left = servo_.pushes().ticks_left(); ticks > left) {
+          throw Error(ErrorKind::kTooLarge,
+                      fmt::format("pushes may take 5 s of any 10 s, and {:.2f} s are left: wait for "
+                                  "up to 10 s",
+                                  left / ServoLoop::kRateHz));
+        }
         refuse_unless_they_act(forces_.newest());
-        Push(force_D_n, std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz)));
-        const std::uint64_t tick = FirstTickThatKnows(servo_);
+        Push(force_D_n, ticks, by.credentials());
+        const std::uint64_t tick = servo_.FirstTickThatKnows();
         refuse_unless_they_act(forces_.WaitForTick(tick, kTickPatience));
         LogOfClient(LogLevel::kInfo, "forces, " + by.caller().name,
                     "forces: a push of ({:.2f}, {:.2f}, {:.2f}) N for {:g} s, by {}", force_D_n.x(),
@@ -251,6 +261,13 @@ Reply* DeviceService::CalibrateDevice(CallContext* context,
                          CheckForcesAreOff();
                          CheckCalibrated(request->device());
                          device_.Calibrate();
+                         // Forces may have been enabled meanwhile.
+                         try {
+                           CheckForcesAreOff();
+                         } catch (const Error&) {
+                           device_.StopMoving();
+                           throw;
+                         }
                          LogOfClient(LogLevel::kInfo, "calibrate, " + by.caller().name,
                                      "the device is to be calibrated, by {}", by.Who());
                          *response->mutable_health() = ToProto(device_.health());
@@ -302,6 +319,13 @@ void DeviceService::CheckName(const std::string& name) const {
   }
 }
 
+void DeviceService::CheckStandsStill() const {
+  if (!device_.moves_by_itself()) return;
+  throw Error(ErrorKind::kFailedPrecondition,
+              "the device is about to move its arm by itself, or moves it: keep clear of it, and "
+              "enable forces when it rests");
+}
+
 void DeviceService::CheckCalibrated(const std::string& name) const {
   const DeviceDescription& spec = device_.spec();
   if (name.empty() ? !spec.calibration_moves_arm : name == spec.kind) return;
@@ -317,7 +341,7 @@ void DeviceService::CheckCalibrated(const std::string& name) const {
 // between: the tick tells which command holds.
 ForceTick DeviceService::Command(ForceCommand command) {
   servo_.forces().Set(command);
-  if (const auto forces = forces_.WaitForTick(FirstTickThatKnows(servo_), kTickPatience)) {
+  if (const auto forces = forces_.WaitForTick(servo_.FirstTickThatKnows(), kTickPatience)) {
     return *forces;
   }
   // The client that asked for forces may be gone when they would come on.
@@ -326,24 +350,48 @@ ForceTick DeviceService::Command(ForceCommand command) {
   throw NoTick(command, holds);
 }
 
-void DeviceService::Push(const Vec3& force_D_n, int ticks) {
+void DeviceService::Push(const Vec3& force_D_n, int ticks, const Credentials& by) {
   const std::lock_guard lock(mutex_);
   servo_.pushes().Push(force_D_n, ticks);
+  pushed_by_ = by;
+  pushes_until_ = std::chrono::steady_clock::now() + kTickPatience +
+                  std::chrono::milliseconds(ticks);
+}
+
+// A push outlives its call.
+void DeviceService::EndRevokedPush() {
+  Credentials by;
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::chrono::steady_clock::now() > pushes_until_) return;
+    by = pushed_by_;
+  }
+  if (calls_.access().MayStill(by, kPushHand)) return;
+  const std::lock_guard lock(mutex_);
+  if (pushed_by_ == by) servo_.pushes().Push(Vec3::Zero(), 0);
 }
 
 void DeviceService::Note(ForceCommand command, const Admission& by) {
+  Note(command, by.caller().name, by.Who());
+}
+
+void DeviceService::NoteLocalStop(const StopCaller& by) {
+  const std::string who = fmt::format("user {}, process {}", by.user, by.process);
+  Note(ForceCommand::kStop, "stop socket", who + " of this machine");
+}
+
+void DeviceService::Note(ForceCommand command, const std::string& whose, const std::string& who) {
   const bool is_stop = command == ForceCommand::kStop;
   {
     const std::lock_guard lock(mutex_);
     (is_stop                            ? stopped_by_
      : command == ForceCommand::kEnable ? enabled_by_
-                                        : disabled_by_) = by.Who();
+                                        : disabled_by_) = who;
   }
-  by.Changed("forces");
+  calls_.access().Changed("forces", who);
   // No other lines of the client may hide these.
-  const std::string whose = "forces, " + by.caller().name;
-  LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, whose, "forces: {}, by {}",
-              is_stop ? "emergency stop" : NameOf(command), by.Who());
+  LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, "forces, " + whose,
+              "forces: {}, by {}", is_stop ? "emergency stop" : NameOf(command), who);
 }
 
 std::string DeviceService::SetBy(const ForceTick& forces) const {

@@ -3,10 +3,11 @@
 //
 // No command to the forces takes a lock of the session or waits longer than a second. The emergency
 // stop also needs no thread for calls: gRPC's own threads, which never wait, carry it out. Once its
-// sender is recognised, the stop is set before anything takes a lock, allocates or logs. So it
-// works whatever else the daemon does.
+// sender is recognised, the stop is set before anything takes a lock, allocates or logs. On this
+// machine it does not come here, but to a door of its own (server/stop/stop_door.h).
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <mutex>
 #include <string>
@@ -19,6 +20,7 @@
 #include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
 #include "server/session/session.h"
+#include "server/stop/stop_door.h"
 
 namespace palpate {
 
@@ -29,16 +31,20 @@ class DeviceService final : public v1::DeviceService::CallbackService {
  public:
   // Borrows all arguments except the list. `hand`: null if the device is not the simulated one.
   DeviceService(Calls& calls, HapticDevice& device, LedHand* hand, ServoLoop& servo,
-                const SceneInbox& inbox, const Session& session, const ForceWatch& forces,
-                DeviceList list)
+                StopDoor& stop_door, const SceneInbox& inbox, const Session& session,
+                const ForceWatch& forces, DeviceList list)
       : calls_(calls),
         device_(device),
         hand_(hand),
         servo_(servo),
+        stop_door_(stop_door),
         inbox_(inbox),
         session_(session),
         forces_(forces),
-        list_(std::move(list)) {}
+        list_(std::move(list)) {
+    stop_door_.SetOnStop([this](const StopCaller& by) { NoteLocalStop(by); });
+  }
+  ~DeviceService() override { stop_door_.SetOnStop({}); }
 
   Reply* GetDevice(CallContext* context, const v1::GetDeviceRequest* request,
                    v1::GetDeviceResponse* response) override;
@@ -58,17 +64,22 @@ class DeviceService final : public v1::DeviceService::CallbackService {
 
   // How the hand and the servo are now; any thread.
   HandsState Hands() const;
+  // Ends a push whose caller may push no more. Any thread; call it every second.
+  void EndRevokedPush();
 
  private:
   void CheckName(const std::string& name) const;
   ForceTick Command(ForceCommand command);
-  void Push(const Vec3& force_D_n, int ticks);
-  // The command holds: remembers and logs its caller.
+  void Push(const Vec3& force_D_n, int ticks, const Credentials& by);
+  // The command holds: remembers and logs its caller. `whose`: lines of the log.
   void Note(ForceCommand command, const Admission& by);
+  void Note(ForceCommand command, const std::string& whose, const std::string& who);
+  void NoteLocalStop(const StopCaller& by);
   // Whose command made this state; empty: no client's.
   std::string SetBy(const ForceTick& forces) const;
   ServoDescription Servo() const;
   void CheckForcesAreOff() const;
+  void CheckStandsStill() const;
   void CheckCalibrated(const std::string& name) const;
   void CheckEnabled(const ForceStatus& forces) const;
 
@@ -76,6 +87,7 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   HapticDevice& device_;
   LedHand* const hand_;
   ServoLoop& servo_;
+  StopDoor& stop_door_;
   const SceneInbox& inbox_;
   const Session& session_;
   const ForceWatch& forces_;
@@ -83,6 +95,8 @@ class DeviceService final : public v1::DeviceService::CallbackService {
 
   mutable std::mutex mutex_;  // guards the members below, and the servo's pushes
   std::string enabled_by_, disabled_by_, stopped_by_;
+  Credentials pushed_by_;  // the newest push
+  std::chrono::steady_clock::time_point pushes_until_{};
 };
 
 }  // namespace palpate

@@ -83,7 +83,7 @@ class Lead final : public LeadHandReactor, public std::enable_shared_from_this<L
     if (takes) {
       // The present tick may have read the target before this one. The next tick certainly knows
       // it.
-      first_tick_ = parts_.servo.ticks() + 1;
+      first_tick_ = parts_.servo.FirstTickThatKnows();
       alarm_->Cancel();  // looks at once
     }
     return takes;

@@ -140,17 +140,21 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       volume_(calls_, parts.session, parts.editor, options_.paths, options_.uploads,
               volume_streams_, parts.metrics),
       series_(calls_, parts.session, parts.series, options_.paths),
-      device_(calls_, parts.device, parts.hand, parts.servo, parts.inbox, parts.session,
-              parts.forces, parts.list_devices),
+      device_(calls_, parts.device, parts.hand, parts.servo, parts.stop_door, parts.inbox,
+              parts.session, parts.forces, parts.list_devices),
       recording_(calls_, parts.recording),
       activity_(calls_),
-      facts_(access_, parts.session, parts.series, parts.recording, device_) {}
+      facts_(access_, parts.session, parts.series, parts.recording, device_),
+      stop_door_(parts.stop_door) {
+  access_.SetOnReview([this] { device_.EndRevokedPush(); });
+}
 
 // gRPC lets two servers listen on one path without noticing each other, so a lock file decides. The
 // file stays when the daemon ends: if it were removed, one daemon could lock the old file and
 // another a new one.
 void RpcServer::Reserve() {
   UnixTarget(options_.socket_path);
+  const std::string stop_path = StopSocketPath(options_.socket_path);
   if (options_.listen) {
     if (options_.listen->host == "localhost") options_.listen->host = "127.0.0.1";
     CheckListen(*options_.listen, options_.security);
@@ -169,6 +173,7 @@ void RpcServer::Reserve() {
                                                     "; name another socket with --socket");
   }
   RemoveStaleSocket(options_.socket_path);
+  RemoveStaleSocket(stop_path);
   if (!options_.security.tls.certificate.empty()) {
     const StartsUrgentThreads urgent;
     tls_ = std::make_unique<TlsFiles>(options_.security.tls, options_.socket_path + ".tls");
@@ -230,6 +235,7 @@ void RpcServer::Start() {
     builder.RegisterService(service);
   }
   calls_.threads().Start();
+  stop_door_.Open(StopSocketPath(options_.socket_path));
   acceptor_.TakeSocket(options_.socket_path);
   standby_queue_ = builder.AddCompletionQueue();
   server_ = builder.BuildAndStart();
@@ -263,6 +269,8 @@ void RpcServer::Stop() noexcept {
     Drain(*standby_queue_);
   }
   standby_queue_.reset();
+  // The stop works until here.
+  stop_door_.Close();
   // Destroyed while the lock is held: afterwards another daemon may make the folder anew.
   security_files_.reset();
   tls_.reset();

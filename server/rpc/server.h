@@ -63,6 +63,7 @@ struct ServedParts {
   HapticDevice& device;
   LedHand* hand;  // null: the device is not the simulated one
   ServoLoop& servo;
+  StopDoor& stop_door;
   const SceneInbox& inbox;
   const ForceWatch& forces;
   DeviceList list_devices;  // lists the machine's devices
@@ -109,6 +110,7 @@ class RpcServer {
   RecordingService recording_;
   ActivityService activity_;
   FactsService facts_;
+  StopDoor& stop_door_;
   // A thread that reads from connections when none of gRPC's own does. gRPC 1.51 reads on the
   // threads of its callback queue, and each of these sleeps for 100 ms after every second without
   // a call: every call would wait for up to 100 ms.

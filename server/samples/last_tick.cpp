@@ -15,6 +15,18 @@ void LastTickBoard::Tell(const TickSample& sample) noexcept {
            .forces_since_tick = same_forces ? last_->forces_since_tick : sample.tick,
            .scene_revision = sample.scene_revision};
   told_.Write(last_);
+  told_to_stop_.Write(last_);
+}
+
+void LastTickBoard::TellEnd() noexcept {
+  if (!last_) return;
+  last_->ended = true;
+  if (last_->forces.state != ForceState::kStopped) {
+    last_->forces.state = ForceState::kOff;
+    last_->forces.reason = ForceReason::kOperator;
+    last_->forces_since_tick = last_->tick + 1;
+  }
+  told_to_stop_.Write(last_);
 }
 
 std::optional<LastTick> LastTickBoard::newest() const {

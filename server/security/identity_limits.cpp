@@ -1,5 +1,7 @@
 #include "server/security/identity_limits.h"
 
+#include <algorithm>
+
 namespace palpate {
 namespace {
 
@@ -22,10 +24,14 @@ std::optional<std::string> IdentityLimits::Enter(const std::string& identity, Ca
   const std::lock_guard lock(mutex_);
   Use& use = UseOf(identity);
   int& running = use.running[static_cast<std::size_t>(kind)];
-  if (kind == CallKind::kCall && !use.calls.Take(now_ns)) {
+  const bool is_call = kind == CallKind::kCall || kind == CallKind::kQuestion;
+  if (is_call && !use.calls.Take(now_ns)) {
     return std::to_string(options_.calls_per_s) +
            " calls per second are the most for one client: call less often, or raise "
            "limits.calls_per_s";
+  }
+  if (kind == CallKind::kQuestion) {
+    if (auto problem = WorkProblem(use, now_ns)) return problem;
   }
   if (request_bytes > kMostRequestBytes - use.request_bytes) {
     return std::to_string(kMostRequestBytes >> 20) +
@@ -50,6 +56,25 @@ std::optional<std::string> IdentityLimits::Enter(const std::string& identity, Ca
   ++running;
   use.request_bytes += request_bytes;
   return std::nullopt;
+}
+
+std::optional<std::string> IdentityLimits::WorkProblem(Use& use, std::int64_t now_ns) {
+  const double passed_s = 1e-9 * static_cast<double>(now_ns - use.work_ns);
+  use.work_s = std::max(0.0, use.work_s - kWorkShare * std::max(0.0, passed_s));
+  use.work_ns = now_ns;
+  if (use.work_s < kMostWorkS) return std::nullopt;
+  return "questions of one client may take a quarter of a processor: ask less often";
+}
+
+std::optional<std::string> IdentityLimits::MayWork(const std::string& identity,
+                                                   std::int64_t now_ns) {
+  const std::lock_guard lock(mutex_);
+  return WorkProblem(UseOf(identity), now_ns);
+}
+
+void IdentityLimits::Worked(const std::string& identity, double seconds) {
+  const std::lock_guard lock(mutex_);
+  UseOf(identity).work_s += seconds;
 }
 
 IdentityLimits::Use& IdentityLimits::UseOf(const std::string& identity) {

@@ -40,10 +40,18 @@ class IdentityLimits {
   // The calls of one identity that lead the hand, or wait to hear that another one does.
   static constexpr int kMostHands = 8;
 
+  // The processor time that the questions of one identity may take, of one processor, and at once.
+  static constexpr double kWorkShare = 0.25;
+  static constexpr double kMostWorkS = 0.5;
+
   // Takes one of `kind`, with a request of this length. If there are too many, returns the problem
   // and what to do. Give it back with Leave.
   std::optional<std::string> Enter(const std::string& identity, CallKind kind,
                                    std::size_t request_bytes, std::int64_t now_ns);
+  // Ask it before the work of a question, as others may have worked while it waited.
+  std::optional<std::string> MayWork(const std::string& identity, std::int64_t now_ns);
+  // A question took so much processor time.
+  void Worked(const std::string& identity, double seconds);
   void Leave(const std::string& identity, CallKind kind, std::size_t request_bytes);
 
   // Takes samples per second for a stream of poses, in the same way. `is_local`: the client is on
@@ -55,11 +63,14 @@ class IdentityLimits {
  private:
   struct Use {
     RateLimit calls;
-    std::array<int, 7> running{};  // by kind
+    std::array<int, 8> running{};  // by kind
     std::size_t request_bytes = 0;
     int samples_per_s = 0;
+    double work_s = 0.0;  // of questions, less what kWorkShare has allowed since
+    std::int64_t work_ns = 0;
   };
 
+  static std::optional<std::string> WorkProblem(Use& use, std::int64_t now_ns);
   Use& UseOf(const std::string& identity);
 
   const LimitOptions options_;

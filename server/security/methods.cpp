@@ -17,14 +17,14 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.PoseService/StreamPoses", kViewer, kPoseStream, kAnytime},
     {"/palpate.v1.VolumeService/StreamVolume", kViewer, kVolumeStream},
     {"/palpate.v1.FactsService/Follow", kViewer, kFactStream, kAnytime},
-    {"/palpate.v1.VolumeService/GetVolume", kViewer, kCall},
-    {"/palpate.v1.RenderService/GetSettings", kViewer, kCall, kAnytime},
-    {"/palpate.v1.RegistrationService/GetRegistration", kViewer, kCall},
-    {"/palpate.v1.SeriesService/GetSeries", kViewer, kCall},
-    {"/palpate.v1.DeviceService/GetDevice", kViewer, kCall, kAnytime},
-    {"/palpate.v1.DeviceService/ListDevices", kViewer, kCall, kAnytime},
-    {"/palpate.v1.RecordingService/GetRecording", kViewer, kCall, kAnytime},
-    {"/palpate.v1.ActivityService/GetActivity", kViewer, kCall, kAnytime},
+    {"/palpate.v1.VolumeService/GetVolume", kViewer, kQuestion},
+    {"/palpate.v1.RenderService/GetSettings", kViewer, kQuestion, kAnytime},
+    {"/palpate.v1.RegistrationService/GetRegistration", kViewer, kQuestion},
+    {"/palpate.v1.SeriesService/GetSeries", kViewer, kQuestion},
+    {"/palpate.v1.DeviceService/GetDevice", kViewer, kQuestion, kAnytime},
+    {"/palpate.v1.DeviceService/ListDevices", kViewer, kQuestion, kAnytime},
+    {"/palpate.v1.RecordingService/GetRecording", kViewer, kQuestion, kAnytime},
+    {"/palpate.v1.ActivityService/GetActivity", kViewer, kQuestion, kAnytime},
 
     // Everybody who sees a problem can stop the forces: no force is always safe.
     {"/palpate.v1.DeviceService/StopForces", kViewer, kStop, kAnytime},
@@ -57,7 +57,7 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.SeriesService/LoadSeries", kOperator, kTransfer},
     {"/palpate.v1.RecordingService/StartRecording", kOperator, kCall},
     {"/palpate.v1.RecordingService/StopRecording", kOperator, kCall},
-    {"/palpate.v1.RecordingService/ListRecordings", kOperator, kCall, kAnytime},
+    {"/palpate.v1.RecordingService/ListRecordings", kOperator, kQuestion, kAnytime},
     // Shows all viewers the past instead of the present.
     {"/palpate.v1.RecordingService/Replay", kOperator, kTransfer},
     // No call needs the admin yet: identities are changed in files.

@@ -14,6 +14,7 @@ namespace palpate {
 // The kinds of calls, counted per identity.
 enum class CallKind {
   kCall,          // answered at once; limited per second
+  kQuestion,      // as a call that changes nothing; limited by its work, too
   kPoseStream,    // limited at a time, as are the next three
   kVolumeStream,  //
   kFactStream,    //

@@ -50,6 +50,7 @@ void ServoLoop::Run() noexcept {
     }
   }
   device_.Write({}, kTickPeriodS);
+  outbox_.last.TellEnd();
 }
 
 }  // namespace palpate

@@ -41,6 +41,9 @@ class ServoLoop {
 
   const RealtimeGrant& grant() const { return grant_; }
   std::uint64_t ticks() const { return ticks_.load(); }
+  // A tick that certainly knows a command which was given before: the present one may have read the
+  // commands already.
+  std::uint64_t FirstTickThatKnows() const { return ticks() + 1; }
   std::uint64_t missed_ticks() const { return missed_ticks_.load(std::memory_order_relaxed); }
   // Ticks with zero force because of the device, a bad position or a bad force.
   std::uint64_t faulty_ticks() const { return faulty_ticks_.load(std::memory_order_relaxed); }

@@ -4,6 +4,8 @@
 // device makes system calls.
 #pragma once
 
+#include <cstdint>
+
 #include "server/device/haptic_device.h"
 #include "server/realtime/tick_timer.h"
 #include "server/scene/scene.h"
@@ -39,6 +41,8 @@ class ServoTick {
   TickComputation computation_;
   DeviceState stylus_;
   bool forces_act_ = false;  // in the last tick
+  bool was_stopped_ = false;
+  std::uint64_t missed_ = 0;  // ticks, before the last one
 };
 
 }  // namespace palpate

@@ -9,6 +9,7 @@ const char* const kPalpateLab = PALPATE_LAB;
 
 const char* const kConfinedChild = CONFINED_CHILD;
 const char* const kRecordingChild = RECORDING_CHILD;
+const char* const kStopChild = STOP_CHILD;
 const char* const kVdbTool = VDB_TOOL;
 
 const char* const kFakeHd = FAKE_LIBHD;

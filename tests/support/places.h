@@ -12,6 +12,7 @@ extern const char* const kPalpateLab;
 // Programs that tests start and end.
 extern const char* const kConfinedChild;
 extern const char* const kRecordingChild;
+extern const char* const kStopChild;
 // Writes .vdb files.
 extern const char* const kVdbTool;
 

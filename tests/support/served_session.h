@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/client_files/path_policy.h"
@@ -16,15 +17,17 @@ namespace palpate::testing {
 // The servo runs once the test starts data(). Load before server().Start().
 class ServedSession {
  public:
-  explicit ServedSession(const std::string& socket, const LimitOptions& limits = {})
+  explicit ServedSession(
+      const std::string& socket, const LimitOptions& limits = {},
+      DeviceList list = [] { return std::vector<ListedDevice>(); })
       : server_({.socket_path = socket,
                  .listen = {},
                  .paths = {},
                  .uploads = {},
                  .security = {.limits = limits}},
                 {data_.session(), editor_, series_, recording_, data_.pump(), data_.simulated(),
-                 nullptr, data_.servo(), data_.inbox(), forces_,
-                 [] { return std::vector<ListedDevice>(); }, metrics_}) {}
+                 nullptr, data_.servo(), stop_door_, data_.inbox(), forces_,
+                 std::move(list), metrics_}) {}
 
   RunningSession& data() { return data_; }
   RpcServer& server() { return server_; }
@@ -42,6 +45,7 @@ class ServedSession {
                               "test",
                               SafetyLimits{},
                               PassivityDevice{}};
+  StopDoor stop_door_{data_.servo(), data_.outbox().last, data_.simulated(), 1};
   const ForceWatch forces_{data_.outbox().last};
   prometheus::Registry registry_;
   ServiceMetrics metrics_{registry_};

@@ -50,6 +50,7 @@ class FakeDevice : public HapticDevice {
     health_.calibrated = true;
   }
   void StopMoving() noexcept override { ++stops; }
+  bool moves_by_itself() const noexcept override { return moves; }
   void MoveArmToCalibrate() { spec_.calibration_moves_arm = true; }
   void SetHealth(const DeviceHealth& health) {
     const std::lock_guard lock(mutex_);
@@ -61,6 +62,7 @@ class FakeDevice : public HapticDevice {
   std::atomic<std::uint32_t> buttons{0};
   std::atomic<int> pushes{0};
   std::atomic<int> stops{0};  // of what it does by itself
+  std::atomic<bool> moves{false};
 
  private:
   DeviceDescription spec_;
@@ -123,6 +125,12 @@ class DeviceServiceRig {
     return test::Eventually([&] { return Get().forces().state() == state; });
   }
 
+  // With another role for the socket.
+  void Review(Role role) {
+    access_.SetOnReview([this] { service_.EndRevokedPush(); });
+    access_.SetPolicy(std::make_shared<const Policy>(PolicyOptions{.socket_role = role}));
+  }
+
   ServoLoop& servo() { return servo_; }
   Pump& pump() { return data_.pump(); }
   Session& session() { return data_.session(); }
@@ -145,12 +153,13 @@ class DeviceServiceRig {
   const ForceWatch forces_{data_.outbox().last};
   ServoLoop servo_{
       device, data_.inbox(), data_.outbox(), {}, LimitsFor(device.spec(), kBothButtons)};
+  StopDoor stop_door_{servo_, data_.outbox().last, device, 1};
 
   Access access_;
   Calls calls_{access_, data_.session().first_load()};
   LedHand hand_;
   DeviceService service_{
-      calls_, device, &hand_, servo_, data_.inbox(), data_.session(), forces_, [this] {
+      calls_, device, &hand_, servo_, stop_door_, data_.inbox(), data_.session(), forces_, [this] {
         if (no_list) throw Error(*no_list);
         return list;
       }};
@@ -399,6 +408,32 @@ TEST(DeviceService, APushIsSmallShortAndNeedsForces) {
   EXPECT_TRUE(test::Eventually([&] { return rig.device.pushes >= 90; }));
   EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));  // by the ramp after it
   EXPECT_LE(rig.device.pushes, 120);             // and the way to zero
+  // Of any 10 s, 5 s. The newest push replaces the one before.
+  EXPECT_EQ(push(-0.5, 5.0), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(push(-0.5, 4.5), StatusCode::OK);
+  EXPECT_EQ(push(0.0, 0.001), StatusCode::OK);
+}
+
+TEST(DeviceService, APushEndsWhenItsCallerMayPushNoMore) {
+  DeviceServiceRig rig;
+  ASSERT_TRUE(rig.Enable("fake-usb").ok());
+  ASSERT_TRUE(rig.Becomes(v1::FORCE_STATE_ON));
+  v1::PushHandRequest request;
+  request.mutable_force_n()->set_y(0.3);
+  request.set_seconds(5.0);
+  v1::PushHandResponse response;
+  ASSERT_TRUE(rig.Call(&v1::DeviceService::Stub::PushHand, request, response).ok());
+  const auto is_pushed = [&] {
+    const int before = rig.device.pushes;
+    const std::uint64_t tick = rig.servo().ticks();
+    EXPECT_TRUE(test::Eventually([&] { return rig.servo().ticks() > tick + 20; }));
+    return rig.device.pushes > before;
+  };
+  EXPECT_TRUE(is_pushed());
+  rig.Review(Role::kAdmin);
+  EXPECT_TRUE(is_pushed());
+  rig.Review(Role::kEditor);
+  EXPECT_TRUE(test::Eventually([&] { return !is_pushed(); }));
 }
 
 TEST(DeviceService, CalibratesOnlyWhatIsThere) {
@@ -430,7 +465,7 @@ TEST(DeviceService, AnArmThatMovesByItselfIsNamedAndItsForcesAreOff) {
   EXPECT_TRUE(rig.Disable().ok());
   EXPECT_EQ(rig.device.stops, 1);
   EXPECT_TRUE(rig.Stop().ok());
-  EXPECT_EQ(rig.device.stops, 2);
+  EXPECT_EQ(rig.device.stops, 3);  // the call's and the servo's
   EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_STOPPED));
   EXPECT_EQ(rig.Calibrate(response, "fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
   EXPECT_TRUE(rig.Disable().ok());
@@ -439,6 +474,20 @@ TEST(DeviceService, AnArmThatMovesByItselfIsNamedAndItsForcesAreOff) {
   ASSERT_TRUE(rig.Enable("fake-usb").ok());
   EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_HELD));
   EXPECT_EQ(rig.Calibrate(response, "fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
+}
+
+TEST(DeviceService, AnArmThatMovesByItselfHasNoForcesAndIsStoppedByTheStylus) {
+  DeviceServiceRig rig;
+  rig.device.moves = true;
+  const grpc::Status status = rig.Enable("fake-usb");
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_TRUE(Has(status, "arm")) << status.error_message();
+  EXPECT_EQ(rig.Get().forces().state(), v1::FORCE_STATE_OFF);
+  EXPECT_EQ(rig.device.stops, 0);
+  rig.device.buttons = kBothButtons;
+  EXPECT_TRUE(test::Eventually([&] { return rig.device.stops == 1; }));
+  EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_STOPPED));
+  EXPECT_EQ(rig.device.stops, 1);
 }
 
 }  // namespace

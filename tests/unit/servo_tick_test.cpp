@@ -7,8 +7,11 @@
 
 #include <atomic>
 #include <cmath>
+#include <algorithm>
 #include <functional>
+#include <random>
 #include <thread>
+#include <vector>
 
 #include "tests/support/patience.h"
 #include "tests/support/recording.h"
@@ -75,6 +78,34 @@ TEST_F(HardwareTick, NoForceAndNoCurrentUntilForcesAreEnabled) {
   EXPECT_LT(Force(), 0.01);
   EXPECT_TRUE(device_.written.motors_on);
   EXPECT_GT(Force(600), 0.5);
+}
+
+// Two callers, three minutes; the window is summed up anew.
+TEST(HandPush, OfAnyTenSecondsPushesTakeFive) {
+  std::mt19937 random(7);
+  const auto below = [&](int limit) { return static_cast<int>(random() % limit); };
+  HandPush pushes;
+  std::vector<int> pushed;  // for each ms
+  while (pushed.size() < 180'000) {
+    const double most_n = below(5) == 0 ? 5.0 : 0.5;
+    if (below(50) == 0) pushes.Push(Vec3(0, most_n * (below(2) - 0.5) * 2.0, 0), 1 + below(6000));
+    const int missed = below(100) == 0 ? below(30) : 0;
+    pushed.insert(pushed.end(), missed, pushed.empty() ? 0 : pushed.back());
+    const Vec3 force_n = pushes.Next(below(5000) != 0, missed);
+    const bool acts = !std::isnan(force_n.x());
+    if (acts) {
+      EXPECT_LE(force_n.norm(), 0.5);
+    }
+    pushed.push_back(acts);
+  }
+  int in_window = 0, most = 0, pushed_ms = 0;
+  for (std::size_t ms = 0; ms < pushed.size(); ++ms) {
+    pushed_ms += pushed[ms];
+    in_window += pushed[ms] - (ms < 10'000 ? 0 : pushed[ms - 10'000]);
+    most = std::max(most, in_window);
+  }
+  EXPECT_LE(most, 5000 + 30);  // it was pushed in the ticks that were missed
+  EXPECT_GT(pushed_ms, 60'000);
 }
 
 TEST_F(HardwareTick, APushIsAllThatIsFeltForItsTicksAndIsReplayed) {

@@ -71,6 +71,7 @@ FdSession::FdSession(const FdLibrary& library, char id, const FdModel& model,
       timer_(kPeriod, std::chrono::nanoseconds(0)) {}
 
 FdSession::~FdSession() {
+  exchange_.calibrates = false;
   if (is_open_) fd_.close(id_);
 }
 

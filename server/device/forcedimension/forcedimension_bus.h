@@ -63,6 +63,9 @@ class ForceDimensionBus final : public StreamBus {
   // The arm then moves by itself, after a warning and kCalibrationWarning, unless StopMoving comes.
   void RequestCalibration() override;
   void StopMoving() noexcept override { ++exchange_.stops; }
+  bool moves_by_itself() const noexcept override {
+    return spec_.calibration_moves_arm && exchange_.calibrates;
+  }
 
   static constexpr std::chrono::seconds kCalibrationWarning{3};
 

@@ -198,6 +198,8 @@ std::optional<DeviceEvent> StreamedDevice::NextEvent() { return impl_->seat.Next
 
 void StreamedDevice::StopMoving() noexcept { impl_->bus->StopMoving(); }
 
+bool StreamedDevice::moves_by_itself() const noexcept { return impl_->bus->moves_by_itself(); }
+
 void StreamedDevice::Calibrate() { impl_->bus->RequestCalibration(); }
 
 void StreamBus::RequestCalibration() { RefuseCalibration(spec().kind); }

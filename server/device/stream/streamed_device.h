@@ -84,6 +84,8 @@ class StreamBus {
   virtual void RequestCalibration();
   // As HapticDevice::StopMoving.
   virtual void StopMoving() noexcept {}
+  // As HapticDevice::moves_by_itself.
+  virtual bool moves_by_itself() const noexcept { return false; }
 };
 
 class StreamedDevice final : public HapticDevice {
@@ -106,6 +108,7 @@ class StreamedDevice final : public HapticDevice {
   std::optional<DeviceEvent> NextEvent() override;
   void Calibrate() override;
   void StopMoving() noexcept override;
+  bool moves_by_itself() const noexcept override;
 
  private:
   struct Impl;

@@ -1,0 +1,14 @@
+// A Unix socket of a name, for its owner and group alone.
+//
+// Threads: any. Errors: -1 with errno.
+#pragma once
+
+#include <string>
+
+namespace palpate {
+
+// Returns a socket that is bound to `path`, with the mode 0660, and does not listen yet. The caller
+// closes it, and removes the file.
+int BindSocket(const std::string& path);
+
+}  // namespace palpate

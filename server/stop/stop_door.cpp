@@ -1,0 +1,191 @@
+#include "server/stop/stop_door.h"
+
+#include <poll.h>
+#include <pthread.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <ctime>
+#include <utility>
+
+#include "common/contract/enumerations.h"
+#include "common/error/error.h"
+#include "common/files/bound_socket.h"
+#include "server/realtime/thread_setup.h"
+#include "server/realtime/tick_timer.h"
+
+namespace palpate {
+namespace {
+
+// Who comes in a flood waits for those before: at kAtOnce in each 1 to 2 ms, at most 20 ms.
+constexpr int kWaiting = 512;
+constexpr std::int64_t kPatienceNs = 1'000'000'000;
+constexpr timespec kPause{0, 1'000'000};
+constexpr int kNice = -5;  // where real-time scheduling is not permitted
+
+// Adds to a line that is long enough.
+char* Add(char* to, char* end, std::string_view text) {
+  return std::copy_n(text.data(), std::min<std::size_t>(text.size(), end - to), to);
+}
+template <class Number>
+char* AddNumber(char* to, char* end, Number number) {
+  return std::to_chars(Add(to, end, " "), end, number).ptr;
+}
+
+}  // namespace
+
+void StopDoor::Open(const std::string& path) {
+  const int listener = BindSocket(path);
+  if (listener < 0 || listen(listener, kWaiting) != 0) {
+    const std::string why = std::strerror(errno);
+    if (listener >= 0) close(listener);
+    throw Error(ErrorKind::kConflict,
+                "cannot listen on " + path + ": " + why + "; name another socket with --socket");
+  }
+  path_ = path;
+  listener_ = listener;
+  end_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  ends_ = false;
+  thread_ = std::thread([this] { Run(); });
+  teller_ = std::thread([this] {
+    pthread_setname_np(pthread_self(), "palpate-told");
+    while (!ends_) {
+      untold_.acquire();
+      TellStops();
+    }
+  });
+}
+
+void StopDoor::Close() noexcept {
+  if (!thread_.joinable()) return;
+  ends_ = true;
+  eventfd_write(end_, 1);
+  thread_.join();
+  untold_.release();
+  teller_.join();
+  unlink(path_.c_str());
+  close(std::exchange(listener_, -1));
+  close(std::exchange(end_, -1));
+}
+
+void StopDoor::SetOnStop(std::function<void(const StopCaller&)> call) {
+  const std::lock_guard lock(tell_mutex_);
+  on_stop_ = std::move(call);
+}
+
+void StopDoor::TellStops() {
+  const std::lock_guard lock(tell_mutex_);
+  StopCaller caller;
+  while (stops_.TryPop(caller)) {
+    if (on_stop_) on_stop_(caller);
+  }
+}
+
+void StopDoor::Run() noexcept {
+  RealtimeGrant grant;
+  SetupRealtimeThread({.priority = priority_, .lock_memory = false}, grant);
+  pthread_setname_np(pthread_self(), "palpate-stop");
+  if (!grant.fifo) SetThreadNice(kNice);
+  std::array<pollfd, kMostOpen + 2> files{};
+  while (!ends_) {
+    std::size_t count = 0;
+    files[count++] = {listener_, POLLIN, 0};
+    files[count++] = {end_, POLLIN, 0};
+    bool is_awaited = false;
+    for (const Connection& one : connections_) {
+      if (one.tick != 0) is_awaited = true;
+      if (one.fd >= 0 && one.tick == 0) files[count++] = {one.fd, POLLIN, 0};
+    }
+    if (!is_awaited) poll(files.data(), count, -1);
+    for (Connection& one : connections_) {
+      if (one.fd >= 0 && one.tick == 0) Read(one);
+    }
+    for (int n = 0; n < kAtOnce && Accept(); ++n) {
+    }
+    AnswerAll();
+    // Real-time, the thread must sleep: see LimitRTTIME= of the unit.
+    clock_nanosleep(CLOCK_MONOTONIC, 0, &kPause, nullptr);
+  }
+  for (Connection& one : connections_) Drop(one);
+}
+
+bool StopDoor::Accept() noexcept {
+  const int fd = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+  if (fd < 0) return false;
+  // A free place has the number 0.
+  Connection& place = *std::min_element(
+      connections_.begin(), connections_.end(),
+      [](const Connection& a, const Connection& b) { return a.number < b.number; });
+  Drop(place);
+  place.fd = fd;
+  place.number = ++came_;
+  Read(place);
+  return true;
+}
+
+void StopDoor::Read(Connection& connection) noexcept {
+  const ssize_t length = recv(connection.fd, connection.request.data() + connection.length,
+                              connection.request.size() - connection.length, 0);
+  if (length < 0 && (errno == EAGAIN || errno == EINTR)) return;
+  if (length <= 0) return Drop(connection);
+  connection.length += static_cast<std::size_t>(length);
+  const std::string_view request(connection.request.data(), connection.length);
+  if (!kRequest.starts_with(request)) return Drop(connection);
+  if (request == kRequest) Act(connection);
+}
+
+void StopDoor::Act(Connection& connection) noexcept {
+  servo_.forces().Set(ForceCommand::kStop);
+  device_.StopMoving();
+  connection.tick = servo_.FirstTickThatKnows();
+  connection.patience_ns = MonotonicNowNs() + kPatienceNs;
+  ucred who{};
+  socklen_t length = sizeof(who);
+  getsockopt(connection.fd, SOL_SOCKET, SO_PEERCRED, &who, &length);
+  // Of a flood, some are not told.
+  if (stops_.TryPush({who.uid, who.pid})) untold_.release();
+}
+
+void StopDoor::AnswerAll() noexcept {
+  const std::int64_t now_ns = MonotonicNowNs();
+  const std::optional<LastTick> last = board_.NewestForStop();
+  for (Connection& one : connections_) {
+    if (one.tick == 0) continue;
+    if (last && (last->ended || last->tick >= one.tick)) {
+      Answer(one, *last);
+    } else if (now_ns > one.patience_ns) {
+      Send(one, "waits\n");
+    }
+  }
+}
+
+void StopDoor::Answer(Connection& connection, const LastTick& last) noexcept {
+  const ForceStatus& forces = last.forces;
+  std::array<char, 160> line;
+  char* const end = line.data() + line.size() - 1;
+  char* at = Add(line.data(), end, NameOf(forces.state));
+  at = Add(Add(at, end, " "), end, NameOf(forces.reason));
+  at = AddNumber(at, end, last.forces_since_tick);
+  at = AddNumber(at, end, forces.limit_n);
+  at = AddNumber(at, end, forces.torque_limit_n_mm);
+  *at++ = '\n';
+  Send(connection, {line.data(), static_cast<std::size_t>(at - line.data())});
+}
+
+void StopDoor::Send(Connection& connection, std::string_view line) noexcept {
+  // A new connection has room for it.
+  send(connection.fd, line.data(), line.size(), MSG_NOSIGNAL);
+  Drop(connection);
+}
+
+void StopDoor::Drop(Connection& connection) noexcept {
+  if (connection.fd >= 0) close(connection.fd);
+  connection = {};
+}
+
+}  // namespace palpate

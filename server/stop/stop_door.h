@@ -1,0 +1,115 @@
+// The emergency stop's own door: a Unix socket beside palpated's, on which nothing else is asked.
+//
+// Whoever may open the socket may stop. The request is "stop\n"; the answer is one line:
+//   stopped stop-call 120334 3.3 0   state and reason of the forces, the first tick with them, and
+//                                    the limits of force (N) and torque (N mm)
+//   waits                            the loop has not ticked for a second: the stop acts in its
+//                                    next tick
+// A loop that has ended has written zero force: "off operator" and the tick after its last one.
+//
+// One thread, "palpate-stop", serves the socket: below the servo's and the device's threads, and
+// above all others where the system permits. It takes no lock, allocates nothing, writes no log and
+// shares nothing but atomic values, so that it works whatever the rest of palpated does: with all
+// other threads standing, and while the gRPC server shuts down. It works for at most kAtOnce
+// connections, then sleeps for 1 ms, so that a flood leaves the processor to others. Of more than
+// kMostOpen connections the oldest is closed. A connection is served once.
+//
+// A second thread tells who has stopped (SetOnStop), as that takes locks.
+//
+// Threads: construct, Open and Close on the main thread; SetOnStop and TellStops on any ordinary
+// one. Ownership: borrows all. Errors: Open throws Error (kConflict).
+#pragma once
+
+#include <sys/types.h>
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <semaphore>
+#include <string>
+#include <string_view>
+#include <thread>
+
+#include "server/device/haptic_device.h"
+#include "server/realtime/spsc_ring.h"
+#include "server/samples/last_tick.h"
+#include "server/servo/servo_loop.h"
+
+namespace palpate {
+
+// As the kernel tells.
+struct StopCaller {
+  uid_t user = 0;
+  pid_t process = 0;
+};
+
+class StopDoor {
+ public:
+  static constexpr std::size_t kMostOpen = 128;
+  static constexpr int kAtOnce = 64;
+
+  // `priority`: of SCHED_FIFO, 1 to 99.
+  StopDoor(ServoLoop& servo, LastTickBoard& board, HapticDevice& device, int priority)
+      : servo_(servo), board_(board), device_(device), priority_(priority) {}
+  ~StopDoor() { Close(); }
+  StopDoor(const StopDoor&) = delete;
+  StopDoor& operator=(const StopDoor&) = delete;
+
+  // `path`: of no other file.
+  void Open(const std::string& path);
+  // Tells of the stops so far, and removes the socket. A second call does nothing.
+  void Close() noexcept;
+
+  // Called once for each stop, after it has acted; one call at a time. Empty: nobody is told.
+  void SetOnStop(std::function<void(const StopCaller&)> call);
+  // Tells of the stops that are not told yet. One that is answered is told afterwards.
+  void TellStops();
+
+ private:
+  static constexpr std::string_view kRequest = "stop\n";
+
+  struct Connection {
+    int fd = -1;
+    std::array<char, kRequest.size()> request{};
+    std::size_t length = 0;
+    std::uint64_t number = 0;  // rises in the order in which they came
+    std::uint64_t tick = 0;    // knows of the stop; 0: not asked yet
+    std::int64_t patience_ns = 0;
+  };
+
+  void Run() noexcept;
+  // False if nobody waits.
+  bool Accept() noexcept;
+  // Reads what came. Acts if the request is complete.
+  void Read(Connection& connection) noexcept;
+  void Act(Connection& connection) noexcept;
+  // Answers those whose tick has come, and those who waited for too long.
+  void AnswerAll() noexcept;
+  static void Answer(Connection& connection, const LastTick& last) noexcept;
+  static void Send(Connection& connection, std::string_view line) noexcept;
+  static void Drop(Connection& connection) noexcept;
+
+  ServoLoop& servo_;
+  LastTickBoard& board_;
+  HapticDevice& device_;
+  const int priority_;
+
+  std::string path_;
+  int listener_ = -1, end_ = -1;
+  std::atomic<bool> ends_{false};
+  std::thread thread_, teller_;
+
+  // The stop's thread's.
+  std::array<Connection, kMostOpen> connections_{};
+  std::uint64_t came_ = 0;
+
+  SpscRing<StopCaller, 256> stops_;
+  std::counting_semaphore<> untold_{0};
+  std::mutex tell_mutex_;  // guards on_stop_; held to read stops_
+  std::function<void(const StopCaller&)> on_stop_;
+};
+
+}  // namespace palpate
