@@ -32,6 +32,24 @@ void PrintForces(const client::ForceResult& result, bool json) {
   WriteOutput(text);
 }
 
+// For who cannot know whether the stop acted.
+std::string ForcesNow(client::Calls& palpated) {
+  try {
+    return "forces now: " + InWords(palpated.GetDevice().forces);
+  } catch (const Error&) {
+    return "what the forces do is not known: switch the device off";
+  }
+}
+
+void Stop(client::Calls& palpated, bool json) {
+  try {
+    PrintForces(palpated.StopForces(), json);
+  } catch (const Error& error) {
+    throw Error(error.kind(), std::string("the stop is not confirmed: ") + error.what() + "; " +
+                                  ForcesNow(palpated));
+  }
+}
+
 void PrintDevices(client::Calls& palpated, bool json) {
   const std::vector<client::ListedDevice> list = palpated.ListDevices();
   if (!json) return WriteOutput(Describe(list));
@@ -133,8 +151,12 @@ void AddForces(arguments::Command& device, Invocation& invocation) {
   Add(device, invocation, "stop",
       "Emergency stop: zero force within a tick, until forces are enabled again. It always\n"
       "works, whatever else the daemon does.",
-      "Example: palpate device stop",
-      [](client::Calls& palpated, bool json) { PrintForces(palpated.StopForces(), json); });
+      "Example: palpate device stop", Stop)
+      ->callback([&invocation] {
+        // It has ways of its own to palpated.
+        invocation.connects_first = false;
+        invocation.command = [&invocation](auto& palpated) { Stop(palpated, invocation.json); };
+      });
 }
 
 void AddPush(arguments::Command& device, Invocation& invocation) {

@@ -18,6 +18,7 @@ namespace palpate::cli {
 struct Invocation {
   client::ServerChoice server;
   bool json = false;
+  bool connects_first = true;
   std::function<void(client::Calls&)> command;
 };
 

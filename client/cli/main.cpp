@@ -95,7 +95,7 @@ int Main(int argc, char** argv) {
   }
   const client::Server server = client::Resolve(invocation.server);
   if (doctor.requested) return RunDoctor(server, doctor.json);
-  invocation.command(*Reach(server));
+  invocation.command(invocation.connects_first ? *Reach(server) : *Connect(server));
   return 0;
 }
 

@@ -61,6 +61,20 @@ void ProveSteps::Enable(const std::string& kind) {
   Say("Forces are on.");
 }
 
+std::uint64_t ProveSteps::PushHand(const Vec3& force_n, double seconds) {
+  constexpr double kPauseS = 0.5, kMostS = 11.0;
+  for (double waited_s = 0.0;; waited_s += kPauseS) {
+    palpated_.Follow();
+    try {
+      return palpated_.PushHand(force_n, seconds);
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::kTooLarge || waited_s > kMostS) throw;
+    }
+    if (waited_s == 0.0) Say("The motors rest for some seconds first.");
+    Read(kPauseS);
+  }
+}
+
 void ProveSteps::Push(const Direction& direction) {
   Begin("push");
   for (int tries = 1; !TryPush(direction, tries == kPushTries); ++tries) {
@@ -72,8 +86,7 @@ bool ProveSteps::TryPush(const Direction& direction, bool is_last) {
   Say(fmt::format("The next push is {}, {:g} N for {:g} s. Press Enter.", direction.words,
                   kProvePushN, kPushS));
   person_.WaitForEnter();
-  palpated_.Follow();
-  const std::uint64_t tick = palpated_.PushHand(kProvePushN * direction.unit(), kPushS);
+  const std::uint64_t tick = PushHand(kProvePushN * direction.unit(), kPushS);
   const std::vector<client::Pose> poses = Read(kPushS + kProvePlaceS);
   const PushFigures figures = MeasurePush(poses, direction, tick);
   const std::string problem = ProblemOfPush(figures);
@@ -104,8 +117,7 @@ void ProveSteps::Stop() {
   constexpr const Direction& kUp = kDirections[2];
   Say("The last push is up, and is stopped early. Press Enter.");
   person_.WaitForEnter();
-  palpated_.Follow();
-  palpated_.PushHand(kProvePushN * kUp.unit(), kStoppedPushS);
+  PushHand(kProvePushN * kUp.unit(), kStoppedPushS);
   std::vector<client::Pose> poses = Read(kStopAfterS);
   const std::uint64_t tick = palpated_.StopForces();
   const std::uint64_t written = Get().health.forces_written;

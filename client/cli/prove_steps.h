@@ -52,6 +52,8 @@ class ProveSteps {
   void Push(const Direction& direction);
   bool TryPush(const Direction& direction, bool is_last);
   void Stop();
+  // Waits while pushes have taken their time.
+  std::uint64_t PushHand(const Vec3& force_n, double seconds);
 
   ProvedDaemon& palpated_;
   Person& person_;

@@ -41,11 +41,16 @@ std::function<bool(const std::string&)> LoadingLine() {
 
 }  // namespace
 
-std::unique_ptr<client::Calls> Reach(const client::Server& server) {
+std::unique_ptr<client::Calls> Connect(const client::Server& server) {
   auto palpated = std::make_unique<client::Calls>(server);
   const std::string warning = TokenFileWarning(server.credentials.token_file);
   if (!warning.empty()) std::fprintf(stderr, "palpate: warning: %s\n", OneLine(warning).c_str());
   palpated->SetOnLoading(LoadingLine());
+  return palpated;
+}
+
+std::unique_ptr<client::Calls> Reach(const client::Server& server) {
+  std::unique_ptr<client::Calls> palpated = Connect(server);
   try {
     palpated->WaitUntilReached(kConnectTimeout);
   } catch (const Error& error) {

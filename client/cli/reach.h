@@ -10,7 +10,10 @@
 
 namespace palpate::cli {
 
-// Connects within 3 s. Warns on stderr if others may read the token file.
+// The first call connects. Warns on stderr if others may read the token file. Errors: as Calls'.
+std::unique_ptr<client::Calls> Connect(const client::Server& server);
+
+// As Connect, and connects within 3 s.
 // Errors: an Error whose text says what to do: kUnavailable (nothing answers), kPermissionDenied,
 // kInvalidArgument (a malformed address).
 std::unique_ptr<client::Calls> Reach(const client::Server& server);

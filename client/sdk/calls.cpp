@@ -5,7 +5,9 @@
 
 #include "client/sdk/link.h"
 #include "client/sdk/messages.h"
+#include "client/sdk/stop_socket.h"
 #include "common/error/error.h"
+#include "common/wire/address.h"
 #include "palpate/v1/activity.grpc.pb.h"
 #include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/recording.grpc.pb.h"
@@ -108,7 +110,20 @@ ForceResult Calls::DisableForces() {
 }
 
 ForceResult Calls::StopForces() {
-  return ForceResultOf(link_->Call<Device>(&Device::Stub::StopForces, v1::StopForcesRequest()));
+  link_->ThrowIfCancelled();
+  if (!link_->socket_path().empty()) {
+    if (auto result = StopBySocket(StopSocketPath(link_->socket_path()))) return *result;
+  }
+  const auto stop_on = [this](const std::shared_ptr<grpc::Channel>& channel) {
+    return ForceResultOf(link_->Call<Device>(&Device::Stub::StopForces, v1::StopForcesRequest(),
+                                             kCallTimeout, channel));
+  };
+  try {
+    return stop_on(link_->stop_channel());
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kUnavailable) throw;
+  }
+  return stop_on(link_->channel());  // palpated may have had one connection too many
 }
 
 DeviceHealth Calls::CalibrateDevice(const std::string& device) {

@@ -152,7 +152,8 @@ class Calls {
   ForceResult EnableForces(const std::string& device = {});
   // Ramps the forces down to zero. They stay off until they are enabled again.
   ForceResult DisableForces();
-  // Emergency stop: zero force within one tick, until forces are enabled again.
+  // Emergency stop: zero force within one tick, until forces are enabled again. On palpated's
+  // machine by a socket for that alone, over the network on a connection for that alone.
   ForceResult StopForces();
   // Calibrates the device in its place of rest, when the stylus is docked next; some devices by
   // moving their arm. `device`: its configuration name, needed if its arm moves. Errors:
@@ -160,7 +161,8 @@ class Calls {
   // not there, or its forces are on).
   DeviceHealth CalibrateDevice(const std::string& device = {});
   // Puts a force of at most 0.5 N on the hand for at most 5 s, to try the motors. Returns the first
-  // tick with it. Errors: kInvalidArgument, kFailedPrecondition (the forces do not act).
+  // tick with it. Of any 10 s, pushes of all clients together take at most 5 s. Errors:
+  // kInvalidArgument, kTooLarge (they have taken that), kFailedPrecondition (the forces do not act).
   std::uint64_t PushHand(const Vec3& force_n, double seconds);
   // Leads the hand of the simulated device. Returns at once, and does not connect: see HandLead.
   std::unique_ptr<HandLead> LeadHand();

@@ -4,6 +4,8 @@
 // Threads: plain values.
 #pragma once
 
+#include <string_view>
+
 #include "common/contract/device.h"
 #include "common/contract/enumerations.h"
 
@@ -16,6 +18,9 @@ using palpate::ListedDevice;
 using palpate::Role;
 using palpate::ServoDescription;
 using palpate::VerificationLevel;
+
+// Stands for the emergency stop where a setting's key is wanted.
+inline constexpr std::string_view kStopKey = "stop";
 
 using DaemonInfo = GetDeviceResponse;
 using ForceResult = EnableForcesResponse;

@@ -2,7 +2,7 @@
 
 #include <string>
 #include <thread>
-#include <tuple>
+#include <utility>
 
 #include "client/sdk/backoff.h"
 #include "common/wire/status.h"
@@ -33,34 +33,43 @@ Error ClosedError() { return {ErrorKind::kCancelled, "the connection was closed"
 }  // namespace
 
 Link::Link(const Server& server) : route_(server) {
-  std::tie(channel_, volume_channel_) = MakeChannels();
+  channels_ = MakeChannels();
 }
 
-std::pair<std::shared_ptr<grpc::Channel>, std::shared_ptr<grpc::Channel>> Link::MakeChannels()
-    const {
+Link::Channels Link::MakeChannels() const {
   // Read the credentials once: a token may come through a pipe.
   const auto credentials = route_.MakeCredentials();
   return {route_.MakeChannel(credentials, Arguments()),
+          route_.MakeChannel(credentials, Arguments()),
           route_.MakeChannel(credentials, Arguments())};
 }
 
-std::shared_ptr<grpc::Channel> Link::channel() const {
-  const std::lock_guard lock(mutex_);
-  return channel_;
-}
-
-std::shared_ptr<grpc::Channel> Link::volume_channel() const {
-  const std::lock_guard lock(mutex_);
-  return volume_channel_;
+void Link::KeepStopReady() {
+  if (!socket_path().empty()) return;
+  const std::shared_ptr<grpc::Channel> channel = stop_channel();
+  const bool is_ready = channel->GetState(/*try_to_connect=*/true) == GRPC_CHANNEL_READY;
+  if (std::exchange(stop_is_ready_, is_ready) || !is_ready) return;
+  // Until its first call, palpated takes a connection for a stranger's.
+  struct Greeting {
+    explicit Greeting(const std::shared_ptr<grpc::Channel>& to)
+        : stub(v1::DeviceService::NewStub(to)) {}
+    std::unique_ptr<v1::DeviceService::Stub> stub;
+    grpc::ClientContext context;
+    v1::GetDeviceRequest request;
+    v1::GetDeviceResponse response;
+  };
+  const auto greeting = std::make_shared<Greeting>(channel);
+  greeting->context.set_deadline(std::chrono::system_clock::now() + kCallTimeout);
+  greeting->stub->async()->GetDevice(&greeting->context, &greeting->request, &greeting->response,
+                                     [greeting](const grpc::Status&) {});
 }
 
 void Link::Renew() {
   if (!route_.CanReadAgain()) return;
   try {
-    auto channels = MakeChannels();
+    Channels channels = MakeChannels();
     const std::lock_guard lock(mutex_);
-    channel_.swap(channels.first);
-    volume_channel_.swap(channels.second);
+    std::swap(channels_, channels);
   } catch (const Error&) {
     // A file of the credentials is being replaced; the next attempt reads it again.
   }

@@ -31,10 +31,17 @@ class Link {
 
   const std::string& name() const { return route_.name(); }
   bool shares_clock() const { return !route_.socket_path().empty(); }
-  // channel() is for calls and poses, volume_channel() for voxels.
-  std::shared_ptr<grpc::Channel> channel() const;
-  std::shared_ptr<grpc::Channel> volume_channel() const;
-  // Makes both channels new for an attempt to connect. A channel that has failed refuses all calls
+  // Each has a connection of its own. channel() is for calls and poses, volume_channel() for voxels
+  // and uploads, stop_channel() for the emergency stop alone.
+  std::shared_ptr<grpc::Channel> channel() const { return ChannelOf(&Channels::calls); }
+  std::shared_ptr<grpc::Channel> volume_channel() const { return ChannelOf(&Channels::volume); }
+  std::shared_ptr<grpc::Channel> stop_channel() const { return ChannelOf(&Channels::stop); }
+  // Over the network, connects the stop's channel if it is not connected. Does not wait. Call it
+  // about once a second, on one thread.
+  void KeepStopReady();
+  // Empty over TCP.
+  const std::string& socket_path() const { return route_.socket_path(); }
+  // Makes all channels new for an attempt to connect. A channel that has failed refuses all calls
   // until gRPC's own pause is over and gRPC has connected in the background. With the old channel,
   // an attempt or two would fail although the daemon is back.
   void Renew();
@@ -55,15 +62,17 @@ class Link {
 
   // Calls a unary method of a service, for example
   //   Call<v1::RenderService>(&v1::RenderService::Stub::GetSettings, request)
-  // Errors: the status as ErrorOf returns it.
+  // own_channel: in place of channel(). Errors: the status as ErrorOf returns it.
   template <typename Service, typename Request, typename Response>
   Response Call(grpc::Status (Service::Stub::*method)(grpc::ClientContext*, const Request&,
                                                       Response*),
-                const Request& request, std::chrono::milliseconds timeout = kCallTimeout) {
+                const Request& request, std::chrono::milliseconds timeout = kCallTimeout,
+                const std::shared_ptr<grpc::Channel>& own_channel = nullptr) {
     // palpated takes only a small first call of a connection.
     if (request.ByteSizeLong() > kSmallBytes) WaitUntilReached(timeout);
     return WhenLoaded([&] {
-      const std::unique_ptr<typename Service::Stub> stub = Service::NewStub(channel());
+      const std::unique_ptr<typename Service::Stub> stub = 
+          Service::NewStub(own_channel ? own_channel : channel());
       grpc::ClientContext context;
       context.set_deadline(std::chrono::system_clock::now() + timeout);
       const Registered registered(*this, context);
@@ -157,15 +166,22 @@ class Link {
   // Returns false if the caller does not want to wait.
   bool WaitForLoading(const Error& error) const;
   void TryToReach(std::chrono::milliseconds timeout) const;
-  std::pair<std::shared_ptr<grpc::Channel>, std::shared_ptr<grpc::Channel>> MakeChannels() const;
+  struct Channels {
+    std::shared_ptr<grpc::Channel> calls, volume, stop;
+  };
+  Channels MakeChannels() const;
+  std::shared_ptr<grpc::Channel> ChannelOf(std::shared_ptr<grpc::Channel> Channels::*which) const {
+    const std::lock_guard lock(mutex_);
+    return channels_.*which;
+  }
   std::string WhatGrpcSays(const std::shared_ptr<grpc::Channel>& channel) const;
 
   const Route route_;
   std::function<bool(const std::string&)> on_loading_;
+  bool stop_is_ready_ = false;  // of the thread that keeps it so
 
   mutable std::mutex mutex_;
-  std::shared_ptr<grpc::Channel> channel_;
-  std::shared_ptr<grpc::Channel> volume_channel_;
+  Channels channels_;
   std::set<grpc::ClientContext*> running_;
   bool cancelled_ = false;
 };

@@ -22,6 +22,7 @@ constexpr milliseconds kPileWait{1};    // for the next message of the pile, whi
 constexpr milliseconds kPosePoll{50};   // how often to look for the end and for another rate
 constexpr milliseconds kSilence{2000};  // afterwards, ask palpated whether it still runs
 constexpr milliseconds kProbeTimeout{3000};
+constexpr milliseconds kKeepStop{1000};
 constexpr double kBatchS = 0.010;
 constexpr double kLongestBatchS = 0.050;
 
@@ -87,6 +88,7 @@ void PoseFollower::Run() {
 
 void PoseFollower::Follow() {
   link_.Renew();
+  kept_stop_ = {};
   const std::unique_ptr<v1::PoseService::Stub> stub = v1::PoseService::NewStub(link_.channel());
   events_.first_settings(AskForSettings());
   Report({ConnectionState::kConnected, {}});
@@ -112,6 +114,10 @@ void PoseFollower::Read(Call& call, int rate_number) {
   v1::StreamPosesResponse message;
   auto heard = Clock::now();
   while (!monitor_.stopping() && rate_number == rate_number_) {
+    if (Clock::now() - kept_stop_ > kKeepStop) {
+      link_.KeepStopReady();
+      kept_stop_ = Clock::now();
+    }
     switch (call.Next(kPosePoll, message)) {
       case CallEvent::kMessage:
         backoff_.Reset();

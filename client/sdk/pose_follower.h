@@ -5,6 +5,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -65,6 +66,7 @@ class PoseFollower {
   // Used by the pose thread only.
   std::uint64_t dropped_before_ = 0;  // by ended streams
   bool is_slow_ = false;              // the last callback took at least kSlow
+  std::chrono::steady_clock::time_point kept_stop_{};  // the last Link::KeepStopReady
 
   mutable std::mutex mutex_;
   std::optional<Pose> newest_;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "client/sdk/messages.h"
+#include "palpate/v1/device.grpc.pb.h"
 #include "palpate/v1/volume.grpc.pb.h"
 
 namespace palpate::client {
@@ -152,7 +153,11 @@ LoadResult Upload(Link& link, const fs::path& file, const LoadOptions& options,
   v1::UploadVolumeRequest start;
   *start.mutable_start() = sending.Start(link);
   *start.mutable_start()->mutable_options() = ToProto(options);
-  const auto stub = v1::VolumeService::NewStub(link.channel());
+  const auto channel = link.volume_channel();
+  // palpated takes only a small first call of a connection.
+  link.Call<v1::DeviceService>(&v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest(),
+                               kCallTimeout, channel);
+  const auto stub = v1::VolumeService::NewStub(channel);
   grpc::ClientContext context;
   const Link::Registered registered(link, context);
   v1::UploadVolumeResponse response;

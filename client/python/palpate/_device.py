@@ -4,10 +4,12 @@ import dataclasses
 import typing
 
 from palpate._enums import Role
+from palpate._errors import Unavailable
 from palpate._geometry import Triple, vector_of
 from palpate._hand import Hand
 from palpate._held import fields_in, held_in
 from palpate._link import Link
+from palpate._stop_socket import stop_by_socket, stop_socket_path
 from palpate._value_list import (DeviceDescription, DeviceHealth, ForceStatus, ListedDevice,
                                  ServoDescription)
 from palpate._values import number, text_of
@@ -60,6 +62,7 @@ class Device:
     def __init__(self, link: Link) -> None:
         self._link = link
         self._stub = link.stub(device_pb2_grpc.DeviceServiceStub)
+        self._stop_stub = link.stop_stub(device_pb2_grpc.DeviceServiceStub)
 
     def info(self) -> DeviceInfo:
         """Returns the device, its state and the servo's.
@@ -97,9 +100,19 @@ class Device:
     def stop(self) -> ForceStatus:
         """Emergency stop: zero force within a tick, until forces are enabled again.
 
+        On palpated's machine by a socket for that alone, over the network on a connection for
+        that alone.
         Errors: Unavailable. Example: conn.device.stop()
         """
-        return self._force_call(self._stub.StopForces, device_pb2.StopForcesRequest())
+        self._link.check_open()
+        if self._link.socket_path:
+            stopped = stop_by_socket(stop_socket_path(self._link.socket_path))
+            if stopped is not None:
+                return stopped
+        try:
+            return self._force_call(self._stop_stub.StopForces, device_pb2.StopForcesRequest())
+        except Unavailable:  # such as one connection too many
+            return self._force_call(self._stub.StopForces, device_pb2.StopForcesRequest())
 
     def calibrate(self, kind: str = "") -> DeviceInfo:
         """Calibrates the device in its place of rest, when the stylus is docked next.
@@ -117,8 +130,9 @@ class Device:
     def push(self, force_n: Triple, seconds: float = 0.5) -> int:
         """Puts a small constant force on the hand, to try the motors. Returns its first tick.
 
-        force_n: (3,) in the device frame, at most 0.5 N long. seconds: at most 5.
-        Errors: InvalidArgument, FailedPrecondition (the forces do not act), Unavailable.
+        force_n: (3,) in the device frame, at most 0.5 N long. seconds: at most 5. Of any 10 s,
+        pushes of all clients together take at most 5 s.
+        Errors: InvalidArgument, TooLarge (pushes have taken that), FailedPrecondition (the forces do not act), Unavailable.
         Example: conn.device.push((0, 0.3, 0))
         """
         request = device_pb2.PushHandRequest(force_n=vector_of("force_n", force_n),

@@ -30,6 +30,7 @@ _SAY_LOADING_S = 5.0
 _BACK_S = 0.5
 
 _OPTIONS = [
+    ("grpc.use_local_subchannel_pool", 1),
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 300),
     # A proxy for web pages must not carry haptic streams.
@@ -62,8 +63,10 @@ class Link:
         self._credentials = credentials
         tls = credentials.channel_credentials(is_tcp=not self._is_local)
         options = _OPTIONS if self._is_local else _NETWORK_OPTIONS
-        self._channel = (grpc.insecure_channel(target, options=options) if tls is None else
-                         grpc.secure_channel(target, tls, options=options))
+        # Each with a connection of its own.
+        self._channel, self._stop_channel = (
+            grpc.insecure_channel(target, options=options) if tls is None else
+            grpc.secure_channel(target, tls, options=options) for _ in range(2))
         self._is_open = True
         self._pid = os.getpid()
         self._said = 0.0  # when it was last said that palpated loads its first volume
@@ -72,10 +75,20 @@ class Link:
         """Returns a generated stub for calls through this class."""
         return kind(self._channel)
 
+    def stop_stub(self, kind: typing.Any) -> typing.Any:
+        """As stub(), on a connection for the emergency stop alone."""
+        return kind(self._stop_channel)
+
+    @property
+    def socket_path(self) -> str:
+        """Empty over TCP."""
+        return self.name.removeprefix("unix:") if self._is_local else ""
+
     def close(self) -> None:
         self._is_open = False
         if os.getpid() == self._pid:  # a forked child would close the parent's connection
             self._channel.close()
+            self._stop_channel.close()
 
     def path(self, path: str | os.PathLike[str]) -> str:
         """Returns a path for the daemon, whose current folder is not ours.
@@ -96,7 +109,8 @@ class Link:
         started_by = time.monotonic() + (_START_S if is_here else 0.0)
         while True:
             try:
-                return self._greet()
+                self._greet()
+                return self._connect_stop()
             except grpc.RpcError as failed:
                 error = self._connect_error(failed)
                 if not isinstance(error, Unavailable) or time.monotonic() > started_by:
@@ -107,6 +121,14 @@ class Link:
         """Makes a cheap call that every client may make."""
         stub = self.stub(device_pb2_grpc.DeviceServiceStub)
         stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=_CONNECT_TIMEOUT_S)
+
+    def _connect_stop(self) -> None:
+        """Over the network, begins to connect the stop's connection."""
+        if self._is_local:
+            return
+        # Until its first call, palpated takes a connection for a stranger's.
+        self.stop_stub(device_pb2_grpc.DeviceServiceStub).GetDevice.future(
+            device_pb2.GetDeviceRequest(), timeout=_CALL_TIMEOUT_S, wait_for_ready=True)
 
     def _is_back(self) -> bool:
         """Waits a moment for a palpated that was started again.

@@ -1,6 +1,22 @@
 #include "client/view/live/emergency_stop.h"
 
 namespace palpate::view {
+namespace {
+
+// A palpated that ends answers that they are off.
+bool AreOff(client::ForceState state) {
+  return state == client::ForceState::kStopped || state == client::ForceState::kOff;
+}
+
+// What the newest pose tells; it may be older than the stop.
+std::string ForcesNow(const client::Client& client) {
+  const std::optional<client::Pose> pose = client.NewestPose();
+  const bool is_connected = client.connection().state == client::ConnectionState::kConnected;
+  if (is_connected && pose && AreOff(pose->forces.state)) return std::string(Describe(pose->forces.state).says);
+  return "switch the device off";
+}
+
+}  // namespace
 
 void EmergencyStop::Send() {
   const std::lock_guard lock(mutex_);
@@ -8,11 +24,12 @@ void EmergencyStop::Send() {
   ++under_way_;
   commands_.Do("emergency stop", [this](client::Client& client) {
     try {
-      client.StopForces();
-      Finish({.text = "emergency stop: forces are off"});
+      const client::ForceStatus forces = client.StopForces().forces;
+      Finish({.text = "emergency stop: " + std::string(Describe(forces.state).says),
+              .is_bad = !AreOff(forces.state)});
     } catch (const Error& error) {
-      Finish({.text = std::string("emergency stop NOT sent: ") + error.what() +
-                      "; switch the device off",
+      Finish({.text = std::string("emergency stop NOT confirmed: ") + error.what() + "; " +
+                      ForcesNow(client),
               .is_bad = true});
     }
   });

@@ -1,0 +1,48 @@
+"""The emergency stop by palpated's own socket for it. client/sdk/stop_socket.h has the same."""
+
+import os
+import socket
+
+from palpate._enums import ForceReason, ForceState
+from palpate._errors import Unavailable
+from palpate._value_list import ForceStatus
+
+# palpated answers within a second. In a flood it may close a connection: the next one may pass.
+_PATIENCE_S = 1.5
+_TRIES = 3
+
+
+def stop_socket_path(socket_path: str) -> str:
+    """As StopSocketPath in common/wire/address.h."""
+    base, suffix = os.path.splitext(socket_path)
+    return base + "-stop.sock" if suffix == ".sock" else socket_path + "-stop"
+
+
+def stop_by_socket(path: str) -> ForceStatus | None:
+    """Returns what the forces are then; None if nobody answers there.
+
+    Errors: Unavailable (the loop does not tick, and the stop acts in its next tick).
+    """
+    for _ in range(_TRIES):
+        words = _ask(path).split()
+        if words[:1] == [b"waits"]:
+            raise Unavailable("the haptic loop did not tick within 1 s: the stop holds from its "
+                              "next tick on; look at palpated's log, or end it")
+        if len(words) == 5:
+            state, reason = (word.decode().upper().replace("-", "_") for word in words[:2])
+            return ForceStatus(state=ForceState[state], reason=ForceReason[reason],
+                               limit_n=float(words[3]), torque_limit_n_mm=float(words[4]))
+        if not os.access(path, os.W_OK):
+            break
+    return None
+
+
+def _ask(path: str) -> bytes:
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(_PATIENCE_S)
+            connection.connect(path)
+            connection.sendall(b"stop\n")
+            return connection.recv(256)  # the answer is one write
+    except OSError:
+        return b""
