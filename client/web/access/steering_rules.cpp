@@ -5,6 +5,7 @@
 #include <cmath>
 #include <variant>
 
+#include "client/sdk/device.h"
 #include "client/sdk/placement.h"
 #include "client/sdk/settings.h"
 
@@ -42,6 +43,7 @@ bool IsSetting(std::string_view key) {
 
 std::string SteeringRules::Refusal(const Session& session, std::string_view key, double value,
                                    Time now) {
+  if (key == client::kStopKey) return {};
   const auto& allowed = session.may_steer;
   if (!IsSetting(key) || std::find(allowed.begin(), allowed.end(), key) == allowed.end()) {
     return "you may not change this setting";

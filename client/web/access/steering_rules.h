@@ -1,5 +1,5 @@
 // Which changes of settings a user may make: only settings that the operator allowed, values in the
-// setting's range, and not too many.
+// setting's range, and not too many. The emergency stop is everybody's: whoever may watch may stop.
 //
 // Threads: one.
 #pragma once

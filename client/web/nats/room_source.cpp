@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "client/sdk/device.h"
 #include "client/web/source/clock.h"
 #include "client/web/source/topic_text.h"
 #include "client/web/volume/blob_name.h"
@@ -39,8 +40,17 @@ RoomSource::RoomSource(RoomOptions options, Hub& hub, Post post)
   PutConnection();
   live_->Start();
   kept_->Start();
-  asker_ = std::make_unique<Worker>();
-  steerer_ = std::make_unique<Worker>();
+  const auto failed = [this](const std::string& why) {
+    post_([this, why] { Log("NATS: " + why); });
+  };
+  asker_ = std::make_unique<Worker>(failed);
+  steerer_ = std::make_unique<Worker>(failed);
+  stopper_ = std::make_unique<Stopper>(
+      post_,
+      [this](const std::string& user) {
+        return AskPublisher({.user = user, .key = std::string(client::kStopKey)});
+      },
+      failed);
 }
 
 // Poses and voxels on connections of their own: voxels would hold up the poses.
@@ -230,7 +240,8 @@ void RoomSource::Poll() {
 
 void RoomSource::Steer(const SteerRequest& request, std::function<void(std::string error)> done) {
   std::string refusal;
-  if (!UpdateOf(request.key, request.value) && !FacingOf(request.key, request.value)) {
+  const bool is_stop = request.key == client::kStopKey;
+  if (!is_stop && !UpdateOf(request.key, request.value) && !FacingOf(request.key, request.value)) {
     refusal = request.key + " does not take this value";
   } else if (options_.server.user.empty()) {
     refusal = "this gateway may not change settings";
@@ -240,6 +251,12 @@ void RoomSource::Steer(const SteerRequest& request, std::function<void(std::stri
   if (!refusal.empty()) {
     options_.steered(false);
     return done(refusal);
+  }
+  if (is_stop) {
+    return stopper_->Ask(request.user, [this, request, done = std::move(done)](const std::string& error) {
+      TellSteered(request, error);
+      done(error);
+    });
   }
   steerer_->PutLast(request.user + " " + request.key,
                     [this, request, done = std::move(done)](bool is_replaced) {

@@ -29,6 +29,7 @@
 #include "client/web/nats/room_state.h"
 #include "client/web/nats/subjects.h"
 #include "client/web/source/source.h"
+#include "client/web/source/stopper.h"
 #include "client/web/source/worker.h"
 
 namespace palpate::web {
@@ -45,6 +46,7 @@ class RoomSource final : public Source {
   // While the publisher takes a change, a user's newest change of a key replaces the same user's
   // one that waits; that is done then.
   void Steer(const SteerRequest& request, std::function<void(std::string error)> done) override;
+  bool MayStop() const override { return !options_.server.user.empty(); }
   std::string Health() const override { return connection_.why; }
   bool is_copy_complete() const override { return is_complete_ && kept_->is_connected(); }
 
@@ -105,6 +107,7 @@ class RoomSource final : public Source {
   std::unique_ptr<NatsLink> kept_;
   std::unique_ptr<NatsLink> live_;           // ends first: a beat asks by kept_
   std::unique_ptr<Worker> asker_, steerer_;  // end before the links, which they use
+  std::unique_ptr<Stopper> stopper_;         // as they do
 };
 
 }  // namespace palpate::web

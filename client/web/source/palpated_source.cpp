@@ -51,7 +51,20 @@ PalpatedSource::PalpatedSource(PalpatedOptions options, Hub& hub, Post post)
   volume_ = std::make_unique<VolumeThread>(
       *client_, options_.with_groups,
       [this](const VolumeNews& news) { post_([this, news] { PutVolume(news); }); });
-  worker_ = std::make_unique<Worker>();
+  const auto failed = [this](const std::string& why) {
+    post_([this, why] { options_.log("a change failed: " + OneLine(why)); });
+  };
+  worker_ = std::make_unique<Worker>(failed);
+  const auto stop = [this](const std::string&) -> std::string {
+    try {
+      client_->StopForces();
+      return "";
+    } catch (const Error& error) {
+      post_([this, why = OneLine(error.what())] { options_.log("an emergency stop failed: " + why); });
+      return PlainRefusal(error);
+    }
+  };
+  stopper_ = std::make_unique<Stopper>(post_, stop, failed);
 }
 
 PalpatedSource::~PalpatedSource() { client_->EndCalls(); }
@@ -180,6 +193,7 @@ void PalpatedSource::PutHeld() {
 
 void PalpatedSource::Steer(const SteerRequest& request,
                            std::function<void(std::string error)> done) {
+  if (request.key == client::kStopKey) return Stop(request, std::move(done));
   const auto update = UpdateOf(request.key, request.value);
   auto facing = FacingOf(request.key, request.value);
   if (facing && lattice_) facing->loaded_revision = lattice_->loaded_revision;
@@ -198,6 +212,9 @@ void PalpatedSource::Steer(const SteerRequest& request,
                      } catch (const Error& refusal) {
                        error = refusal.what();
                        plain = PlainRefusal(refusal);
+                     } catch (const std::exception& failure) {
+                       error = failure.what();
+                       plain = "the gateway cannot do this now";
                      }
                      post_([this, request, done, error, plain] {
                        PutSteered(request, error);
@@ -206,9 +223,16 @@ void PalpatedSource::Steer(const SteerRequest& request,
                    });
 }
 
+void PalpatedSource::Stop(const SteerRequest& request,
+                          std::function<void(std::string error)> done) {
+  stopper_->Ask(request.user, [this, request, done = std::move(done)](const std::string& error) {
+    PutSteered(request, error);
+    done(error);
+  });
+}
+
 void PalpatedSource::PutSteered(const SteerRequest& request, const std::string& error) {
-  TellSteered(request, error);
-  if (!error.empty()) return;
+  if (!TellSteered(request, error) || !error.empty()) return;
   steered_.push_back({request.user, request.key, request.value, NowMs()});
   if (steered_.size() > kMostSteered) steered_.pop_front();
   hub_.Put(Topic::kSteering, SteeringText(steered_));

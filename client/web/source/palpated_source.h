@@ -19,6 +19,7 @@
 #include "client/sdk/client.h"
 #include "client/web/hub/hub.h"
 #include "client/web/source/source.h"
+#include "client/web/source/stopper.h"
 #include "client/web/source/topic_text.h"
 #include "client/web/source/volume_thread.h"
 #include "client/web/source/worker.h"
@@ -59,6 +60,7 @@ class PalpatedSource final : public Source {
   void CheckRights(client::Role role);
   void PutVolume(const VolumeNews& news);
   void PutHeld();
+  void Stop(const SteerRequest& request, std::function<void(std::string error)> done);
   void PutSteered(const SteerRequest& request, const std::string& error);
 
   const PalpatedOptions options_;
@@ -85,6 +87,7 @@ class PalpatedSource final : public Source {
   std::unique_ptr<client::Client> client_;
   std::unique_ptr<VolumeThread> volume_;
   std::unique_ptr<Worker> worker_;
+  std::unique_ptr<Stopper> stopper_;
 };
 
 }  // namespace palpate::web

@@ -1,5 +1,8 @@
 #include "client/web/source/source.h"
 
+#include <utility>
+
+#include "client/sdk/device.h"
 #include "client/web/source/clock.h"
 #include "client/web/source/topic_text.h"
 #include "common/error/one_line.h"
@@ -11,6 +14,7 @@ std::string Source::Hello(const std::string& user,
   return HelloText({.version = common_.version,
                     .user = user,
                     .may_steer = may_steer,
+                    .may_stop = MayStop(),
                     .server_time_ms = NowMs()});
 }
 
@@ -20,11 +24,22 @@ std::optional<double> Source::pose_age_s() const {
   return 1e-9 * static_cast<double>(MonotonicNs() - time_ns);
 }
 
-void Source::TellSteered(const SteerRequest& request, const std::string& error) {
+bool Source::TellSteered(const SteerRequest& request, const std::string& error) {
+  constexpr std::int64_t kSameStop_ms = 1000;
+  const bool is_stop = request.key == client::kStopKey;
+  if (is_stop && error.empty()) {
+    const std::int64_t before_ms = std::exchange(stopped_ms_, NowMs());
+    if (std::exchange(stopped_by_, request.user) == request.user &&
+        stopped_ms_ - before_ms < kSameStop_ms) {
+      return false;
+    }
+  }
   common_.steered(error.empty());
   const std::string line =
-      request.user + " sets " + request.key + " to " + std::to_string(request.value);
+      request.user + (is_stop ? std::string(" stops the forces")
+                              : " sets " + request.key + " to " + std::to_string(request.value));
   common_.log(error.empty() ? line : line + ": refused: " + OneLine(error));
+  return true;
 }
 
 }  // namespace palpate::web

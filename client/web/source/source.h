@@ -41,6 +41,8 @@ class Source {
   virtual BlobPtr FindBlob(std::string_view name) const = 0;
   virtual void Steer(const SteerRequest& request, std::function<void(std::string error)> done) = 0;
   virtual std::string Health() const = 0;
+  // Whether the emergency stop can reach palpated from here.
+  virtual bool MayStop() const { return true; }
   std::string Hello(const std::string& user, const std::vector<std::string>& may_steer) const;
 
   // For metrics. Any thread.
@@ -51,11 +53,14 @@ class Source {
  protected:
   // When the newest pose was, by MonotonicNs. Any thread.
   void SetPoseTime(std::int64_t time_ns) { pose_time_ns_ = time_ns; }
-  // `error`: why the change was refused; empty: it was not.
-  void TellSteered(const SteerRequest& request, const std::string& error);
+  // `error`: why the change was refused; empty: it was not. Returns false for a stop right after one
+  // of the same user, which is not told again.
+  bool TellSteered(const SteerRequest& request, const std::string& error);
 
  private:
   const SourceOptions common_;
+  std::string stopped_by_;  // the last stop that was told
+  std::int64_t stopped_ms_ = 0;
   std::atomic<std::int64_t> pose_time_ns_{0};
 };
 

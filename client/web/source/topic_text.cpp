@@ -82,6 +82,7 @@ std::string HelloText(const HelloInfo& info) {
                {"version", info.version},
                {"user", info.user},
                {"may_steer", info.may_steer},
+               {"may_stop", info.may_stop},
                {"settings", settings},
                {"server_time_ms", info.server_time_ms}});
 }

@@ -25,6 +25,7 @@ struct HelloInfo {
   std::string version{};
   std::string user{};
   std::vector<std::string> may_steer{};
+  bool may_stop = true;
   std::int64_t server_time_ms = 0;
 };
 std::string HelloText(const HelloInfo& info);

@@ -2,6 +2,7 @@
 import type { State } from "../state";
 import { find, make, setText } from "./dom";
 import { kFacingKey } from "./facing";
+import { kStopKey } from "./stop";
 import { kTicksPerS } from "./words";
 
 export function showHeader(state: State): void {
@@ -82,7 +83,7 @@ export function tellSteering(state: State): void {
     if (!isNews) return;
     const setting = state.hello?.settings.find(({ key }) => key === change.key);
     const label = change.key === kFacingKey ? "Where it faces" : (setting?.label ?? change.key);
-    const text = `${label} set by ${change.user}`;
+    const text = change.key === kStopKey ? `Forces stopped by ${change.user}` : `${label} set by ${change.user}`;
     if (text !== toldText || change.time_ms - toldMs > kSameChangeMs) state.tell(text);
     [toldText, toldMs] = [text, change.time_ms];
   });

@@ -14,6 +14,7 @@ import { showLogin } from "./login";
 import { showPlots } from "./plots";
 import { showProgress } from "./progress";
 import { showSlices } from "./slices";
+import { showStop } from "./stop";
 import { showValues } from "./values";
 import { valueText } from "./words";
 
@@ -128,6 +129,7 @@ export function buildInterface(state: State, room: Room, copy: VolumeCopy, actio
   tellSteering(state);
   showHistogram(find("isovalue"), state, room);
   showControls(state, room);
+  showStop(state, room);
   showSlices(state, copy);
   showFacing(state, room);
   showLogin(state, room);

@@ -26,7 +26,7 @@ export interface SteeringMessage {
 }
 
 export interface Messages {
-  hello: { version: string; user: string; may_steer: string[]; settings: SettingInfo[] };
+  hello: { version: string; user: string; may_steer: string[]; may_stop: boolean; settings: SettingInfo[] };
   // The gateway's link to palpated. In a room of a NATS server: to NATS, to the room's publisher, and that one's to
   // palpated. `why` is "" if it is connected.
   connection: { state: "connecting" | "connected" | "lost"; why: string; palpated: string };
