@@ -41,9 +41,19 @@ std::string ForcesNow(client::Calls& palpated) {
   }
 }
 
+client::ForceResult StopForces(client::Calls& palpated) {
+  try {
+    return palpated.StopForces();
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kUnavailable) throw;
+  }
+  palpated.WaitUntilReached(std::chrono::seconds(3));  // it may just be starting
+  return palpated.StopForces();
+}
+
 void Stop(client::Calls& palpated, bool json) {
   try {
-    PrintForces(palpated.StopForces(), json);
+    PrintForces(StopForces(palpated), json);
   } catch (const Error& error) {
     throw Error(error.kind(), std::string("the stop is not confirmed: ") + error.what() + "; " +
                                   ForcesNow(palpated));
@@ -168,7 +178,8 @@ void AddPush(arguments::Command& device, Invocation& invocation) {
   arguments::Command* command =
       Add(device, invocation, "push",
           "Puts a small constant force on the hand for a short time, to try the motors. Nothing\n"
-          "else is felt meanwhile. Hold the stylus. Forces must be enabled.",
+          "else is felt meanwhile. Hold the stylus. Forces must be enabled. Pushes of all clients\n"
+          "together take at most 5 s of any 10 s.",
           "Example: palpate device push 0 0.3 0", [push](client::Calls& palpated, bool json) {
             const std::uint64_t tick = palpated.PushHand(
                 Vec3(push->force_n[0], push->force_n[1], push->force_n[2]), push->seconds);

@@ -5,6 +5,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstring>
 #include <sstream>
 #include <string_view>
@@ -18,20 +19,21 @@ namespace {
 constexpr timeval kPatience{1, 500'000};
 constexpr int kTries = 3;
 
-// Returns the answer; empty: there was none.
-std::string Ask(const sockaddr_un& address) {
+// Returns the answer. Empty: the connection was closed. None: nobody answers.
+std::optional<std::string> Ask(const sockaddr_un& address) {
   const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  if (fd < 0) return "";
+  if (fd < 0) return std::nullopt;
   setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &kPatience, sizeof(kPatience));
   setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &kPatience, sizeof(kPatience));
   constexpr std::string_view kRequest = "stop\n";
-  std::string answer;
-  if (connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 &&
-      send(fd, kRequest.data(), kRequest.size(), MSG_NOSIGNAL) > 0) {
+  std::optional<std::string> answer;
+  if (connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0) {
+    send(fd, kRequest.data(), kRequest.size(), MSG_NOSIGNAL);
     char text[256];
     // The answer is one write.
     const ssize_t length = recv(fd, text, sizeof(text), 0);
-    if (length > 0) answer.assign(text, static_cast<std::size_t>(length));
+    if (length >= 0) answer.emplace(text, static_cast<std::size_t>(length));
+    if (length < 0 && errno == ECONNRESET) answer.emplace();
   }
   close(fd);
   return answer;
@@ -44,8 +46,10 @@ std::optional<ForceResult> StopBySocket(const std::string& path) {
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof(address.sun_path)) return std::nullopt;
   std::memcpy(address.sun_path, path.data(), path.size());
-  for (int n = 0; n < kTries && access(path.c_str(), W_OK) == 0; ++n) {
-    std::istringstream answer(Ask(address));
+  for (int n = 0; n < kTries; ++n) {
+    const std::optional<std::string> said = Ask(address);
+    if (!said) return std::nullopt;
+    std::istringstream answer(*said);
     std::string state, reason;
     ForceResult result;
     answer >> state;

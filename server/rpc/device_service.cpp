@@ -375,12 +375,14 @@ void DeviceService::Note(ForceCommand command, const Admission& by) {
   Note(command, by.caller().name, by.Who());
 }
 
+// Whoever may open the stop's socket may open the other one.
 void DeviceService::NoteLocalStop(const StopCaller& by) {
-  const std::string who = fmt::format("user {}, process {}", by.user, by.process);
-  Note(ForceCommand::kStop, "stop socket", who + " of this machine");
+  Note(ForceCommand::kStop, "stop socket", "local socket",
+       fmt::format(", user {}, process {}", by.user, by.process));
 }
 
-void DeviceService::Note(ForceCommand command, const std::string& whose, const std::string& who) {
+void DeviceService::Note(ForceCommand command, const std::string& whose, const std::string& who,
+                         const std::string& more) {
   const bool is_stop = command == ForceCommand::kStop;
   {
     const std::lock_guard lock(mutex_);
@@ -391,7 +393,7 @@ void DeviceService::Note(ForceCommand command, const std::string& whose, const s
   calls_.access().Changed("forces", who);
   // No other lines of the client may hide these.
   LogOfClient(is_stop ? LogLevel::kWarning : LogLevel::kInfo, "forces, " + whose,
-              "forces: {}, by {}", is_stop ? "emergency stop" : NameOf(command), who);
+              "forces: {}, by {}{}", is_stop ? "emergency stop" : NameOf(command), who, more);
 }
 
 std::string DeviceService::SetBy(const ForceTick& forces) const {

@@ -71,9 +71,11 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   void CheckName(const std::string& name) const;
   ForceTick Command(ForceCommand command);
   void Push(const Vec3& force_D_n, int ticks, const Credentials& by);
-  // The command holds: remembers and logs its caller. `whose`: lines of the log.
+  // The command holds: remembers and logs its caller. `whose`: lines of the log. `more`: of the
+  // caller, for the log.
   void Note(ForceCommand command, const Admission& by);
-  void Note(ForceCommand command, const std::string& whose, const std::string& who);
+  void Note(ForceCommand command, const std::string& whose, const std::string& who,
+            const std::string& more = {});
   void NoteLocalStop(const StopCaller& by);
   // Whose command made this state; empty: no client's.
   std::string SetBy(const ForceTick& forces) const;

@@ -5,14 +5,23 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
 
 #include "client/sdk/client.h"
+#include "tests/support/daemon.h"
 #include "tests/support/free_port.h"
 #include "tests/support/heard.h"
 #include "tests/support/live_view.h"
+#include "tests/support/places.h"
 #include "tests/support/refusal.h"
 #include "tests/support/restarted_daemon.h"
 #include "tests/support/stolen.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/throttle.h"
 
 namespace palpate::client {
 namespace {
@@ -470,6 +479,53 @@ TEST_F(SdkClientTimes, IsBackAfterThePauseThatRuns) {
   const double back_s = SecondsOf([&] { ASSERT_TRUE(client.WaitUntilConnected(60s)); });
   std::printf("down for %.2f s, back after %.2f s\n", down_s, back_s);
   EXPECT_LT(back_s, 2.0 * down_s + 0.4);
+}
+
+// At 20 Mbit/s, for all connections together.
+TEST(SdkStopTimes, AnUploadAddsNextToNothing) {
+  const test::TemporaryFolder folder;
+  const std::string config = folder.path() / "palpated.toml", file = folder.path() / "large.nrrd";
+  std::ofstream(config) << "[server]\nloopback_role = \"operator\"\n";
+  std::ofstream(file) << "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 256 256 320\n"
+                      << "encoding: raw\n\n"
+                      << std::string(20 << 20, 'a');
+  const int port = test::FreePort();
+  const test::Daemon daemon(test::kPalpated,
+                            {"builtin:sphere:16", "--listen", "127.0.0.1:" + std::to_string(port),
+                             "--config", config});
+  const test::Throttle link(port, 20e6 / 8);
+  Client client({.address = {.host_port = "127.0.0.1:" + std::to_string(link.port())}});
+  ASSERT_TRUE(client.WaitUntilConnected(60s));
+  const auto stop_ms = [&client] {
+    std::vector<double> taken_ms;
+    for (int n = 0; n < 30; ++n) {
+      const auto began = Clock::now();
+      EXPECT_EQ(client.StopForces().forces.state, ForceState::kStopped);
+      taken_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - began).count());
+      std::this_thread::sleep_for(50ms);
+    }
+    std::sort(taken_ms.begin(), taken_ms.end());
+    return taken_ms;
+  };
+  const std::vector<double> alone_ms = stop_ms();
+  std::atomic<bool> ends = false, begun = false;
+  auto upload = client.Async([&](Calls& calls) {
+    return Refusal([&] {
+      calls.UploadVolume(file, {}, [&](const Progress& now) {
+        begun = begun || now.fraction > 0.02;
+        return !ends;
+      });
+    });
+  });
+  ASSERT_TRUE(Eventually([&] { return begun.load(); }));
+  const std::vector<double> beside_ms = stop_ms();
+  EXPECT_EQ(upload.wait_for(0s), std::future_status::timeout);
+  ends = true;
+  std::printf("stops: median %.1f ms, worst %.1f; beside an upload %.1f, %.1f\n", alone_ms[15],
+              alone_ms.back(), beside_ms[15], beside_ms.back());
+  EXPECT_LT(beside_ms[15], alone_ms[15] + 50.0);
+  EXPECT_EQ(upload.get(), ErrorKind::kCancelled);
+  client.Disconnect();
 }
 
 class SdkStreamTimes : public SdkStreams {};

@@ -149,15 +149,23 @@ TEST_F(StopDoorTest, TheSocketIsForItsOwnerAndGroupAndTheStopIsKnownByItsUser) {
   const client::ForceResult stopped = calls.StopForces();
   EXPECT_EQ(stopped.forces.state, ForceState::kStopped);
   EXPECT_EQ(stopped.forces.reason, ForceReason::kStopCall);
-  const client::DaemonInfo info_now = calls.GetDevice();
-  EXPECT_EQ(info_now.forces.limit_n, stopped.forces.limit_n);
-  EXPECT_EQ(info_now.forces_set_by, "user " + std::to_string(getuid()) + ", process " +
-                                        std::to_string(getpid()) + " of this machine");
+  EXPECT_EQ(calls.GetDevice().forces.limit_n, stopped.forces.limit_n);
+  EXPECT_EQ(calls.GetDevice().forces_set_by, "local socket");
+  int told = 0;
+  served_->stop_door().SetOnStop([&](const StopCaller& by) {
+    EXPECT_EQ(by.user, getuid());
+    EXPECT_EQ(by.process, getpid());
+    ++told;
+  });
+  calls.StopForces();
+  served_->stop_door().TellStops();
+  EXPECT_EQ(told, 1);
   // Of a palpated of the last release.
   std::filesystem::remove(StopSocketPath(socket_));
   calls.EnableForces();
   EXPECT_EQ(calls.StopForces().forces.state, ForceState::kStopped);
-  EXPECT_EQ(calls.GetDevice().forces_set_by, "local socket");
+  served_->stop_door().TellStops();
+  EXPECT_EQ(told, 1);
 }
 
 TEST_F(StopDoorTest, WhoSendsNothingOrSomethingElseTakesNoPlace) {

@@ -337,7 +337,7 @@ TEST_F(ViewLive, AnEmergencyStopIsSaidWhenItIsDone) {
   EXPECT_EQ(feed.emergency_stop().line().text, "");
   feed.StopForces();
   const auto failed = [&] {
-    return feed.emergency_stop().line().text.find("NOT sent") != std::string::npos;
+    return feed.emergency_stop().line().text.find("NOT confirmed") != std::string::npos;
   };
   ASSERT_TRUE(Follow(feed, failed));
   EXPECT_TRUE(feed.emergency_stop().line().is_bad);

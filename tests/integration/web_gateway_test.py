@@ -148,6 +148,23 @@ class Steering(WebTest):
                                                for line in self.gateway.said)))
 
 
+    def test_all_who_are_logged_in_may_stop(self):
+        watcher, lecturer = self.guest(), self.guest(token=self.token)
+        for guest in (watcher, lecturer):
+            self.assertTrue(guest.wait_for("hello")["may_stop"])
+            self.conn.device.enable()
+            self.assertEqual(guest.steer("stop", 0), "")
+            self.assertEqual(self.conn.device.info().forces.reason, "stop-call")
+        changes = watcher.wait_for("steering", lambda message: [
+            change["key"] for change in message["changes"]][-2:] == ["stop", "stop"])["changes"]
+        self.assertEqual(changes[-1]["user"], "lecturer-1")
+        # Told once; each of them acts.
+        for _ in range(5):
+            self.assertEqual(lecturer.steer("stop", 0), "")
+        self.assertLess(sum("stops the forces" in line for line in self.gateway.said), 5)
+        self.conn.device.enable()
+
+
     def test_changes_of_two_users_are_each_set_and_shown(self):
         users = [self.guest(token=token) for token in (self.token, self.other)]
         self.daemon.stand_still()
@@ -162,7 +179,8 @@ class Steering(WebTest):
             self.assertEqual(user.wait_for("steered")["error"], "")
 
         def last(message):
-            return {change["user"]: change["value"] for change in message["changes"]}
+            return {change["user"]: change["value"] for change in message["changes"]
+                    if change["key"] == "isovalue"}
         users[0].wait_for("steering", lambda message: last(message) == {
             "lecturer-1": 0.2, "lecturer-2": 0.25})
 

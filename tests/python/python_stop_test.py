@@ -9,6 +9,8 @@ import unittest
 
 import grpc
 
+import palpate
+from palpate._stop_socket import stop_socket_path
 from palpate.v1 import (device_pb2, device_pb2_grpc, edit_pb2, pose_pb2, pose_pb2_grpc,
                         volume_pb2, volume_pb2_grpc, volume_stream_pb2)
 from secured import SecuredDaemon, stop_forces, wait_for
@@ -80,6 +82,30 @@ class StopTest(unittest.TestCase):
         self.check_stops()
         wait_for(lambda: all(nices().values()), "threads of each kind")
         self.assertEqual(nices(), expected)
+
+    def test_it_goes_by_its_own_socket_and_connection(self):
+        self.start("builtin:sphere:16")
+        with palpate.connect(self.daemon.socket) as conn:
+            self.assertEqual(conn.device.stop().state, "stopped")
+            own = f"by local socket, user {os.getuid()}, process {os.getpid()}"
+            wait_for(lambda: any(own in line for line in self.daemon.said), "the log")
+            os.unlink(stop_socket_path(self.daemon.socket))  # as with one of the last release
+            conn.device.enable()
+            self.assertEqual(conn.device.stop().reason, "stop-call")
+            self.assertEqual(conn.device.info().forces_set_by, "local socket")
+            self.assertEqual(sum(own in line for line in self.daemon.said), 1)
+        remote = self.enterContext(palpate.connect(
+            self.daemon.address, tls_ca=self.daemon.authority.ca,
+            token_file=self.daemon.tokens["viewer"]))
+
+        def connections():
+            table = pathlib.Path("/proc/net/tcp").read_text().splitlines()[1:]
+            here = f"0100007F:{self.daemon.port:04X}"
+            return sum(row.split()[1] == here and row.split()[3] == "01" for row in table)
+
+        wait_for(lambda: connections() == 2, "a connection for the stop alone")
+        self.assertEqual(remote.device.stop().state, "stopped")
+        self.assertEqual(connections(), 2)
 
     def test_while_viewers_stream(self):
         self.start("builtin:sphere:16")

@@ -31,6 +31,7 @@ class ServedSession {
 
   RunningSession& data() { return data_; }
   RpcServer& server() { return server_; }
+  StopDoor& stop_door() { return stop_door_; }
 
  private:
   RunningSession data_;

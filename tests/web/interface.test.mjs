@@ -244,6 +244,31 @@ pageTest("where there is no clipboard, the link is shown", {}, async (page) => {
   assert.match(await shown, /#room=KEY/);
 });
 
+pageTest("everybody can stop the forces, at the press, and hears what came of it", {}, async (page) => {
+  const isShown = () => page.$eval("#stop", (button) => !button.hidden);
+  assert.ok(!(await isShown()));
+  await page.evaluate(() => harness.connect({ mayStop: false }));
+  assert.ok(!(await isShown()));
+  await page.evaluate(() => harness.connect());
+  assert.ok(await isShown());
+  const stops = () => page.evaluate(() => harness.calls.filter(({ key }) => key === "stop").length);
+  const button = await (await page.$("#stop")).boundingBox();
+  await page.mouse.move(button.x + 5, button.y + 5);
+  await page.mouse.down();
+  await until(page, () => document.getElementById("stop-result").textContent === "forces stopped");
+  assert.equal(await stops(), 1);
+  await page.mouse.up();
+  assert.equal(await stops(), 1);
+  await page.evaluate(() => (harness.room.refusal = "palpated is not reached"));
+  await page.focus("#stop");
+  await page.keyboard.press("Enter");
+  await until(page, () => document.getElementById("stop-result").textContent.includes("palpated is not reached"));
+  assert.equal(await stops(), 2);
+  assert.equal(await page.$eval("#stop-result", (result) => result.dataset.tone), "alarm");
+  await page.evaluate(() => harness.receive("steering", { changes: [{ user: "ann", key: "stop", value: 0, time_ms: 1 }] }));
+  await until(page, () => harness.state.events.some((event) => event === "Forces stopped by ann"));
+});
+
 pageTest("controls by the kind of the setting; a refusal is said beside", {}, async (page) => {
   await page.evaluate(() => harness.connect({ mayFeel: ["stiffness_n_per_mm", "friction", "method"] }));
   await page.select("#steer-method", "0");

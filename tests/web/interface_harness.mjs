@@ -66,10 +66,10 @@ const kOthers = [
 ];
 function receive(type, members) { state.receive({ type, ...members }); }
 const fact = (name, members) => state.receiveFact({ [name]: members });
-function connect({ mayFeel = [], name = "head_ct_256.nrrd", axes = "LPS", answered = false } = {}) {
+function connect({ mayFeel = [], mayStop = true, name = "head_ct_256.nrrd", axes = "LPS", answered = false } = {}) {
   state.link = "open";
   state.emit("link");
-  receive("hello", { protocol: 1, version: "0.9.0", user: mayFeel.length ? "lecturer-1" : "guest-12", may_steer: mayFeel, settings: [kIsovalue, ...kOthers], server_time_ms: 0 });
+  receive("hello", { protocol: 1, version: "0.9.0", user: mayFeel.length ? "lecturer-1" : "guest-12", may_steer: mayFeel, may_stop: mayStop, settings: [kIsovalue, ...kOthers], server_time_ms: 0 });
   receive("connection", { state: "connected", why: "", palpated: "theatre-2", since_ms: 0 });
   copy.shape = { size: kSize, type: "int16", background: -1000, valueMin: -1000, valueMax: 1000 };
   const counts = Array.from({ length: 128 }, (_, n) => Math.round(90000 * Math.exp(-(((n - 20) / 9) ** 2)) + 30000 * Math.exp(-(((n - 66) / 6) ** 2)) + 6000 * Math.exp(-n / 60)));

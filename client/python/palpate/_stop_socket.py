@@ -1,5 +1,6 @@
 """The emergency stop by palpated's own socket for it. client/sdk/stop_socket.h has the same."""
 
+import contextlib
 import os
 import socket
 
@@ -24,7 +25,12 @@ def stop_by_socket(path: str) -> ForceStatus | None:
     Errors: Unavailable (the loop does not tick, and the stop acts in its next tick).
     """
     for _ in range(_TRIES):
-        words = _ask(path).split()
+        try:
+            words = _ask(path).split()
+        except ConnectionResetError:
+            continue
+        except OSError:
+            return None
         if words[:1] == [b"waits"]:
             raise Unavailable("the haptic loop did not tick within 1 s: the stop holds from its "
                               "next tick on; look at palpated's log, or end it")
@@ -32,17 +38,14 @@ def stop_by_socket(path: str) -> ForceStatus | None:
             state, reason = (word.decode().upper().replace("-", "_") for word in words[:2])
             return ForceStatus(state=ForceState[state], reason=ForceReason[reason],
                                limit_n=float(words[3]), torque_limit_n_mm=float(words[4]))
-        if not os.access(path, os.W_OK):
-            break
     return None
 
 
 def _ask(path: str) -> bytes:
-    try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-            connection.settimeout(_PATIENCE_S)
-            connection.connect(path)
+    """The answer; empty: the connection was closed. Errors: OSError."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+        connection.settimeout(_PATIENCE_S)
+        connection.connect(path)
+        with contextlib.suppress(BrokenPipeError):
             connection.sendall(b"stop\n")
-            return connection.recv(256)  # the answer is one write
-    except OSError:
-        return b""
+        return connection.recv(256)  # the answer is one write

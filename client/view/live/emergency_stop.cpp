@@ -12,7 +12,7 @@ bool AreOff(client::ForceState state) {
 std::string ForcesNow(const client::Client& client) {
   const std::optional<client::Pose> pose = client.NewestPose();
   const bool is_connected = client.connection().state == client::ConnectionState::kConnected;
-  if (is_connected && pose && AreOff(pose->forces.state)) return std::string(Describe(pose->forces.state).says);
+  if (is_connected && pose && AreOff(pose->forces.state)) return "forces are off";
   return "switch the device off";
 }
 
@@ -25,7 +25,9 @@ void EmergencyStop::Send() {
   commands_.Do("emergency stop", [this](client::Client& client) {
     try {
       const client::ForceStatus forces = client.StopForces().forces;
-      Finish({.text = "emergency stop: " + std::string(Describe(forces.state).says),
+      Finish({.text = "emergency stop: " + (AreOff(forces.state)
+                                                ? "forces are off"
+                                                : std::string(Describe(forces.state).says)),
               .is_bad = !AreOff(forces.state)});
     } catch (const Error& error) {
       Finish({.text = std::string("emergency stop NOT confirmed: ") + error.what() + "; " +
