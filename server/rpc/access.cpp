@@ -126,12 +126,10 @@ grpc::Status Admission::Answered(const grpc::Status& status, std::size_t answer_
   access_->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   access_->unread_.Waits(call.peer, answer_bytes, now_ns);
   call.answer_bytes = answer_bytes;
-  if (!status.ok() || !access_->unread_.IsAbove(call.peer, now_ns)) return status;
-  if (call.rule->kind == CallKind::kStop) {
-    // Whoever stops the forces must learn that they are off. One who never reads must end.
-    if (access_->connections_) access_->connections_->Cut(call.peer);
-    return status;
-  }
+  // Whoever stops the forces must learn that they are off. In a flood of others, gRPC may be late to
+  // say that answers were read.
+  const bool is_stop = call.rule->kind == CallKind::kStop;
+  if (is_stop || !status.ok() || !access_->unread_.IsAbove(call.peer, now_ns)) return status;
   return {grpc::StatusCode::RESOURCE_EXHAUSTED,
           std::string(NameOf(call.rule->method)) +
               " is done, but its answer is left out: read the answers that wait for this "

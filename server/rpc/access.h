@@ -57,7 +57,7 @@ class Admission {
   // The call's work is done, and gRPC gets its answer of these bytes: the call no longer counts
   // against its caller's limits. The answer counts against its connection until the call is over.
   // Returns the status to finish with: if the connection leaves too much unread, the answer is left
-  // out.
+  // out, but never a stop's.
   grpc::Status Answered(const grpc::Status& status, std::size_t answer_bytes);
   // The call sends the client so many bytes of voxels, for which the client has to answer now and
   // then.

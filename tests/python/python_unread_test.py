@@ -1,6 +1,7 @@
 """Clients that never read their answers hold nothing that others need."""
 
 import contextlib
+import itertools
 import socket
 import time
 import unittest
@@ -12,7 +13,7 @@ from palpate.v1 import (device_pb2, device_pb2_grpc, recording_pb2, registration
                         render_pb2_grpc, series_pb2, volume_pb2)
 from secured import SecuredDaemon, stop_forces, wait_for
 from support import PATIENCE_S, Daemon
-from wire import DATA, Deaf, Unreading, frame
+from wire import DATA, GET_DEVICE, Deaf, Unreading, frame
 
 CONNECTIONS = 4
 CALLS = 100  # on each connection, which allows no more at once
@@ -70,6 +71,22 @@ class Unread(unittest.TestCase):
             with self.subTest(method), contextlib.ExitStack() as stack:
                 attack(stack, connect, method)
                 self.check_honest(stack.enter_context(open_channel()))
+
+    def test_a_stop_is_answered_whatever_its_connection_leaves_unread(self):
+        with Daemon(listen=True) as daemon, \
+                contextlib.closing(over_loopback(daemon)) as attacker:
+            attacker.call(GET_DEVICE, 20)
+
+            def ask(path, stream):
+                attacker.call(path, 1, first=stream)
+                return attacker.answer_of(stream)
+
+            streams = itertools.count(41, 2)
+            # After a second, others are refused.
+            wait_for(lambda: not ask(GET_DEVICE, next(streams)), "a refusal")
+            stopped = device_pb2.StopForcesResponse.FromString(
+                ask(b"/palpate.v1.DeviceService/StopForces", next(streams))[5:])
+            self.assertEqual(stopped.forces.state, device_pb2.FORCE_STATE_STOPPED)
 
     def test_every_method_over_tls(self):
         with SecuredDaemon(MANY_CALLS) as daemon:

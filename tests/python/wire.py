@@ -59,6 +59,27 @@ class Stranger:
                 raise OSError("no answer")
             answer += piece
 
+    def answer_of(self, stream):
+        """The content of the answer to a call, at whose end this returns. Its window is opened."""
+        self.send(frame(WINDOW_UPDATE, 0, stream, (1 << 20).to_bytes(4, "big")))
+        self.socket.settimeout(PATIENCE_S)
+        content, kind, flags, of = b"", None, 0, None
+        while not (of == stream and kind in (HEADERS, DATA) and flags & END_STREAM):
+            head = self.read(9)
+            kind, flags, of = head[3], head[4], int.from_bytes(head[5:], "big")
+            part = self.read(int.from_bytes(head[:3], "big"))
+            content += part if of == stream and kind == DATA else b""
+        return content
+
+    def read(self, count):
+        piece = b""
+        while len(piece) < count:
+            more = self.socket.recv(count - len(piece))
+            if not more:
+                raise OSError("the connection was closed")
+            piece += more
+        return piece
+
     def begin_call(self, stream, is_whole, more=(), path=GET_DEVICE):
         fields = [(b":method", b"POST"), (b":scheme", b"https"), (b":authority", b"localhost"),
                   (b":path", path), (b"te", b"trailers"),

@@ -62,6 +62,31 @@ TEST(IdentityLimits, CountsEachIdentityAndKindByItself) {
             std::string::npos);
 }
 
+TEST(IdentityLimits, QuestionsMayTakeAQuarterOfAProcessor) {
+  IdentityLimits limits({});
+  const auto may = [&](const char* who, double time_s) {
+    const auto time_ns = static_cast<std::int64_t>(1e9 * time_s);
+    const bool works = !limits.MayWork(who, time_ns);
+    EXPECT_EQ(!limits.Enter(who, CallKind::kQuestion, 0, time_ns), works);
+    return works;
+  };
+  EXPECT_TRUE(may("a", 1.0));
+  limits.Worked("a", 0.4);
+  EXPECT_TRUE(may("a", 1.0));
+  limits.Worked("a", 0.6);  // by those that were at work already
+  EXPECT_FALSE(may("a", 1.0));
+  EXPECT_TRUE(may("b", 1.0));
+  EXPECT_TRUE(!limits.Enter("a", CallKind::kCall, 0, kSecond));
+  EXPECT_TRUE(!limits.Enter("a", CallKind::kStop, 0, kSecond));
+  EXPECT_FALSE(may("a", 2.9));
+  EXPECT_TRUE(may("a", 3.1));
+  limits.Worked("a", 0.3);
+  EXPECT_FALSE(may("a", 3.1));
+  EXPECT_TRUE(may("a", 100.0));
+  limits.Worked("a", 0.6);  // what was not used is not saved
+  EXPECT_FALSE(may("a", 100.0));
+}
+
 TEST(IdentityLimits, RequestsThatWaitAreSoManyBytes) {
   IdentityLimits limits({});
   const auto enters = [&](const char* who, std::size_t bytes) {
