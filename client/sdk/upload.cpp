@@ -155,8 +155,10 @@ LoadResult Upload(Link& link, const fs::path& file, const LoadOptions& options,
   *start.mutable_start()->mutable_options() = ToProto(options);
   const auto channel = link.volume_channel();
   // palpated takes only a small first call of a connection.
-  link.Call<v1::DeviceService>(&v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest(),
-                               kCallTimeout, channel);
+  if (channel->GetState(false) != GRPC_CHANNEL_READY) {
+    link.Call<v1::DeviceService>(&v1::DeviceService::Stub::GetDevice, v1::GetDeviceRequest(),
+                                 kCallTimeout, channel);
+  }
   const auto stub = v1::VolumeService::NewStub(channel);
   grpc::ClientContext context;
   const Link::Registered registered(link, context);

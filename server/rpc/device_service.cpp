@@ -48,6 +48,12 @@ int IndexInUse(const std::vector<ListedDevice>& devices, const std::string& kind
   return -1;
 }
 
+[[noreturn]] void RefuseWhileItMoves() {
+  throw Error(ErrorKind::kFailedPrecondition,
+              "the device is about to move its arm by itself, or moves it: keep clear of it, and "
+              "enable forces when it rests");
+}
+
 Error NoTick(ForceCommand command, bool holds) {
   return {ErrorKind::kUnavailable, "the haptic loop did not tick within 1 s: the command to " +
                                        std::string(NameOf(command)) + " forces " +
@@ -78,7 +84,7 @@ class StopAnswer final : public grpc::ServerUnaryReactor {
     // Read before the check, so that a thread that was kept off its core checks once more.
     const bool is_last = std::chrono::steady_clock::now() > end_;
     const auto forces = forces_.newest();
-    if (forces && forces->tick >= tick_) {
+    if (forces && (forces->ended || forces->tick >= tick_)) {
       Answer(*forces, response_);
       End(grpc::Status::OK);
     } else if (is_last) {
@@ -157,12 +163,14 @@ Reply* DeviceService::EnableForces(CallContext* context, const v1::EnableForcesR
                        [=, this](const Admission& by) {
                          CheckHand(request->hand());
                          CheckName(request->device());
-                         CheckStandsStill();
+                         if (device_.moves_by_itself()) RefuseWhileItMoves();
                          const ForceTick forces = Command(ForceCommand::kEnable);
                          CheckEnabled(forces.forces);
                          // A calibration may have been asked for meanwhile; it looks after this.
-                         if (device_.moves_by_itself()) Command(ForceCommand::kDisable);
-                         CheckStandsStill();
+                         if (device_.moves_by_itself()) {
+                           Command(ForceCommand::kDisable);
+                           RefuseWhileItMoves();
+                         }
                          Note(ForceCommand::kEnable, by);
                          Answer(forces, *response, session_.forces_off());
                        });
@@ -317,13 +325,6 @@ void DeviceService::CheckName(const std::string& name) const {
                     "enable them by its name, with 'palpate device enable " +
                     spec.kind + "'");
   }
-}
-
-void DeviceService::CheckStandsStill() const {
-  if (!device_.moves_by_itself()) return;
-  throw Error(ErrorKind::kFailedPrecondition,
-              "the device is about to move its arm by itself, or moves it: keep clear of it, and "
-              "enable forces when it rests");
 }
 
 void DeviceService::CheckCalibrated(const std::string& name) const {

@@ -81,7 +81,6 @@ class DeviceService final : public v1::DeviceService::CallbackService {
   std::string SetBy(const ForceTick& forces) const;
   ServoDescription Servo() const;
   void CheckForcesAreOff() const;
-  void CheckStandsStill() const;
   void CheckCalibrated(const std::string& name) const;
   void CheckEnabled(const ForceStatus& forces) const;
 

@@ -19,6 +19,7 @@ struct ForceTick {
   ForceStatus forces{};
   // The first tick with this state and reason.
   std::uint64_t since_tick = 0;
+  bool ended = false;  // the loop has ended with zero force; no tick follows
 };
 
 class ForceWatch {
@@ -28,7 +29,7 @@ class ForceWatch {
   // None before the first tick.
   std::optional<ForceTick> newest() const;
   // Waits for a tick with this number or a greater one, and returns the first such tick that it
-  // sees. Returns none at the timeout. Polls each millisecond, because the servo wakes nobody.
+  // sees; or the last one of a loop that has ended. Returns none at the timeout. Polls each millisecond, because the servo wakes nobody.
   std::optional<ForceTick> WaitForTick(std::uint64_t tick, std::chrono::milliseconds timeout) const;
 
  private:

@@ -13,6 +13,9 @@ void LastTickBoard::Tell(const TickSample& sample) noexcept {
            .forces = {sample.force_state, sample.force_reason, sample.force_limit_n,
                       sample.torque_limit_n_mm},
            .forces_since_tick = same_forces ? last_->forces_since_tick : sample.tick,
+           .stop_tick = sample.force_command == ForceCommand::kStop ? sample.tick
+                        : last_                                     ? last_->stop_tick
+                                                                    : 0,
            .scene_revision = sample.scene_revision};
   told_.Write(last_);
   told_to_stop_.Write(last_);
@@ -26,6 +29,7 @@ void LastTickBoard::TellEnd() noexcept {
     last_->forces.reason = ForceReason::kOperator;
     last_->forces_since_tick = last_->tick + 1;
   }
+  told_.Write(last_);
   told_to_stop_.Write(last_);
 }
 

@@ -21,6 +21,7 @@ struct LastTick {
   std::int64_t time_ns = 0;  // its start, on CLOCK_MONOTONIC
   ForceStatus forces{ForceState::kOff, ForceReason::kOperator};
   std::uint64_t forces_since_tick = 0;  // the first tick with this state and reason
+  std::uint64_t stop_tick = 0;          // the newest that obeyed a call to stop; 0: none
   std::uint64_t scene_revision = 0;
   bool ended = false;  // the loop has ended after this tick, and the force is zero
 };

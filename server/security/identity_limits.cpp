@@ -74,7 +74,8 @@ std::optional<std::string> IdentityLimits::MayWork(const std::string& identity,
 
 void IdentityLimits::Worked(const std::string& identity, double seconds) {
   const std::lock_guard lock(mutex_);
-  UseOf(identity).work_s += seconds;
+  double& work_s = UseOf(identity).work_s;
+  work_s = std::min(work_s + seconds, kMostDebtS);
 }
 
 IdentityLimits::Use& IdentityLimits::UseOf(const std::string& identity) {

@@ -43,6 +43,7 @@ class IdentityLimits {
   // The processor time that the questions of one identity may take, of one processor, and at once.
   static constexpr double kWorkShare = 0.25;
   static constexpr double kMostWorkS = 0.5;
+  static constexpr double kMostDebtS = 1.0;  // so a client is refused for two seconds at most
 
   // Takes one of `kind`, with a request of this length. If there are too many, returns the problem
   // and what to do. Give it back with Leave.

@@ -15,7 +15,7 @@ class ForceSwitch {
   // The newest command replaces the one that waits. A waiting stop is never replaced. The servo
   // takes a command within a tick.
   void Set(ForceCommand command) noexcept {
-    ForceCommand waiting = command_.load(std::memory_order_relaxed);
+    ForceCommand waiting = command_.load();
     do {
       if (waiting == ForceCommand::kStop) return;
     } while (!command_.compare_exchange_weak(waiting, command, std::memory_order_seq_cst));
@@ -27,8 +27,9 @@ class ForceSwitch {
   }
 
   ForceCommand Take() noexcept {
-    // A command is rare, and a load is cheaper than an exchange.
-    if (command_.load(std::memory_order_relaxed) == ForceCommand::kNone) return ForceCommand::kNone;
+    // A command is rare, and a load is cheaper than an exchange. In one order with the count of
+    // ticks, by which who gives a command knows the tick that has it.
+    if (command_.load() == ForceCommand::kNone) return ForceCommand::kNone;
     return command_.exchange(ForceCommand::kNone, std::memory_order_acquire);
   }
 

@@ -11,6 +11,7 @@
 #include <charconv>
 #include <cstring>
 #include <ctime>
+#include <exception>
 #include <utility>
 
 #include "common/contract/enumerations.h"
@@ -43,15 +44,18 @@ void StopDoor::Open(const std::string& path) {
   const int listener = BindSocket(path);
   if (listener < 0 || listen(listener, kWaiting) != 0) {
     const std::string why = std::strerror(errno);
-    if (listener >= 0) close(listener);
+    if (listener >= 0) {
+      unlink(path.c_str());
+      close(listener);
+    }
     throw Error(ErrorKind::kConflict,
                 "cannot listen on " + path + ": " + why + "; name another socket with --socket");
   }
   path_ = path;
   listener_ = listener;
   end_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  if (end_ < 0) throw Error(ErrorKind::kInternal, "no file is left: raise LimitNOFILE (ulimit -n)");
   ends_ = false;
-  thread_ = std::thread([this] { Run(); });
   teller_ = std::thread([this] {
     pthread_setname_np(pthread_self(), "palpate-told");
     while (!ends_) {
@@ -59,18 +63,20 @@ void StopDoor::Open(const std::string& path) {
       TellStops();
     }
   });
+  thread_ = std::thread([this] { Run(); });
 }
 
 void StopDoor::Close() noexcept {
-  if (!thread_.joinable()) return;
+  if (listener_ < 0) return;
   ends_ = true;
-  eventfd_write(end_, 1);
-  thread_.join();
+  if (end_ >= 0) eventfd_write(end_, 1);
+  if (thread_.joinable()) thread_.join();
   untold_.release();
-  teller_.join();
+  if (teller_.joinable()) teller_.join();
+  TellStops();
   unlink(path_.c_str());
   close(std::exchange(listener_, -1));
-  close(std::exchange(end_, -1));
+  if (end_ >= 0) close(std::exchange(end_, -1));
 }
 
 void StopDoor::SetOnStop(std::function<void(const StopCaller&)> call) {
@@ -78,11 +84,15 @@ void StopDoor::SetOnStop(std::function<void(const StopCaller&)> call) {
   on_stop_ = std::move(call);
 }
 
-void StopDoor::TellStops() {
+void StopDoor::TellStops() noexcept {
   const std::lock_guard lock(tell_mutex_);
   StopCaller caller;
   while (stops_.TryPop(caller)) {
-    if (on_stop_) on_stop_(caller);
+    try {
+      if (on_stop_) on_stop_(caller);
+    } catch (const std::exception&) {
+      // Without memory for its words. It has acted.
+    }
   }
 }
 
@@ -170,7 +180,10 @@ void StopDoor::Answer(Connection& connection, const LastTick& last) noexcept {
   char* const end = line.data() + line.size() - 1;
   char* at = Add(line.data(), end, NameOf(forces.state));
   at = Add(Add(at, end, " "), end, NameOf(forces.reason));
-  at = AddNumber(at, end, last.forces_since_tick);
+  // Somebody may have enabled the forces since.
+  const bool acts = forces.state == ForceState::kRampIn || forces.state == ForceState::kOn ||
+                    forces.state == ForceState::kHeld;
+  at = AddNumber(at, end, acts ? last.stop_tick : last.forces_since_tick);
   at = AddNumber(at, end, forces.limit_n);
   at = AddNumber(at, end, forces.torque_limit_n_mm);
   *at++ = '\n';

@@ -1,8 +1,9 @@
 // The emergency stop's own door: a Unix socket beside palpated's, on which nothing else is asked.
 //
 // Whoever may open the socket may stop. The request is "stop\n"; the answer is one line:
-//   stopped stop-call 120334 3.3 0   state and reason of the forces, the first tick with them, and
-//                                    the limits of force (N) and torque (N mm)
+//   stopped stop-call 120334 3.3 0   state and reason of the forces, the first tick with zero force,
+//                                    and the limits of force (N) and torque (N mm). Another state:
+//                                    somebody has enabled the forces again
 //   waits                            the loop has not ticked for a second: the stop acts in its
 //                                    next tick
 // A loop that has ended has written zero force: "off operator" and the tick after its last one.
@@ -66,7 +67,7 @@ class StopDoor {
   // Called once for each stop, after it has acted; one call at a time. Empty: nobody is told.
   void SetOnStop(std::function<void(const StopCaller&)> call);
   // Tells of the stops that are not told yet. One that is answered is told afterwards.
-  void TellStops();
+  void TellStops() noexcept;
 
  private:
   static constexpr std::string_view kRequest = "stop\n";

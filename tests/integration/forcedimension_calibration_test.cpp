@@ -143,6 +143,16 @@ TEST_F(ForceDimensionTest, AnArmThatMovesByItselfCanBeStopped) {
   EXPECT_TRUE(Eventually([&] { return !fake().in_auto_init; }));
   EXPECT_TRUE(device_->Logs("it was stopped"));
   EXPECT_FALSE(fake().forces_enabled);
+  // By its button: the servo gets no reading meanwhile.
+  device_->Forget();
+  (*device_)->Calibrate();
+  EXPECT_TRUE((*device_)->moves_by_itself());
+  ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
+  fake().buttons = 1;
+  EXPECT_TRUE(Eventually([&] { return !fake().in_auto_init; }));
+  EXPECT_TRUE(device_->Logs("it was stopped"));
+  EXPECT_FALSE((*device_)->moves_by_itself());
+  fake().buttons = 0;
   (*device_)->Calibrate();
   ASSERT_TRUE(Eventually([&] { return fake().in_auto_init.load(); }));
   (*device_)->Stop();

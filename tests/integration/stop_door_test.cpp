@@ -182,7 +182,8 @@ TEST_F(StopDoorTest, WhoSendsNothingOrSomethingElseTakesNoPlace) {
     if (std::string_view("stop") == other) continue;  // waits for the rest
     EXPECT_EQ(asking.Answer(), "") << other;
   }
-  EXPECT_EQ(served_->data().servo().forces().Take(), ForceCommand::kNone);
+  EXPECT_EQ(client::Calls({.address = {.socket_path = socket_}}).GetDevice().forces.state,
+            ForceState::kOn);
   EXPECT_TRUE(Stop(socket_).starts_with(kStopped));
   const Asking slow(socket_);
   for (const char* const part : {"s", "to", "p", "\n"}) slow.Send(part);

@@ -1,9 +1,9 @@
 """Floods of palpated by clients of HTTP/2 that follow no rules. Prints "ready", and at the end what
-it sent. Default: 900 connections that make 2 000 calls a second and read no answer, a third of the
-time GetDevice, then GetActivity, then Follow of the facts.
+it sent. Default: 900 connections that make 2 000 calls a second and read no answer: GetDevice,
+GetActivity and Follow of the facts by turns.
 
---method PATH[=BODY_HEX[+]]: the calls in their place, each for an equal share of the time; "+": the
-    call goes on, and more bytes of a message come now and then.
+--method PATH[=BODY_HEX[+]]: the calls in their place, by turns; "+": the call goes on, by a byte of
+    its next message.
 --reads: answers are read. --resets: each call is reset at once. --again: a connection for each call.
 --handshakes: instead of calls, TLS handshakes. --stop-socket PATH: instead, connections to the
     emergency stop's socket that say nothing, half a word, something else, or stop."""
@@ -24,6 +24,7 @@ CALLS = ((GET_DEVICE,), (b"/palpate.v1.ActivityService/GetActivity",),
 RST_STREAM, CANCEL = 3, bytes([0, 0, 0, 8])
 # The daemon allows 100 at once on a connection.
 MOST_STREAM = 2 * 95
+TURN_S = 0.3
 HELD = 200  # connections to the stop's socket that stay open
 
 
@@ -31,8 +32,8 @@ class Reading(Deaf):
     """Reads what has come whenever it sends."""
 
     def __init__(self, connected, token=None):
-        Unreading.__init__(self, connected, token)
         connected.setblocking(False)
+        super().__init__(connected, token)
 
     def send(self, content):
         with contextlib.suppress(BlockingIOError, ssl.SSLWantReadError):
@@ -113,8 +114,8 @@ def call_all(options, tls):
     flooders = [Flooder(options, tls) for _ in range(options.connections)]
     began = time.monotonic()
     for n in itertools.count():
-        share = (time.monotonic() - began) / options.seconds
-        flooders[n % len(flooders)].call(*calls[min(int(share * len(calls)), len(calls) - 1)])
+        turn = int((time.monotonic() - began) / TURN_S)
+        flooders[n % len(flooders)].call(*calls[turn % len(calls)])
         yield
 
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <ctime>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -72,6 +73,12 @@ class FakeDevice : public HapticDevice {
 
 constexpr std::uint32_t kBothButtons = 3;
 
+double ThreadTimeS() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
 class DeviceServiceRig {
   using Stub = v1::DeviceService::Stub;
 
@@ -138,6 +145,8 @@ class DeviceServiceRig {
   FakeDevice device;
   std::vector<ListedDevice> list;
   std::optional<Error> no_list;  // thrown in its place
+  std::atomic<double> list_work_s{0.0};
+  std::atomic<int> lists{0};
   v1::ForceStatus answer;
   std::uint64_t applied_tick = 0;
 
@@ -160,6 +169,9 @@ class DeviceServiceRig {
   LedHand hand_;
   DeviceService service_{
       calls_, device, &hand_, servo_, stop_door_, data_.inbox(), data_.session(), forces_, [this] {
+        ++lists;
+        for (const double end_s = ThreadTimeS() + list_work_s; ThreadTimeS() < end_s;) {
+        }
         if (no_list) throw Error(*no_list);
         return list;
       }};
@@ -474,6 +486,20 @@ TEST(DeviceService, AnArmThatMovesByItselfIsNamedAndItsForcesAreOff) {
   ASSERT_TRUE(rig.Enable("fake-usb").ok());
   EXPECT_TRUE(rig.Becomes(v1::FORCE_STATE_HELD));
   EXPECT_EQ(rig.Calibrate(response, "fake-usb").error_code(), StatusCode::FAILED_PRECONDITION);
+}
+
+// Of one caller, as all on the socket are.
+TEST(DeviceService, QuestionsThatTookTooMuchAreRefusedBeforeTheyWork) {
+  DeviceServiceRig rig;
+  v1::ListDevicesResponse response;
+  rig.list_work_s = 0.7;
+  EXPECT_TRUE(rig.List(response).ok());
+  rig.list_work_s = 0.0;
+  EXPECT_EQ(rig.List(response).error_code(), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(rig.lists, 1);
+  EXPECT_TRUE(rig.Stop().ok());
+  EXPECT_TRUE(rig.Disable().ok());
+  EXPECT_TRUE(test::Eventually([&] { return rig.List(response).ok(); }));
 }
 
 TEST(DeviceService, AnArmThatMovesByItselfHasNoForcesAndIsStoppedByTheStylus) {

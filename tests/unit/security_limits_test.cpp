@@ -85,6 +85,8 @@ TEST(IdentityLimits, QuestionsMayTakeAQuarterOfAProcessor) {
   EXPECT_TRUE(may("a", 100.0));
   limits.Worked("a", 0.6);  // what was not used is not saved
   EXPECT_FALSE(may("a", 100.0));
+  limits.Worked("a", 60.0);  // and nobody is shut out for long
+  EXPECT_TRUE(may("a", 102.1));
 }
 
 TEST(IdentityLimits, RequestsThatWaitAreSoManyBytes) {

@@ -62,6 +62,12 @@ TEST_F(RemoteSteeringTest, OfOneSiteTenASecond) {
   EXPECT_EQ(made("lyon", kStart + milliseconds(1000)), 10);
 }
 
+TEST_F(RemoteSteeringTest, EverySiteThatIsNamedMayStop) {
+  for (int n = 0; n < 30; ++n) EXPECT_TRUE(IsMade("rome", Request("stop", 0.0)));
+  EXPECT_TRUE(IsMade("rome", Request()));  // a stop takes no place
+  EXPECT_FALSE(IsMade("oslo", Request("stop", 0.0)));
+}
+
 TEST_F(RemoteSteeringTest, RequestsThatMakeNoSenseAreRefused) {
   for (const char* const key : {"user", "key", "value"}) {
     for (const json& value : {json(), json(true), json::array(), json::object(), json("a b@c")}) {

@@ -3,8 +3,9 @@
 import dataclasses
 import typing
 
+import grpc
+
 from palpate._enums import Role
-from palpate._errors import Unavailable
 from palpate._geometry import Triple, vector_of
 from palpate._hand import Hand
 from palpate._held import fields_in, held_in
@@ -14,6 +15,9 @@ from palpate._value_list import (DeviceDescription, DeviceHealth, ForceStatus, L
                                  ServoDescription)
 from palpate._values import number, text_of
 from palpate.v1 import device_pb2, device_pb2_grpc
+
+
+_STOP_TIMEOUT_S = 3.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -109,10 +113,12 @@ class Device:
             stopped = stop_by_socket(stop_socket_path(self._link.socket_path))
             if stopped is not None:
                 return stopped
+        request = device_pb2.StopForcesRequest()
         try:
-            return self._force_call(self._stop_stub.StopForces, device_pb2.StopForcesRequest())
-        except Unavailable:  # such as one connection too many
-            return self._force_call(self._stub.StopForces, device_pb2.StopForcesRequest())
+            return ForceStatus(**held_in(
+                self._stop_stub.StopForces(request, timeout=_STOP_TIMEOUT_S).forces))
+        except grpc.RpcError:  # such as one connection too many
+            return self._force_call(self._stub.StopForces, request)
 
     def calibrate(self, kind: str = "") -> DeviceInfo:
         """Calibrates the device in its place of rest, when the stylus is docked next.

@@ -25,6 +25,7 @@ _START_S = 2.0
 _THIS_MACHINE = ("localhost", "127.0.0.1", "[::1]", "::1")
 _LOADING_PAUSE_S = 0.2
 _SAY_LOADING_S = 5.0
+_GREET_AGAIN_S = 300.0
 
 # Longer than gRPC's pause between two attempts to connect. See _is_back().
 _BACK_S = 0.5
@@ -69,6 +70,8 @@ class Link:
             grpc.secure_channel(target, tls, options=options) for _ in range(2))
         self._is_open = True
         self._pid = os.getpid()
+        self._greeted = -_GREET_AGAIN_S
+        self._greeting: typing.Any = None
         self._said = 0.0  # when it was last said that palpated loads its first volume
 
     def stub(self, kind: typing.Any) -> typing.Any:
@@ -123,11 +126,17 @@ class Link:
         stub.GetDevice(device_pb2.GetDeviceRequest(), timeout=_CONNECT_TIMEOUT_S)
 
     def _connect_stop(self) -> None:
-        """Over the network, begins to connect the stop's connection."""
-        if self._is_local:
+        """Over the network, begins to connect the stop's connection, and keeps it from being idle.
+
+        Until its first call, palpated takes a connection for a stranger's; and it closes one
+        without a call for ten minutes.
+        """
+        now = time.monotonic()
+        if self._is_local or now - self._greeted < _GREET_AGAIN_S:
             return
-        # Until its first call, palpated takes a connection for a stranger's.
-        self.stop_stub(device_pb2_grpc.DeviceServiceStub).GetDevice.future(
+        self._greeted = now
+        # Held: gRPC cancels a call that nobody holds.
+        self._greeting = self.stop_stub(device_pb2_grpc.DeviceServiceStub).GetDevice.future(
             device_pb2.GetDeviceRequest(), timeout=_CALL_TIMEOUT_S, wait_for_ready=True)
 
     def _is_back(self) -> bool:
@@ -160,6 +169,7 @@ class Link:
         """
         while True:
             self.check_open()
+            self._connect_stop()
             try:
                 # palpated takes only a small first call of a connection.
                 if not self._is_local and request.ByteSize() > _SMALL_BYTES:

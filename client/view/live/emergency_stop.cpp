@@ -8,12 +8,13 @@ bool AreOff(client::ForceState state) {
   return state == client::ForceState::kStopped || state == client::ForceState::kOff;
 }
 
-// What the newest pose tells; it may be older than the stop.
-std::string ForcesNow(const client::Client& client) {
-  const std::optional<client::Pose> pose = client.NewestPose();
-  const bool is_connected = client.connection().state == client::ConnectionState::kConnected;
-  if (is_connected && pose && AreOff(pose->forces.state)) return "forces are off";
-  return "switch the device off";
+// In a line of which nobody is sure. `before`: the newest pose when the stop was sent.
+std::string ForcesNow(const client::Client& client, const std::optional<client::Pose>& before) {
+  const std::optional<client::Pose> now = client.NewestPose();
+  const bool is_newer = now && (!before || now->tick > before->tick);
+  if (!is_newer) return "what the forces do is not known: switch the device off";
+  if (AreOff(now->forces.state)) return "forces are off";
+  return std::string(Describe(now->forces.state).says) + ": switch the device off";
 }
 
 }  // namespace
@@ -23,6 +24,7 @@ void EmergencyStop::Send() {
   if (under_way_ == 2) return;
   ++under_way_;
   commands_.Do("emergency stop", [this](client::Client& client) {
+    const std::optional<client::Pose> before = client.NewestPose();
     try {
       const client::ForceStatus forces = client.StopForces().forces;
       Finish({.text = "emergency stop: " + (AreOff(forces.state)
@@ -31,7 +33,7 @@ void EmergencyStop::Send() {
               .is_bad = !AreOff(forces.state)});
     } catch (const Error& error) {
       Finish({.text = std::string("emergency stop NOT confirmed: ") + error.what() + "; " +
-                      ForcesNow(client),
+                      ForcesNow(client, before),
               .is_bad = true});
     }
   });

@@ -119,7 +119,9 @@ void LivePublisher::TakeRequest(const NatsMessage& message) {
     const std::lock_guard lock(mutex_);
     if (waits_) return;  // the other one answers
     if (message.bytes.size() > kMostBytes) refusal = "the request is too long";
-    if (requests_ >= kMostRequests) refusal = "too many requests";
+    // A few more for stops, which the sources answer at once.
+    const bool is_stop = message.bytes.find("\"stop\"") != std::string_view::npos;
+    if (requests_ >= kMostRequests * (is_stop ? 2 : 1)) refusal = "too many requests";
     if (refusal.empty()) ++requests_;
   }
   if (refusal.empty()) {

@@ -245,7 +245,7 @@ void RoomSource::Steer(const SteerRequest& request, std::function<void(std::stri
     refusal = request.key + " does not take this value";
   } else if (options_.server.user.empty()) {
     refusal = "this gateway may not change settings";
-  } else {
+  } else if (!is_stop) {
     refusal = connection_.why;
   }
   if (!refusal.empty()) {

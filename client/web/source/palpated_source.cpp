@@ -57,11 +57,12 @@ PalpatedSource::PalpatedSource(PalpatedOptions options, Hub& hub, Post post)
   worker_ = std::make_unique<Worker>(failed);
   const auto stop = [this](const std::string&) -> std::string {
     try {
-      client_->StopForces();
-      return "";
+      const client::ForceState state = client_->StopForces().forces.state;
+      const bool is_off = state == client::ForceState::kStopped || state == client::ForceState::kOff;
+      return is_off ? "" : "somebody has enabled the forces again";
     } catch (const Error& error) {
-      post_([this, why = OneLine(error.what())] { options_.log("an emergency stop failed: " + why); });
-      return PlainRefusal(error);
+      post_([this, why = OneLine(error.what())] { options_.log("an emergency stop: " + why); });
+      return "palpated has not confirmed it";
     }
   };
   stopper_ = std::make_unique<Stopper>(post_, stop, failed);

@@ -1,7 +1,5 @@
 #include "client/web/source/source.h"
 
-#include <utility>
-
 #include "client/sdk/device.h"
 #include "client/web/source/clock.h"
 #include "client/web/source/topic_text.h"
@@ -25,15 +23,10 @@ std::optional<double> Source::pose_age_s() const {
 }
 
 bool Source::TellSteered(const SteerRequest& request, const std::string& error) {
-  constexpr std::int64_t kSameStop_ms = 1000;
+  constexpr std::int64_t kBetweenStops_ms = 1000;
   const bool is_stop = request.key == client::kStopKey;
-  if (is_stop && error.empty()) {
-    const std::int64_t before_ms = std::exchange(stopped_ms_, NowMs());
-    if (std::exchange(stopped_by_, request.user) == request.user &&
-        stopped_ms_ - before_ms < kSameStop_ms) {
-      return false;
-    }
-  }
+  if (is_stop && NowMs() - stop_told_ms_ < kBetweenStops_ms) return false;
+  if (is_stop) stop_told_ms_ = NowMs();
   common_.steered(error.empty());
   const std::string line =
       request.user + (is_stop ? std::string(" stops the forces")

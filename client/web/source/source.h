@@ -53,14 +53,13 @@ class Source {
  protected:
   // When the newest pose was, by MonotonicNs. Any thread.
   void SetPoseTime(std::int64_t time_ns) { pose_time_ns_ = time_ns; }
-  // `error`: why the change was refused; empty: it was not. Returns false for a stop right after one
-  // of the same user, which is not told again.
+  // `error`: why the change was refused; empty: it was not. Returns false for a stop within a second
+  // after one that was told: it is not told.
   bool TellSteered(const SteerRequest& request, const std::string& error);
 
  private:
   const SourceOptions common_;
-  std::string stopped_by_;  // the last stop that was told
-  std::int64_t stopped_ms_ = 0;
+  std::int64_t stop_told_ms_ = 0;
   std::atomic<std::int64_t> pose_time_ns_{0};
 };
 

@@ -258,9 +258,11 @@ void FdSession::Calibrate(StreamReceived& received) {
   exchange_.hint = kCalibrates;
   const OrdinaryScheduling ordinary;
   const KeptSignals kept;
-  // The library takes calls from any thread: this one ends the motion when somebody wants that.
+  // The library takes calls from any thread: this one ends the motion when somebody wants that. The
+  // servo gets no readings meanwhile, so the device's button ends it here.
   std::jthread stopper([&](const std::stop_token& is_over) {
     while (!is_over.stop_requested()) {
+      if ((fd_.buttons(id_) & 1u) != 0) ++exchange_.stops;
       if (exchange_.is_stopped()) fd_.enable_force(0, id_);
       std::this_thread::sleep_for(kStopLook);
     }
