@@ -152,8 +152,9 @@ class Calls {
   ForceResult EnableForces(const std::string& device = {});
   // Ramps the forces down to zero. They stay off until they are enabled again.
   ForceResult DisableForces();
-  // Emergency stop: zero force within one tick, until forces are enabled again. On palpated's
-  // machine by a socket for that alone, over the network on a connection for that alone.
+  // Emergency stop: zero force within one tick, until forces are enabled again. Where
+  // palpated is reached by its socket, by another socket for that alone; over TCP on a connection
+  // for that alone.
   ForceResult StopForces();
   // Calibrates the device in its place of rest, when the stylus is docked next; some devices by
   // moving their arm. `device`: its configuration name, needed if its arm moves. Errors:

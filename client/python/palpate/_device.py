@@ -104,8 +104,8 @@ class Device:
     def stop(self) -> ForceStatus:
         """Emergency stop: zero force within a tick, until forces are enabled again.
 
-        On palpated's machine by a socket for that alone, over the network on a connection for
-        that alone.
+        Where palpated is reached by its socket, by another socket for that alone; over TCP on a
+        connection for that alone.
         Errors: Unavailable. Example: conn.device.stop()
         """
         self._link.check_open()
