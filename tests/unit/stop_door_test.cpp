@@ -1,0 +1,123 @@
+// The emergency stop's own socket: what it answers, and what it does with who floods it.
+// stop_served_test.cpp has it within palpated's server; python_stop_times_test.py measures it.
+#include "server/stop/stop_door.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "server/samples/force_watch.h"
+#include "tests/support/patience.h"
+#include "tests/support/running_session.h"
+#include "tests/support/stop_asking.h"
+#include "tests/support/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+using test::AskToStop;
+using test::StopAsking;
+
+constexpr char kStopped[] = "stopped stop-call ";
+
+class StopDoorTest : public ::testing::Test {
+ protected:
+  StopDoorTest() {
+    data_.Load("builtin:sphere:16");
+    door_.SetOnStop([this](const StopCaller& by) {
+      EXPECT_EQ(by.user, getuid());
+      EXPECT_EQ(by.process, getpid());
+      ++told_;
+    });
+    door_.Open(path_);
+  }
+  ForceState state() { return ForceWatch(data_.outbox().last).newest()->forces.state; }
+
+  const test::TemporaryFolder folder_;
+  const std::string path_ = folder_.path() / "stop.sock";
+  testing::RunningSession data_;
+  std::atomic<int> told_{0};
+  StopDoor door_{data_.servo(), data_.outbox().last, data_.simulated(), 1};
+};
+
+TEST_F(StopDoorTest, IsForItsOwnerAndGroupTellsWhoHasStoppedAndGoes) {
+  data_.Start();
+  struct stat info {};
+  ASSERT_EQ(stat(path_.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0660u);
+  const std::string answer = AskToStop(path_);
+  EXPECT_TRUE(answer.starts_with(kStopped)) << answer;
+  EXPECT_EQ(state(), ForceState::kStopped);
+  EXPECT_EQ(AskToStop(path_), answer);  // the forces are zero since then
+  door_.TellStops();
+  EXPECT_EQ(told_, 2);
+  door_.Close();
+  EXPECT_FALSE(StopAsking(path_).is_connected());
+  EXPECT_FALSE(std::filesystem::exists(path_));
+}
+
+TEST_F(StopDoorTest, WhoSendsNothingOrSomethingElseTakesNoPlaceAndStopsNothing) {
+  data_.Start();
+  data_.AwaitTicks(2);
+  std::vector<std::unique_ptr<StopAsking>> silent;
+  for (std::size_t n = 0; n < 3 * StopDoor::kMostOpen; ++n) {
+    silent.push_back(std::make_unique<StopAsking>(path_));
+    if (n % 3 == 1) silent.back()->Send("sto");
+  }
+  EXPECT_EQ(silent.front()->Answer(), "");  // the oldest are closed
+  for (const std::string_view other : {"STOP\n", "GET / HTTP/1.1\r\n\r\n", "\n", "stoq\n"}) {
+    const StopAsking asking(path_);
+    asking.Send(other);
+    EXPECT_EQ(asking.Answer(), "") << other;
+  }
+  data_.AwaitTicks(2);
+  EXPECT_NE(state(), ForceState::kStopped);
+  const StopAsking slow(path_);
+  for (const char* const part : {"s", "to", "p", "\n"}) slow.Send(part);
+  EXPECT_TRUE(slow.Answer().starts_with(kStopped));
+}
+
+TEST_F(StopDoorTest, ALoopThatDoesNotTickIsTold) {
+  EXPECT_EQ(AskToStop(path_), "waits\n");
+  data_.Start();
+  EXPECT_TRUE(AskToStop(path_).starts_with("stopped stop-call 0 "));
+  data_.Stop();
+  EXPECT_TRUE(AskToStop(path_).starts_with("stopped stop-call 0 "));
+}
+
+// Somebody enables the forces all the time: each stop has acted all the same.
+TEST_F(StopDoorTest, ActsForAllOfManyBesideWhoEnables) {
+  data_.Start();
+  std::atomic<bool> ends = false;
+  std::thread enabling([&] {
+    while (!ends) data_.servo().forces().Set(ForceCommand::kEnable);
+  });
+  std::atomic<int> wrong = 0;
+  test::OnThreads(4, [&](int) {
+    unsigned long before = 0;
+    for (int n = 0; n < 50; ++n) {
+      char state[16], reason[16];
+      unsigned long tick = 0;
+      const std::string answer = AskToStop(path_);
+      const bool is_whole = std::sscanf(answer.c_str(), "%15s %15s %lu", state, reason, &tick) == 3;
+      if (!is_whole || tick < before) ++wrong;
+      before = tick;
+    }
+  });
+  ends = true;
+  enabling.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_TRUE(AskToStop(path_).starts_with(kStopped));
+}
+
+}  // namespace
+}  // namespace palpate
