@@ -163,7 +163,8 @@ class Calls {
   DeviceHealth CalibrateDevice(const std::string& device = {});
   // Puts a force of at most 0.5 N on the hand for at most 5 s, to try the motors. Returns the first
   // tick with it. Of any 10 s, pushes of all clients together take at most 5 s. Errors:
-  // kInvalidArgument, kTooLarge (they have taken that), kFailedPrecondition (the forces do not act).
+  // kInvalidArgument, kTooLarge (they have taken that), kFailedPrecondition (the forces do not
+  // act).
   std::uint64_t PushHand(const Vec3& force_n, double seconds);
   // Leads the hand of the simulated device. Returns at once, and does not connect: see HandLead.
   std::unique_ptr<HandLead> LeadHand();

@@ -32,9 +32,7 @@ Error ClosedError() { return {ErrorKind::kCancelled, "the connection was closed"
 
 }  // namespace
 
-Link::Link(const Server& server) : route_(server) {
-  channels_ = MakeChannels();
-}
+Link::Link(const Server& server) : route_(server) { channels_ = MakeChannels(); }
 
 Link::Channels Link::MakeChannels() const {
   // Read the credentials once: a token may come through a pipe.

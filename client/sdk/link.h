@@ -71,7 +71,7 @@ class Link {
     // palpated takes only a small first call of a connection.
     if (request.ByteSizeLong() > kSmallBytes) WaitUntilReached(timeout);
     return WhenLoaded([&] {
-      const std::unique_ptr<typename Service::Stub> stub = 
+      const std::unique_ptr<typename Service::Stub> stub =
           Service::NewStub(own_channel ? own_channel : channel());
       grpc::ClientContext context;
       context.set_deadline(std::chrono::system_clock::now() + timeout);

@@ -64,8 +64,8 @@ class PoseFollower {
   Backoff backoff_;
 
   // Used by the pose thread only.
-  std::uint64_t dropped_before_ = 0;  // by ended streams
-  bool is_slow_ = false;              // the last callback took at least kSlow
+  std::uint64_t dropped_before_ = 0;                   // by ended streams
+  bool is_slow_ = false;                               // the last callback took at least kSlow
   std::chrono::steady_clock::time_point kept_stop_{};  // the last Link::KeepStopReady
 
   mutable std::mutex mutex_;

@@ -29,7 +29,7 @@ std::string DefaultSocketPath(const std::string& system_folder = "/run/palpate")
 std::string UnixTarget(const std::string& path);
 
 // The socket for the emergency stop alone, beside palpated's own: "/run/palpate/palpated-stop.sock"
-// for "/run/palpate/palpated.sock". Refuses a path that becomes too long.
+// for "/run/palpate/palpated.sock".
 std::string StopSocketPath(const std::string& socket_path);
 
 // A TCP address.

@@ -126,8 +126,8 @@ grpc::Status Admission::Answered(const grpc::Status& status, std::size_t answer_
   access_->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   access_->unread_.Waits(call.peer, answer_bytes, now_ns);
   call.answer_bytes = answer_bytes;
-  // Whoever stops the forces must learn that they are off. In a flood of others, gRPC may be late to
-  // say that answers were read.
+  // Whoever stops the forces must learn that they are off. In a flood of others, gRPC may be late
+  // to say that answers were read.
   const bool is_stop = call.rule->kind == CallKind::kStop;
   if (is_stop || !status.ok() || !access_->unread_.IsAbove(call.peer, now_ns)) return status;
   return {grpc::StatusCode::RESOURCE_EXHAUSTED,

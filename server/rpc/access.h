@@ -64,8 +64,8 @@ class Admission {
   void SendsVoxels(std::size_t bytes) const;
   // Ends the call if its client has not sent more by then, ns of the monotonic clock; 0: never.
   void MustSendBy(std::int64_t time_ns) const;
-  bool is_question() const;        // of an admitted call
-  const Identity& caller() const { return running_->caller; }  // of an admitted call
+  bool is_question() const;                                                 // of an admitted call
+  const Identity& caller() const { return running_->caller; }               // of an admitted call
   const Credentials& credentials() const { return running_->credentials; }  // as caller()
   // "local socket", "token ada at ipv4:192.0.2.7:51544"; of an admitted call.
   std::string Who() const;

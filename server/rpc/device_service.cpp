@@ -210,46 +210,44 @@ Reply* DeviceService::StopForces(CallContext* context, const v1::StopForcesReque
 
 Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* request,
                                v1::PushHandResponse* response) {
-  return calls_.Answer(
-      context, kPushHand, *request, *response,
-      [=, this](const Admission& by) {
-        CheckHand(request->hand());
-        const Vec3 force_D_n = FromProto(request->force_n());
-        if (!force_D_n.allFinite() || !(force_D_n.stableNorm() <= HandPush::kMostN)) {
-          throw Error(ErrorKind::kInvalidArgument, "force_n must be at most 0.5 N long");
-        }
-        const double seconds = request->seconds();
-        if (!(seconds > 0.0) || !(seconds <= kLongestPushS)) {
-          throw Error(ErrorKind::kInvalidArgument, "seconds must be above 0 and at most 5");
-        }
-        const auto refuse_unless_they_act = [&](const std::optional<ForceTick>& forces) {
-          if (forces && Act(ForcesOf(forces->forces, session_.forces_off()))) return;
-          Push(Vec3::Zero(), 0, {});
-          throw Error(ErrorKind::kFailedPrecondition,
-                      "the forces do not act: " + (forces ? InWords(forces->forces.reason)
-                                                          : "the haptic loop does not tick"));
-        };
-        if (!(device_.spec().max_force_n > 0.0)) {
-          throw Error(ErrorKind::kFailedPrecondition, "the daemon cannot drive the motors of `" +
-                                                          device_.spec().kind +
-                                                          "`: its motor figures are missing");
-        }
-        const int ticks = std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz));
-        if (const int left = servo_.pushes().ticks_left(); ticks > left) {
-          throw Error(ErrorKind::kTooLarge,
-                      fmt::format("pushes may take 5 s of any 10 s, and {:.2f} s are left: wait for "
-                                  "up to 10 s",
-                                  left / ServoLoop::kRateHz));
-        }
-        refuse_unless_they_act(forces_.newest());
-        Push(force_D_n, ticks, by.credentials());
-        const std::uint64_t tick = servo_.FirstTickThatKnows();
-        refuse_unless_they_act(forces_.WaitForTick(tick, kTickPatience));
-        LogOfClient(LogLevel::kInfo, "forces, " + by.caller().name,
-                    "forces: a push of ({:.2f}, {:.2f}, {:.2f}) N for {:g} s, by {}", force_D_n.x(),
-                    force_D_n.y(), force_D_n.z(), seconds, by.Who());
-        response->set_applied_tick(tick);
-      });
+  return calls_.Answer(context, kPushHand, *request, *response, [=, this](const Admission& by) {
+    CheckHand(request->hand());
+    const Vec3 force_D_n = FromProto(request->force_n());
+    if (!force_D_n.allFinite() || !(force_D_n.stableNorm() <= HandPush::kMostN)) {
+      throw Error(ErrorKind::kInvalidArgument, "force_n must be at most 0.5 N long");
+    }
+    const double seconds = request->seconds();
+    if (!(seconds > 0.0) || !(seconds <= kLongestPushS)) {
+      throw Error(ErrorKind::kInvalidArgument, "seconds must be above 0 and at most 5");
+    }
+    const auto refuse_unless_they_act = [&](const std::optional<ForceTick>& forces) {
+      if (forces && Act(ForcesOf(forces->forces, session_.forces_off()))) return;
+      Push(Vec3::Zero(), 0, {});
+      throw Error(ErrorKind::kFailedPrecondition,
+                  "the forces do not act: " +
+                      (forces ? InWords(forces->forces.reason) : "the haptic loop does not tick"));
+    };
+    if (!(device_.spec().max_force_n > 0.0)) {
+      throw Error(ErrorKind::kFailedPrecondition, "the daemon cannot drive the motors of `" +
+                                                      device_.spec().kind +
+                                                      "`: its motor figures are missing");
+    }
+    const int ticks = std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz));
+    if (const int left = servo_.pushes().ticks_left(); ticks > left) {
+      throw Error(ErrorKind::kTooLarge,
+                  fmt::format("pushes may take 5 s of any 10 s, and {:.2f} s are left: wait for "
+                              "up to 10 s",
+                              left / ServoLoop::kRateHz));
+    }
+    refuse_unless_they_act(forces_.newest());
+    Push(force_D_n, ticks, by.credentials());
+    const std::uint64_t tick = servo_.FirstTickThatKnows();
+    refuse_unless_they_act(forces_.WaitForTick(tick, kTickPatience));
+    LogOfClient(LogLevel::kInfo, "forces, " + by.caller().name,
+                "forces: a push of ({:.2f}, {:.2f}, {:.2f}) N for {:g} s, by {}", force_D_n.x(),
+                force_D_n.y(), force_D_n.z(), seconds, by.Who());
+    response->set_applied_tick(tick);
+  });
 }
 
 Reply* DeviceService::CalibrateDevice(CallContext* context,
@@ -355,8 +353,8 @@ void DeviceService::Push(const Vec3& force_D_n, int ticks, const Credentials& by
   const std::lock_guard lock(mutex_);
   servo_.pushes().Push(force_D_n, ticks);
   pushed_by_ = by;
-  pushes_until_ = std::chrono::steady_clock::now() + kTickPatience +
-                  std::chrono::milliseconds(ticks);
+  pushes_until_ =
+      std::chrono::steady_clock::now() + kTickPatience + std::chrono::milliseconds(ticks);
 }
 
 // A push outlives its call.
@@ -387,9 +385,7 @@ void DeviceService::Note(ForceCommand command, const std::string& whose, const s
   const bool is_stop = command == ForceCommand::kStop;
   {
     const std::lock_guard lock(mutex_);
-    (is_stop                            ? stopped_by_
-     : command == ForceCommand::kEnable ? enabled_by_
-                                        : disabled_by_) = who;
+    (is_stop ? stopped_by_ : command == ForceCommand::kEnable ? enabled_by_ : disabled_by_) = who;
   }
   calls_.access().Changed("forces", who);
   // No other lines of the client may hide these.

@@ -155,6 +155,7 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
 void RpcServer::Reserve() {
   UnixTarget(options_.socket_path);
   const std::string stop_path = StopSocketPath(options_.socket_path);
+  UnixTarget(stop_path);
   if (options_.listen) {
     if (options_.listen->host == "localhost") options_.listen->host = "127.0.0.1";
     CheckListen(*options_.listen, options_.security);

@@ -29,7 +29,8 @@ class ForceWatch {
   // None before the first tick.
   std::optional<ForceTick> newest() const;
   // Waits for a tick with this number or a greater one, and returns the first such tick that it
-  // sees; or the last one of a loop that has ended. Returns none at the timeout. Polls each millisecond, because the servo wakes nobody.
+  // sees; or the last one of a loop that has ended. Returns none at the timeout. Polls each
+  // millisecond, because the servo wakes nobody.
   std::optional<ForceTick> WaitForTick(std::uint64_t tick, std::chrono::milliseconds timeout) const;
 
  private:

@@ -2,8 +2,8 @@
 // servo runs, what it does with forces and which scenes it uses can thus be read even if the
 // samples are late.
 //
-// Threads: Tell and TellEnd on the servo thread; newest on any ordinary thread; scene_uses has one reader at a
-// time. Real-time: Tell is wait-free.
+// Threads: Tell and TellEnd on the servo thread; newest on any ordinary thread; scene_uses has one
+// reader at a time. Real-time: Tell is wait-free.
 #pragma once
 
 #include <cstdint>

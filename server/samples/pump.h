@@ -100,7 +100,7 @@ class Pump {
 
   std::mutex newcomers_mutex_;
   std::vector<Subscriber> newcomers_;
-  std::vector<Subscriber> sinks_;      // the pump thread's: those of live samples come first
+  std::vector<Subscriber> sinks_;  // the pump thread's: those of live samples come first
   std::mutex replacement_mutex_;
   std::shared_ptr<SampleReplacement> replacement_;
   std::optional<ServoKeyframe> keyframe_;        // the pump thread's: the next to deliver

@@ -22,7 +22,8 @@ TickSample ServoTick::Run(const Scene& scene, const TickTime& time) noexcept {
   input.device = device_.Read(stylus_);
   input.stylus = InD(stylus_);
   if (forces_ != nullptr) input.command = forces_->Take();
-  if (pushes_ != nullptr) input.push_D_n = pushes_->Next(forces_act_, time.missed - std::exchange(missed_, time.missed));
+  if (pushes_ != nullptr)
+    input.push_D_n = pushes_->Next(forces_act_, time.missed - std::exchange(missed_, time.missed));
   const std::int64_t before_ns = MonotonicNowNs();
   TickSample sample = computation_.Run(scene, input);
   sample.update_ns = MonotonicNowNs() - before_ns;

@@ -1,7 +1,8 @@
 // The emergency stop's own door: a Unix socket beside palpated's, on which nothing else is asked.
 //
 // Whoever may open the socket may stop. The request is "stop\n"; the answer is one line:
-//   stopped stop-call 120334 3.3 0   state and reason of the forces, the first tick with zero force,
+//   stopped stop-call 120334 3.3 0   state and reason of the forces, the first tick with zero
+//   force,
 //                                    and the limits of force (N) and torque (N mm). Another state:
 //                                    somebody has enabled the forces again
 //   waits                            the loop has not ticked for a second: the stop acts in its

@@ -490,9 +490,9 @@ TEST(SdkStopTimes, AnUploadAddsNextToNothing) {
                       << "encoding: raw\n\n"
                       << std::string(20 << 20, 'a');
   const int port = test::FreePort();
-  const test::Daemon daemon(test::kPalpated,
-                            {"builtin:sphere:16", "--listen", "127.0.0.1:" + std::to_string(port),
-                             "--config", config});
+  const test::Daemon daemon(
+      test::kPalpated,
+      {"builtin:sphere:16", "--listen", "127.0.0.1:" + std::to_string(port), "--config", config});
   const test::Throttle link(port, 20e6 / 8);
   Client client({.address = {.host_port = "127.0.0.1:" + std::to_string(link.port())}});
   ASSERT_TRUE(client.WaitUntilConnected(60s));

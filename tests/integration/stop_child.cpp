@@ -1,4 +1,5 @@
-// stop_child SOCKET: serves a volume on the socket until it is killed. stop_served_test.cpp runs it.
+// stop_child SOCKET: serves a volume on the socket until it is killed. stop_served_test.cpp runs
+// it.
 #include <unistd.h>
 
 #include <cstdio>

@@ -55,8 +55,8 @@ TEST_F(StopServed, ItActsWhileAllOtherThreadsStand) {
   ASSERT_TRUE(child.WaitFor("ready"));
   int running = 0;
   std::vector<pid_t> frozen;
-  for (const auto& task : std::filesystem::directory_iterator(
-           "/proc/" + std::to_string(child.pid()) + "/task")) {
+  for (const auto& task :
+       std::filesystem::directory_iterator("/proc/" + std::to_string(child.pid()) + "/task")) {
     std::string name;
     std::getline(std::ifstream(task.path() / "comm") >> std::ws, name);
     if (name == "palpate-rt" || name == "palpate-stop") {

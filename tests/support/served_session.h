@@ -26,8 +26,8 @@ class ServedSession {
                  .uploads = {},
                  .security = {.limits = limits}},
                 {data_.session(), editor_, series_, recording_, data_.pump(), data_.simulated(),
-                 nullptr, data_.servo(), stop_door_, data_.inbox(), forces_,
-                 std::move(list), metrics_}) {}
+                 nullptr, data_.servo(), stop_door_, data_.inbox(), forces_, std::move(list),
+                 metrics_}) {}
 
   RunningSession& data() { return data_; }
   RpcServer& server() { return server_; }

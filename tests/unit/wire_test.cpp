@@ -67,12 +67,9 @@ TEST(UnixTargetTest, LimitsTheLength) {
   EXPECT_EQ(Refusal([&] { UnixTarget(longest + "x"); }), ErrorKind::kInvalidArgument);
 }
 
-TEST(StopSocketPathTest, LiesBesideTheSocketAndIsNoLonger) {
+TEST(StopSocketPathTest, LiesBesideTheSocket) {
   EXPECT_EQ(StopSocketPath("/run/palpate/palpated.sock"), "/run/palpate/palpated-stop.sock");
   EXPECT_EQ(StopSocketPath("/tmp/or-2"), "/tmp/or-2-stop");
-  const std::string longest = "/" + std::string(kMaxSocketPathLength - 6, 'x');
-  EXPECT_EQ(StopSocketPath(longest), longest + "-stop");
-  EXPECT_EQ(Refusal([&] { StopSocketPath(longest + "x"); }), ErrorKind::kInvalidArgument);
 }
 
 TEST(UnixTargetTest, RefusesWhatGrpcWouldReadDifferently) {

@@ -57,8 +57,8 @@ constexpr std::optional<GuestFact> FactOf(Topic topic) {
   }
 }
 
-// A guest's change of a setting, or emergency stop (client::kStopKey). Flags are 0 or 1, choices the
-// number of their word.
+// A guest's change of a setting, or emergency stop (client::kStopKey). Flags are 0 or 1, choices
+// the number of their word.
 struct SteerRequest {
   std::string user;
   std::string key;

@@ -253,10 +253,11 @@ void RoomSource::Steer(const SteerRequest& request, std::function<void(std::stri
     return done(refusal);
   }
   if (is_stop) {
-    return stopper_->Ask(request.user, [this, request, done = std::move(done)](const std::string& error) {
-      TellSteered(request, error);
-      done(error);
-    });
+    return stopper_->Ask(request.user,
+                         [this, request, done = std::move(done)](const std::string& error) {
+                           TellSteered(request, error);
+                           done(error);
+                         });
   }
   steerer_->PutLast(request.user + " " + request.key,
                     [this, request, done = std::move(done)](bool is_replaced) {

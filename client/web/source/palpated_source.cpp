@@ -58,7 +58,8 @@ PalpatedSource::PalpatedSource(PalpatedOptions options, Hub& hub, Post post)
   const auto stop = [this](const std::string&) -> std::string {
     try {
       const client::ForceState state = client_->StopForces().forces.state;
-      const bool is_off = state == client::ForceState::kStopped || state == client::ForceState::kOff;
+      const bool is_off =
+          state == client::ForceState::kStopped || state == client::ForceState::kOff;
       return is_off ? "" : "somebody has enabled the forces again";
     } catch (const Error& error) {
       post_([this, why = OneLine(error.what())] { options_.log("an emergency stop: " + why); });

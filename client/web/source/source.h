@@ -53,8 +53,8 @@ class Source {
  protected:
   // When the newest pose was, by MonotonicNs. Any thread.
   void SetPoseTime(std::int64_t time_ns) { pose_time_ns_ = time_ns; }
-  // `error`: why the change was refused; empty: it was not. Returns false for a stop within a second
-  // after one that was told: it is not told.
+  // `error`: why the change was refused; empty: it was not. Returns false for a stop within a
+  // second after one that was told: it is not told.
   bool TellSteered(const SteerRequest& request, const std::string& error);
 
  private:
