@@ -32,31 +32,42 @@ void PrintForces(const client::ForceResult& result, bool json) {
   WriteOutput(text);
 }
 
+constexpr char kNotKnown[] = "what the forces do is not known: switch the device off";
+
 // For who cannot know whether the stop acted.
 std::string ForcesNow(client::Calls& palpated) {
   try {
     return "forces now: " + InWords(palpated.GetDevice().forces);
   } catch (const Error&) {
-    return "what the forces do is not known: switch the device off";
+    return kNotKnown;
   }
 }
 
 client::ForceResult StopForces(client::Calls& palpated) {
+  const auto began = Clock::now();
   try {
     return palpated.StopForces();
   } catch (const Error& error) {
-    if (error.kind() != ErrorKind::kUnavailable) throw;
+    const bool is_slow = Clock::now() - began > std::chrono::seconds(1);
+    if (error.kind() != ErrorKind::kUnavailable || is_slow) throw;
   }
   palpated.WaitUntilReached(std::chrono::seconds(3));  // it may just be starting
   return palpated.StopForces();
 }
 
 void Stop(client::Calls& palpated, bool json) {
+  client::ForceResult stopped;
   try {
-    PrintForces(StopForces(palpated), json);
+    stopped = StopForces(palpated);
   } catch (const Error& error) {
+    const bool is_away = error.kind() == ErrorKind::kUnavailable;
     throw Error(error.kind(), std::string("the stop is not confirmed: ") + error.what() + "; " +
-                                  ForcesNow(palpated));
+                                  (is_away ? kNotKnown : ForcesNow(palpated)));
+  }
+  PrintForces(stopped, json);
+  const client::ForceState state = stopped.forces.state;
+  if (state != client::ForceState::kStopped && state != client::ForceState::kOff) {
+    throw Error(ErrorKind::kConflict, "somebody has enabled the forces again");
   }
 }
 

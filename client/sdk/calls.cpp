@@ -22,6 +22,9 @@ using Device = v1::DeviceService;
 using Recording = v1::RecordingService;
 using RegistrationService = v1::RegistrationService;
 
+// On each way. palpated waits for a second for a loop that does not tick.
+constexpr std::chrono::seconds kStopTimeout{3};
+
 // Reads the answer of EnableForces, DisableForces or StopForces.
 template <typename Response>
 ForceResult ForceResultOf(const Response& response) {
@@ -116,7 +119,7 @@ ForceResult Calls::StopForces() {
   }
   const auto stop_on = [this](const std::shared_ptr<grpc::Channel>& channel) {
     return ForceResultOf(link_->Call<Device>(&Device::Stub::StopForces, v1::StopForcesRequest(),
-                                             kCallTimeout, channel));
+                                             kStopTimeout, channel));
   };
   try {
     return stop_on(link_->stop_channel());

@@ -58,9 +58,10 @@ std::optional<ForceResult> StopBySocket(const std::string& path) {
                   "the haptic loop did not tick within 1 s: the stop holds from its next tick on; "
                   "look at palpated's log, or end it");
     }
-    if (answer >> reason >> result.applied_tick >> result.forces.limit_n >>
-        result.forces.torque_limit_n_mm) {
-      result.forces.state = Named<ForceState>(state).value_or(ForceState::kUnknown);
+    result.forces.state = Named<ForceState>(state).value_or(ForceState::kUnknown);
+    if (result.forces.state != ForceState::kUnknown && answer >> reason >> result.applied_tick >>
+                                                           result.forces.limit_n >>
+                                                           result.forces.torque_limit_n_mm) {
       result.forces.reason = Named<ForceReason>(reason).value_or(ForceReason::kUnknown);
       return result;
     }

@@ -9,12 +9,21 @@
 #include <cstring>
 
 namespace palpate {
+namespace {
+
+constexpr int kPassRights = 83;  // SO_PASSRIGHTS
+
+}  // namespace
 
 int BindSocket(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::strncpy(address.sun_path, path.c_str(), sizeof(address.sun_path) - 1);
   const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  // A file that a peer passes would be closed here, which can take as long as the peer wants. Linux
+  // before 6.16 does not know the option.
+  const int no = 0;
+  setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof(no));
   // Nobody can connect before the mode is set, because the socket does not listen yet.
   if (fd >= 0 && bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 &&
       chmod(path.c_str(), 0660) == 0) {

@@ -7,8 +7,8 @@
 
 namespace palpate {
 
-// Returns a socket that is bound to `path`, with the mode 0660, and does not listen yet. The caller
-// closes it, and removes the file.
+// Returns a socket that is bound to `path`, with the mode 0660, and does not listen yet. Where the
+// kernel can, its connections take no files. The caller closes it, and removes the file.
 int BindSocket(const std::string& path);
 
 }  // namespace palpate

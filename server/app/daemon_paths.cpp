@@ -27,7 +27,8 @@ std::string DefaultStateFolder() {
 OwnFiles OwnFilesOf(const LoadedConfig& loaded, const std::filesystem::path& state_folder,
                     const std::string& socket) {
   const SecurityOptions& security = loaded.config.security;
-  std::vector<std::filesystem::path> own{socket + ".tls", socket + ".lock"};
+  std::vector<std::filesystem::path> own{socket + ".tls", socket + ".lock",
+                                         StopSocketPath(socket) + ".lock"};
   // Not the whole folder: recordings may lie below it. The service's recordings do.
   if (!state_folder.empty()) {
     for (const char* name : {"sessions", "faults", "registrations.toml", "registrations.toml.lock",

@@ -73,6 +73,22 @@ void RemoveStaleSocket(const std::string& path) {
   unlink(path.c_str());
 }
 
+// While the lock is held, the socket is ours.
+void Claim(const std::string& path, FileLock& lock) {
+  const std::string lock_path = path + ".lock";
+  switch (lock.Take(lock_path, LockOf::kFile)) {
+    case LockResult::kTaken:
+      return RemoveStaleSocket(path);
+    case LockResult::kHeldByAnother:
+      throw Error(ErrorKind::kConflict, "another palpated listens on " + path +
+                                            ": stop it, or name another socket with --socket");
+    case LockResult::kCannotOpen:
+      throw Error(ErrorKind::kPermissionDenied, "cannot write " + lock_path + ": " +
+                                                    std::strerror(errno) +
+                                                    "; name another socket with --socket");
+  }
+}
+
 void MakeSocketFolder(const std::filesystem::path& folder) {
   if (folder.empty() || std::filesystem::exists(folder)) return;
   std::error_code error;
@@ -161,20 +177,8 @@ void RpcServer::Reserve() {
     CheckListen(*options_.listen, options_.security);
   }
   MakeSocketFolder(std::filesystem::path(options_.socket_path).parent_path());
-  const std::string lock_path = options_.socket_path + ".lock";
-  switch (lock_.Take(lock_path, LockOf::kFile)) {
-    case LockResult::kTaken:
-      break;
-    case LockResult::kHeldByAnother:
-      throw Error(ErrorKind::kConflict, "another palpated listens on " + options_.socket_path +
-                                            ": stop it, or name another socket with --socket");
-    case LockResult::kCannotOpen:
-      throw Error(ErrorKind::kPermissionDenied, "cannot write " + lock_path + ": " +
-                                                    std::strerror(errno) +
-                                                    "; name another socket with --socket");
-  }
-  RemoveStaleSocket(options_.socket_path);
-  RemoveStaleSocket(stop_path);
+  Claim(options_.socket_path, lock_);
+  Claim(stop_path, stop_lock_);
   if (!options_.security.tls.certificate.empty()) {
     const StartsUrgentThreads urgent;
     tls_ = std::make_unique<TlsFiles>(options_.security.tls, options_.socket_path + ".tls");
@@ -275,6 +279,7 @@ void RpcServer::Stop() noexcept {
   // Destroyed while the lock is held: afterwards another daemon may make the folder anew.
   security_files_.reset();
   tls_.reset();
+  stop_lock_ = {};
   lock_ = {};
 }
 

@@ -118,7 +118,7 @@ class RpcServer {
   std::thread standby_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<SecurityFiles> security_files_;
-  FileLock lock_;
+  FileLock lock_, stop_lock_;  // of the two sockets
 };
 
 }  // namespace palpate

@@ -26,6 +26,8 @@ namespace {
 // Who comes in a flood waits for those before: at kAtOnce in each 1 to 2 ms, at most 20 ms.
 constexpr int kWaiting = 512;
 constexpr std::int64_t kPatienceNs = 1'000'000'000;
+constexpr std::int64_t kFullPatienceNs = 100'000'000;  // if there is no place
+constexpr std::string_view kWaits = "waits\n";
 constexpr timespec kPause{0, 1'000'000};
 constexpr int kNice = -5;  // where real-time scheduling is not permitted
 
@@ -61,6 +63,7 @@ void StopDoor::Open(const std::string& path) {
     while (!ends_) {
       untold_.acquire();
       TellStops();
+      CloseDropped();
     }
   });
   thread_ = std::thread([this] { Run(); });
@@ -74,6 +77,7 @@ void StopDoor::Close() noexcept {
   untold_.release();
   if (teller_.joinable()) teller_.join();
   TellStops();
+  CloseDropped();
   unlink(path_.c_str());
   close(std::exchange(listener_, -1));
   if (end_ >= 0) close(std::exchange(end_, -1));
@@ -113,7 +117,7 @@ void StopDoor::Run() noexcept {
     }
     if (!is_awaited) poll(files.data(), count, -1);
     for (Connection& one : connections_) {
-      if (one.fd >= 0 && one.tick == 0) Read(one);
+      if (one.fd >= 0 && one.tick == 0) Look(one);
     }
     for (int n = 0; n < kAtOnce && Accept(); ++n) {
     }
@@ -125,35 +129,46 @@ void StopDoor::Run() noexcept {
 }
 
 bool StopDoor::Accept() noexcept {
+  Connection* place = Oldest(/*has_asked=*/false);
+  if (place == nullptr) {
+    // Within a tick or two, one of them is answered, unless the loop stands.
+    place = Oldest(/*has_asked=*/true);
+    if (MonotonicNowNs() - place->asked_ns < kFullPatienceNs) return false;
+    Send(*place, kWaits);
+  }
   const int fd = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-  if (fd < 0) return false;
-  // A free place has the number 0.
-  Connection& place = *std::min_element(
-      connections_.begin(), connections_.end(),
-      [](const Connection& a, const Connection& b) { return a.number < b.number; });
-  Drop(place);
-  place.fd = fd;
-  place.number = ++came_;
-  Read(place);
+  if (fd < 0 && errno != EMFILE && errno != ENFILE) return false;
+  Drop(*place);
+  if (fd < 0) return false;  // there is a file for the next round
+  place->fd = fd;
+  place->number = ++came_;
+  Look(*place);
   return true;
 }
 
-void StopDoor::Read(Connection& connection) noexcept {
-  const ssize_t length = recv(connection.fd, connection.request.data() + connection.length,
-                              connection.request.size() - connection.length, 0);
+StopDoor::Connection* StopDoor::Oldest(bool has_asked) noexcept {
+  Connection* oldest = nullptr;
+  for (Connection& one : connections_) {
+    if ((one.tick != 0) != has_asked) continue;
+    if (oldest == nullptr || one.number < oldest->number) oldest = &one;
+  }
+  return oldest;
+}
+
+void StopDoor::Look(Connection& connection) noexcept {
+  constexpr std::string_view kRequest = "stop\n";
+  std::array<char, kRequest.size()> bytes;
+  const ssize_t length = recv(connection.fd, bytes.data(), bytes.size(), MSG_PEEK);
   if (length < 0 && (errno == EAGAIN || errno == EINTR)) return;
-  if (length <= 0) return Drop(connection);
-  connection.length += static_cast<std::size_t>(length);
-  const std::string_view request(connection.request.data(), connection.length);
-  if (!kRequest.starts_with(request)) return Drop(connection);
-  if (request == kRequest) Act(connection);
+  const bool asks = length > 0 && std::string_view(bytes.data(), length) == kRequest;
+  asks ? Act(connection) : Drop(connection);
 }
 
 void StopDoor::Act(Connection& connection) noexcept {
   servo_.forces().Set(ForceCommand::kStop);
   device_.StopMoving();
   connection.tick = servo_.FirstTickThatKnows();
-  connection.patience_ns = MonotonicNowNs() + kPatienceNs;
+  connection.asked_ns = MonotonicNowNs();
   ucred who{};
   socklen_t length = sizeof(who);
   getsockopt(connection.fd, SOL_SOCKET, SO_PEERCRED, &who, &length);
@@ -168,8 +183,8 @@ void StopDoor::AnswerAll() noexcept {
     if (one.tick == 0) continue;
     if (last && (last->ended || last->tick >= one.tick)) {
       Answer(one, *last);
-    } else if (now_ns > one.patience_ns) {
-      Send(one, "waits\n");
+    } else if (now_ns - one.asked_ns > kPatienceNs) {
+      Send(one, kWaits);
     }
   }
 }
@@ -197,8 +212,19 @@ void StopDoor::Send(Connection& connection, std::string_view line) noexcept {
 }
 
 void StopDoor::Drop(Connection& connection) noexcept {
-  if (connection.fd >= 0) close(connection.fd);
+  if (connection.fd >= 0) {
+    shutdown(connection.fd, SHUT_RDWR);  // the peer learns it now
+    if (dropped_.TryPush(connection.fd)) {
+      untold_.release();
+    } else {
+      close(connection.fd);
+    }
+  }
   connection = {};
+}
+
+void StopDoor::CloseDropped() noexcept {
+  for (int fd = -1; dropped_.TryPop(fd);) close(fd);
 }
 
 }  // namespace palpate

@@ -1,12 +1,13 @@
 // The emergency stop's own door: a Unix socket beside palpated's, on which nothing else is asked.
 //
-// Whoever may open the socket may stop. The request is "stop\n"; the answer is one line:
+// Whoever may open the socket may stop. The request is "stop\n", in one write; the answer is one
+// line:
 //   stopped stop-call 120334 3.3 0   state and reason of the forces, the first tick with zero
 //   force,
 //                                    and the limits of force (N) and torque (N mm). Another state:
 //                                    somebody has enabled the forces again
-//   waits                            the loop has not ticked for a second: the stop acts in its
-//                                    next tick
+//   waits                            the loop does not tick: the stop acts in its next tick. After
+//                                    a second; in a flood, after a tenth of one
 // A loop that has ended has written zero force: "off operator" and the tick after its last one.
 //
 // One thread, "palpate-stop", serves the socket: below the servo's and the device's threads, and
@@ -14,9 +15,10 @@
 // shares nothing but atomic values, so that it works whatever the rest of palpated does: with all
 // other threads standing, and while the gRPC server shuts down. It works for at most kAtOnce
 // connections, then sleeps for 1 ms, so that a flood leaves the processor to others. Of more than
-// kMostOpen connections the oldest is closed. A connection is served once.
+// kMostOpen connections the oldest that has not asked is closed. A connection is served once.
 //
-// A second thread tells who has stopped (SetOnStop), as that takes locks.
+// A second thread tells who has stopped (SetOnStop), as that takes locks, and closes connections: a
+// peer may have sent a file with its bytes, whose end takes long. So the bytes are only looked at.
 //
 // Threads: construct, Open and Close on the main thread; SetOnStop and TellStops on any ordinary
 // one. Ownership: borrows all. Errors: Open throws Error (kConflict).
@@ -71,28 +73,29 @@ class StopDoor {
   void TellStops() noexcept;
 
  private:
-  static constexpr std::string_view kRequest = "stop\n";
-
   struct Connection {
     int fd = -1;
-    std::array<char, kRequest.size()> request{};
-    std::size_t length = 0;
     std::uint64_t number = 0;  // rises in the order in which they came
     std::uint64_t tick = 0;    // knows of the stop; 0: not asked yet
-    std::int64_t patience_ns = 0;
+    std::int64_t asked_ns = 0;
   };
 
   void Run() noexcept;
-  // False if nobody waits.
+  // False if nobody waits, or there is no place.
   bool Accept() noexcept;
-  // Reads what came. Acts if the request is complete.
-  void Read(Connection& connection) noexcept;
+  // The oldest of those that have asked, or have not; null: there is none. A free place is the
+  // oldest of those that have not.
+  Connection* Oldest(bool has_asked) noexcept;
+  // Looks at what came. Acts if it is the request.
+  void Look(Connection& connection) noexcept;
   void Act(Connection& connection) noexcept;
   // Answers those whose tick has come, and those who waited for too long.
   void AnswerAll() noexcept;
-  static void Answer(Connection& connection, const LastTick& last) noexcept;
-  static void Send(Connection& connection, std::string_view line) noexcept;
-  static void Drop(Connection& connection) noexcept;
+  void Answer(Connection& connection, const LastTick& last) noexcept;
+  void Send(Connection& connection, std::string_view line) noexcept;
+  void Drop(Connection& connection) noexcept;
+  // On the teller's thread, too.
+  void CloseDropped() noexcept;
 
   ServoLoop& servo_;
   LastTickBoard& board_;
@@ -109,6 +112,7 @@ class StopDoor {
   std::uint64_t came_ = 0;
 
   SpscRing<StopCaller, 256> stops_;
+  SpscRing<int, 256> dropped_;  // files that the teller closes
   std::counting_semaphore<> untold_{0};
   std::mutex tell_mutex_;  // guards on_stop_; held to read stops_
   std::function<void(const StopCaller&)> on_stop_;

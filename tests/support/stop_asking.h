@@ -24,6 +24,22 @@ class StopAsking {
   StopAsking& operator=(const StopAsking&) = delete;
 
   void Send(std::string_view text) const { send(fd_, text.data(), text.size(), MSG_NOSIGNAL); }
+  // The kernel may refuse to pass it.
+  void SendFile(std::string_view text, int file) const {
+    iovec bytes{const_cast<char*>(text.data()), text.size()};
+    alignas(cmsghdr) char passed[CMSG_SPACE(sizeof(file))] = {};
+    msghdr message{};
+    message.msg_iov = &bytes;
+    message.msg_iovlen = 1;
+    message.msg_control = passed;
+    message.msg_controllen = sizeof(passed);
+    cmsghdr* const header = CMSG_FIRSTHDR(&message);
+    header->cmsg_level = SOL_SOCKET;
+    header->cmsg_type = SCM_RIGHTS;
+    header->cmsg_len = CMSG_LEN(sizeof(file));
+    std::memcpy(CMSG_DATA(header), &file, sizeof(file));
+    sendmsg(fd_, &message, MSG_NOSIGNAL);
+  }
   // Up to the end of the connection.
   std::string Answer() const {
     std::string all;

@@ -26,18 +26,20 @@ def stop_by_socket(path: str) -> ForceStatus | None:
     """
     for _ in range(_TRIES):
         try:
-            words = _ask(path).split()
+            words = _ask(path).decode(errors="replace").split()
         except ConnectionResetError:
             continue
         except OSError:
             return None
-        if words[:1] == [b"waits"]:
+        if words[:1] == ["waits"]:
             raise Unavailable("the haptic loop did not tick within 1 s: the stop holds from its "
                               "next tick on; look at palpated's log, or end it")
-        if len(words) == 5:
-            state, reason = (word.decode().upper().replace("-", "_") for word in words[:2])
-            return ForceStatus(state=ForceState[state], reason=ForceReason[reason],
-                               limit_n=float(words[3]), torque_limit_n_mm=float(words[4]))
+        with contextlib.suppress(ValueError, KeyError):  # of another version
+            state, reason, tick, limit_n, torque_limit_n_mm = words
+            int(tick)
+            return ForceStatus(state={str(one): one for one in ForceState}[state],
+                               reason={str(one): one for one in ForceReason}[reason],
+                               limit_n=float(limit_n), torque_limit_n_mm=float(torque_limit_n_mm))
     return None
 
 
