@@ -23,7 +23,7 @@ int BindSocket(const std::string& path) {
   // A file that a peer passes would be closed here, which can take as long as the peer wants. Linux
   // before 6.16 does not know the option.
   const int no = 0;
-  setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof(no));
+  if (fd >= 0) setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof(no));
   // Nobody can connect before the mode is set, because the socket does not listen yet.
   if (fd >= 0 && bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 &&
       chmod(path.c_str(), 0660) == 0) {

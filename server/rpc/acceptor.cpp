@@ -75,6 +75,9 @@ void Acceptor::Start(std::vector<Sink> sinks) {
   }
   sinks_ = std::move(sinks);
   wake_fd_ = eventfd(0, EFD_CLOEXEC);
+  if (wake_fd_ < 0) {
+    throw Error(ErrorKind::kInternal, "no file is left: raise LimitNOFILE (ulimit -n)");
+  }
   watch_.Start();
   thread_ = std::thread([this] { Run(); });
 }

@@ -119,9 +119,9 @@ void StopDoor::Run() noexcept {
     for (Connection& one : connections_) {
       if (one.fd >= 0 && one.tick == 0) Look(one);
     }
+    AnswerAll();
     for (int n = 0; n < kAtOnce && Accept(); ++n) {
     }
-    AnswerAll();
     // Real-time, the thread must sleep: see LimitRTTIME= of the unit.
     clock_nanosleep(CLOCK_MONOTONIC, 0, &kPause, nullptr);
   }
@@ -131,19 +131,29 @@ void StopDoor::Run() noexcept {
 bool StopDoor::Accept() noexcept {
   Connection* place = Oldest(/*has_asked=*/false);
   if (place == nullptr) {
-    // Within a tick or two, one of them is answered, unless the loop stands.
     place = Oldest(/*has_asked=*/true);
+    // Within a tick or two it is answered, unless the loop stands.
     if (MonotonicNowNs() - place->asked_ns < kFullPatienceNs) return false;
-    Send(*place, kWaits);
   }
   const int fd = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-  if (fd < 0 && errno != EMFILE && errno != ENFILE) return false;
+  if (fd < 0) {
+    // A silent one gives its file to the next.
+    if (errno == EMFILE || errno == ENFILE) DropASilentOne();
+    return false;
+  }
+  if (place->tick != 0) Send(*place, kWaits);
   Drop(*place);
-  if (fd < 0) return false;  // there is a file for the next round
   place->fd = fd;
   place->number = ++came_;
   Look(*place);
   return true;
+}
+
+void StopDoor::DropASilentOne() noexcept {
+  const auto silent =
+      std::find_if(connections_.begin(), connections_.end(),
+                   [](const Connection& one) { return one.fd >= 0 && one.tick == 0; });
+  if (silent != connections_.end()) Drop(*silent);
 }
 
 StopDoor::Connection* StopDoor::Oldest(bool has_asked) noexcept {

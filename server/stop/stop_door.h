@@ -86,6 +86,7 @@ class StopDoor {
   // The oldest of those that have asked, or have not; null: there is none. A free place is the
   // oldest of those that have not.
   Connection* Oldest(bool has_asked) noexcept;
+  void DropASilentOne() noexcept;
   // Looks at what came. Acts if it is the request.
   void Look(Connection& connection) noexcept;
   void Act(Connection& connection) noexcept;
@@ -112,7 +113,9 @@ class StopDoor {
   std::uint64_t came_ = 0;
 
   SpscRing<StopCaller, 256> stops_;
-  SpscRing<int, 256> dropped_;  // files that the teller closes
+  // Files that the teller closes. With kMostOpen, they fit into those that palpated keeps free for
+  // itself (server/rpc/open_files.cpp).
+  SpscRing<int, 64> dropped_;
   std::counting_semaphore<> untold_{0};
   std::mutex tell_mutex_;  // guards on_stop_; held to read stops_
   std::function<void(const StopCaller&)> on_stop_;

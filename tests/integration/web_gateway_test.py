@@ -155,10 +155,10 @@ class Steering(WebTest):
             self.conn.device.enable()
             self.assertEqual(guest.steer("stop", 0), "")
             self.assertEqual(self.conn.device.info().forces.reason, "stop-call")
-        changes = watcher.wait_for("steering", lambda message: [
-            change["key"] for change in message["changes"]][-2:] == ["stop", "stop"])["changes"]
-        self.assertEqual(changes[-1]["user"], "lecturer-1")
-        # Told once; each of them acts.
+        # Told at most once a second; each of them acts.
+        lecturer.wait_for("steering", lambda message: any(
+            change["key"] == "stop" and change["user"].startswith("guest-")
+            for change in message["changes"]))
         for _ in range(5):
             self.assertEqual(lecturer.steer("stop", 0), "")
         self.assertLess(sum("stops the forces" in line for line in self.gateway.said), 5)

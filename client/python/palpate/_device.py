@@ -9,7 +9,7 @@ from palpate._enums import Role
 from palpate._geometry import Triple, vector_of
 from palpate._hand import Hand
 from palpate._held import fields_in, held_in
-from palpate._link import Link
+from palpate._link import CALL_TIMEOUT_S, Link
 from palpate._stop_socket import stop_by_socket, stop_socket_path
 from palpate._value_list import (DeviceDescription, DeviceHealth, ForceStatus, ListedDevice,
                                  ServoDescription)
@@ -118,7 +118,7 @@ class Device:
             return ForceStatus(**held_in(
                 self._stop_stub.StopForces(request, timeout=_STOP_TIMEOUT_S).forces))
         except grpc.RpcError:  # such as one connection too many
-            return self._force_call(self._stub.StopForces, request)
+            return self._force_call(self._stub.StopForces, request, _STOP_TIMEOUT_S)
 
     def calibrate(self, kind: str = "") -> DeviceInfo:
         """Calibrates the device in its place of rest, when the stylus is docked next.
@@ -155,5 +155,6 @@ class Device:
         """
         return Hand(self._link, target_mm)
 
-    def _force_call(self, method: typing.Any, request: typing.Any) -> ForceStatus:
-        return ForceStatus(**held_in(self._link.call(method, request).forces))
+    def _force_call(self, method: typing.Any, request: typing.Any,
+                    timeout_s: float = CALL_TIMEOUT_S) -> ForceStatus:
+        return ForceStatus(**held_in(self._link.call(method, request, timeout_s).forces))

@@ -18,7 +18,7 @@ from palpate._values import path_text
 from palpate.v1 import device_pb2, device_pb2_grpc
 
 _CONNECT_TIMEOUT_S = 3.0
-_CALL_TIMEOUT_S = 30.0
+CALL_TIMEOUT_S = 30.0
 _SMALL_BYTES = 32 << 10
 # A palpated that is just being started is there by then.
 _START_S = 2.0
@@ -137,7 +137,7 @@ class Link:
         self._greeted = now
         # Held: gRPC cancels a call that nobody holds.
         self._greeting = self.stop_stub(device_pb2_grpc.DeviceServiceStub).GetDevice.future(
-            device_pb2.GetDeviceRequest(), timeout=_CALL_TIMEOUT_S, wait_for_ready=True)
+            device_pb2.GetDeviceRequest(), timeout=CALL_TIMEOUT_S, wait_for_ready=True)
 
     def _is_back(self) -> bool:
         """Waits a moment for a palpated that was started again.
@@ -162,7 +162,8 @@ class Link:
                                "is not palpated")
         return error_of(self.name, failed)
 
-    def call(self, method: typing.Any, request: typing.Any) -> typing.Any:
+    def call(self, method: typing.Any, request: typing.Any,
+             timeout_s: float = CALL_TIMEOUT_S) -> typing.Any:
         """Returns the answer to one request. Waits while palpated loads its first volume.
 
         Errors: palpate.Error.
@@ -174,7 +175,7 @@ class Link:
                 # palpated takes only a small first call of a connection.
                 if not self._is_local and request.ByteSize() > _SMALL_BYTES:
                     self._greet()
-                return method(request, timeout=_CALL_TIMEOUT_S)
+                return method(request, timeout=timeout_s)
             except grpc.RpcError as failed:
                 if not self.waits_for(failed):
                     raise self._error_of(failed) from None

@@ -3,13 +3,14 @@
 import contextlib
 import os
 import socket
+import struct
 
 from palpate._enums import ForceReason, ForceState
 from palpate._errors import Unavailable
 from palpate._value_list import ForceStatus
 
 # palpated answers within a second. In a flood it may close a connection: the next one may pass.
-_PATIENCE_S = 1.5
+_PATIENCE = struct.pack("ll", 1, 500_000)  # s, µs
 _TRIES = 3
 
 
@@ -35,7 +36,7 @@ def stop_by_socket(path: str) -> ForceStatus | None:
             raise Unavailable("the haptic loop did not tick within 1 s: the stop holds from its "
                               "next tick on; look at palpated's log, or end it")
         with contextlib.suppress(ValueError, KeyError):  # of another version
-            state, reason, tick, limit_n, torque_limit_n_mm = words
+            state, reason, tick, limit_n, torque_limit_n_mm = words[:5]
             int(tick)
             return ForceStatus(state={str(one): one for one in ForceState}[state],
                                reason={str(one): one for one in ForceReason}[reason],
@@ -46,7 +47,9 @@ def stop_by_socket(path: str) -> ForceStatus | None:
 def _ask(path: str) -> bytes:
     """The answer; empty: the connection was closed. Errors: OSError."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-        connection.settimeout(_PATIENCE_S)
+        # Not settimeout: in a flood, a connection that may not wait for its turn is refused.
+        for option in (socket.SO_SNDTIMEO, socket.SO_RCVTIMEO):
+            connection.setsockopt(socket.SOL_SOCKET, option, _PATIENCE)
         connection.connect(path)
         with contextlib.suppress(BrokenPipeError):
             connection.sendall(b"stop\n")
