@@ -168,7 +168,8 @@ Access::Work::Work(Access& access, const Admission& admission)
       began_s_(ThreadTimeS()) {}
 
 Access::Work::~Work() {
-  if (!question_of_.empty()) access_.limits_.Worked(question_of_, ThreadTimeS() - began_s_);
+  if (question_of_.empty()) return;
+  access_.limits_.Worked(question_of_, ThreadTimeS() - began_s_, MonotonicNowNs());
 }
 
 void Access::Work::Begin() const {

@@ -58,11 +58,15 @@ std::optional<std::string> IdentityLimits::Enter(const std::string& identity, Ca
   return std::nullopt;
 }
 
-std::optional<std::string> IdentityLimits::WorkProblem(Use& use, std::int64_t now_ns) {
+double IdentityLimits::WorkOf(Use& use, std::int64_t now_ns) {
   const double passed_s = 1e-9 * static_cast<double>(now_ns - use.work_ns);
   use.work_s = std::max(0.0, use.work_s - kWorkShare * std::max(0.0, passed_s));
   use.work_ns = now_ns;
-  if (use.work_s < kMostWorkS) return std::nullopt;
+  return use.work_s;
+}
+
+std::optional<std::string> IdentityLimits::WorkProblem(Use& use, std::int64_t now_ns) {
+  if (WorkOf(use, now_ns) < kMostWorkS) return std::nullopt;
   return "questions of one client may take a quarter of a processor: ask less often";
 }
 
@@ -72,10 +76,10 @@ std::optional<std::string> IdentityLimits::MayWork(const std::string& identity,
   return WorkProblem(UseOf(identity), now_ns);
 }
 
-void IdentityLimits::Worked(const std::string& identity, double seconds) {
+void IdentityLimits::Worked(const std::string& identity, double seconds, std::int64_t now_ns) {
   const std::lock_guard lock(mutex_);
-  double& work_s = UseOf(identity).work_s;
-  work_s = std::min(work_s + seconds, kMostDebtS);
+  Use& use = UseOf(identity);
+  use.work_s = std::min(WorkOf(use, now_ns) + seconds, kMostDebtS);
 }
 
 IdentityLimits::Use& IdentityLimits::UseOf(const std::string& identity) {

@@ -52,7 +52,7 @@ class IdentityLimits {
   // Ask it before the work of a question, as others may have worked while it waited.
   std::optional<std::string> MayWork(const std::string& identity, std::int64_t now_ns);
   // A question took so much processor time.
-  void Worked(const std::string& identity, double seconds);
+  void Worked(const std::string& identity, double seconds, std::int64_t now_ns);
   void Leave(const std::string& identity, CallKind kind, std::size_t request_bytes);
 
   // Takes samples per second for a stream of poses, in the same way. `is_local`: the client is on
@@ -71,6 +71,7 @@ class IdentityLimits {
     std::int64_t work_ns = 0;
   };
 
+  static double WorkOf(Use& use, std::int64_t now_ns);
   static std::optional<std::string> WorkProblem(Use& use, std::int64_t now_ns);
   Use& UseOf(const std::string& identity);
 

@@ -64,28 +64,28 @@ TEST(IdentityLimits, CountsEachIdentityAndKindByItself) {
 
 TEST(IdentityLimits, QuestionsMayTakeAQuarterOfAProcessor) {
   IdentityLimits limits({});
+  const auto time_ns = [](double time_s) { return static_cast<std::int64_t>(1e9 * time_s); };
   const auto may = [&](const char* who, double time_s) {
-    const auto time_ns = static_cast<std::int64_t>(1e9 * time_s);
-    const bool works = !limits.MayWork(who, time_ns);
-    EXPECT_EQ(!limits.Enter(who, CallKind::kQuestion, 0, time_ns), works);
+    const bool works = !limits.MayWork(who, time_ns(time_s));
+    EXPECT_EQ(!limits.Enter(who, CallKind::kQuestion, 0, time_ns(time_s)), works);
     return works;
   };
+  const auto worked = [&](double seconds, double time_s) {
+    limits.Worked("a", seconds, time_ns(time_s));
+  };
   EXPECT_TRUE(may("a", 1.0));
-  limits.Worked("a", 0.4);
+  worked(0.4, 1.0);
   EXPECT_TRUE(may("a", 1.0));
-  limits.Worked("a", 0.6);  // by those that were at work already
+  worked(0.6, 1.0);  // by those that were at work already
   EXPECT_FALSE(may("a", 1.0));
   EXPECT_TRUE(may("b", 1.0));
   EXPECT_TRUE(!limits.Enter("a", CallKind::kCall, 0, kSecond));
   EXPECT_TRUE(!limits.Enter("a", CallKind::kStop, 0, kSecond));
   EXPECT_FALSE(may("a", 2.9));
   EXPECT_TRUE(may("a", 3.1));
-  limits.Worked("a", 0.3);
-  EXPECT_FALSE(may("a", 3.1));
-  EXPECT_TRUE(may("a", 100.0));
-  limits.Worked("a", 0.6);  // what was not used is not saved
+  worked(0.6, 100.0);  // what was not used is not saved
   EXPECT_FALSE(may("a", 100.0));
-  limits.Worked("a", 60.0);  // and nobody is shut out for long
+  worked(60.0, 100.0);  // and nobody is shut out for long
   EXPECT_TRUE(may("a", 102.1));
 }
 
