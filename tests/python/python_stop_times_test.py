@@ -139,7 +139,8 @@ class StopTimes(unittest.TestCase):
                 if taken is stops:
                     self.assertIsNotNone(answer, "the stop would go by gRPC")
                     if ENABLING not in name:
-                        self.assertEqual(str(answer.state), "stopped")
+                        # "off": by a flood with DisableForces.
+                        self.assertIn(str(answer.state), ("stopped", "off"))
                 time.sleep(BETWEEN_S / 2)
         if process:
             self.assertIsNone(process.poll(), "it ended too soon")
