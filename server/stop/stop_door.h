@@ -2,12 +2,12 @@
 //
 // Whoever may open the socket may stop. The request is "stop\n", in one write; the answer is one
 // line:
-//   stopped stop-call 120334 3.3 0   state and reason of the forces, the first tick with zero
-//   force,
-//                                    and the limits of force (N) and torque (N mm). Another state:
-//                                    somebody has enabled the forces again
-//   waits                            the loop does not tick: the stop acts in its next tick. After
-//                                    a second; in a flood, after a tenth of one
+//   stopped stop-call 120334 3.3 0
+// State and reason of the forces, the first tick with zero force, and the limits of force (N) and
+// torque (N mm). Another state: somebody has enabled the forces again.
+//   waits
+// The loop does not tick, and the stop acts in its next tick. After a second; in a flood, after a
+// tenth of one.
 // A loop that has ended has written zero force: "off operator" and the tick after its last one.
 //
 // One thread, "palpate-stop", serves the socket: below the servo's and the device's threads, and
