@@ -65,8 +65,7 @@ void Stop(client::Calls& palpated, bool json) {
                                   (is_away ? kNotKnown : ForcesNow(palpated)));
   }
   PrintForces(stopped, json);
-  const client::ForceState state = stopped.forces.state;
-  if (state != client::ForceState::kStopped && state != client::ForceState::kOff) {
+  if (!client::AreOff(stopped.forces.state)) {
     throw Error(ErrorKind::kConflict, "somebody has enabled the forces again");
   }
 }

@@ -22,6 +22,11 @@ using palpate::VerificationLevel;
 // Stands for the emergency stop where a setting's key is wanted.
 inline constexpr std::string_view kStopKey = "stop";
 
+// After a stop. A palpated that ends answers that they are off.
+inline bool AreOff(palpate::ForceState state) {
+  return state == palpate::ForceState::kStopped || state == palpate::ForceState::kOff;
+}
+
 using DaemonInfo = GetDeviceResponse;
 using ForceResult = EnableForcesResponse;
 

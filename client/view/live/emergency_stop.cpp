@@ -3,17 +3,12 @@
 namespace palpate::view {
 namespace {
 
-// A palpated that ends answers that they are off.
-bool AreOff(client::ForceState state) {
-  return state == client::ForceState::kStopped || state == client::ForceState::kOff;
-}
-
 // In a line of which nobody is sure. `before`: the newest pose when the stop was sent.
 std::string ForcesNow(const client::Client& client, const std::optional<client::Pose>& before) {
   const std::optional<client::Pose> now = client.NewestPose();
   const bool is_newer = now && (!before || now->tick > before->tick);
   if (!is_newer) return "what the forces do is not known: switch the device off";
-  if (AreOff(now->forces.state)) return "forces are off";
+  if (client::AreOff(now->forces.state)) return "forces are off";
   return std::string(Describe(now->forces.state).says) + ": switch the device off";
 }
 
@@ -27,10 +22,10 @@ void EmergencyStop::Send() {
     const std::optional<client::Pose> before = client.NewestPose();
     try {
       const client::ForceStatus forces = client.StopForces().forces;
-      Finish({.text = "emergency stop: " + (AreOff(forces.state)
+      Finish({.text = "emergency stop: " + (client::AreOff(forces.state)
                                                 ? "forces are off"
                                                 : std::string(Describe(forces.state).says)),
-              .is_bad = !AreOff(forces.state)});
+              .is_bad = !client::AreOff(forces.state)});
     } catch (const Error& error) {
       Finish({.text = std::string("emergency stop NOT confirmed: ") + error.what() + "; " +
                       ForcesNow(client, before),

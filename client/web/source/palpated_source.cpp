@@ -57,9 +57,7 @@ PalpatedSource::PalpatedSource(PalpatedOptions options, Hub& hub, Post post)
   worker_ = std::make_unique<Worker>(failed);
   const auto stop = [this](const std::string&) -> std::string {
     try {
-      const client::ForceState state = client_->StopForces().forces.state;
-      const bool is_off =
-          state == client::ForceState::kStopped || state == client::ForceState::kOff;
+      const bool is_off = client::AreOff(client_->StopForces().forces.state);
       return is_off ? "" : "somebody has enabled the forces again";
     } catch (const Error& error) {
       post_([this, why = OneLine(error.what())] { options_.log("an emergency stop: " + why); });
