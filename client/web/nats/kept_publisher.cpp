@@ -18,7 +18,8 @@ using namespace std::chrono_literals;
 
 constexpr auto kBetweenVolumes = 50ms;
 constexpr auto kBetweenLooks = 2s;
-constexpr auto kAfterProblem = 2s;
+constexpr auto kAfterProblem = 400ms;  // a setting may wait
+constexpr std::chrono::seconds kAfterFull = 2s;
 constexpr std::chrono::seconds kLongestPause = 60s;
 constexpr std::size_t kGroupsBetweenTexts = 64;
 // Of a group: nobody's. Whether the stream has it is not known.
@@ -105,7 +106,7 @@ void KeptPublisher::Run() {
       const auto* const known = dynamic_cast<const Error*>(&error);
       if (known != nullptr && known->kind() == ErrorKind::kDiskFull) {
         is_purged_ = false;
-        pause_ = std::clamp<std::chrono::seconds>(2 * pause_, kAfterProblem, kLongestPause);
+        pause_ = std::clamp(2 * pause_, kAfterFull, kLongestPause);
         retry_at_ = std::chrono::steady_clock::now() + pause_;
       }
       if (link_.is_connected()) {
@@ -159,9 +160,14 @@ bool KeptPublisher::Publish() {
   }
   PublishTexts();
   const bool is_whole = !is_volume || PublishVolume(texts);
-  stream_.Wait();
+  WaitForAnswers();
   sent_.clear();
   return is_whole;
+}
+
+// Guests hear a text at once, whether or not the server answers.
+void KeptPublisher::WaitForAnswers() {
+  stream_.Wait([this] { PublishTexts(); });
 }
 
 bool KeptPublisher::PublishVolume(const Texts& texts) {
@@ -232,7 +238,7 @@ bool KeptPublisher::PublishBlobs(const std::string& manifest_text) {
   }
   const auto subject = [this](std::uint32_t part) { return subjects_.manifest(part); };
   if (!PublishBlob(*ParseName(name), kManifestKind, subject)) return false;
-  stream_.Wait();
+  WaitForAnswers();
   sent_.clear();
   groups_.resize(manifest.groups.size());
   overview_ = manifest.overview;

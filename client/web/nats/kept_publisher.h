@@ -70,6 +70,7 @@ class KeptPublisher {
   bool WaitForWork();
   bool Publish();
   bool PublishVolume(const Texts& texts);
+  void WaitForAnswers();
   void PublishTexts();
   void Put(const std::string& name, const std::string& subject, const std::string& message);
   bool PublishBlobs(const std::string& manifest_text);

@@ -105,15 +105,19 @@ std::uint64_t KeptStream::acknowledged() {
   return acknowledged_;
 }
 
-void KeptStream::Wait() { WaitUntilFewerThan(1); }
+void KeptStream::Wait(const std::function<void()>& meanwhile) { WaitUntilFewerThan(1, meanwhile); }
 
 // Patience is for the next answer, not for all of them.
-void KeptStream::WaitUntilFewerThan(std::uint64_t count) {
+void KeptStream::WaitUntilFewerThan(std::uint64_t count, const std::function<void()>& meanwhile) {
   std::unique_lock lock(mutex_);
   auto end = std::chrono::steady_clock::now() + kPatience;
   std::uint64_t before = acknowledged_;
   while (problem_.empty() && published_ - acknowledged_ >= count) {
-    wake_.wait_for(lock, 100ms);
+    if (wake_.wait_for(lock, 100ms) == std::cv_status::timeout && meanwhile) {
+      lock.unlock();
+      meanwhile();
+      lock.lock();
+    }
     const auto now = std::chrono::steady_clock::now();
     if (acknowledged_ != before) end = now + kPatience;
     before = acknowledged_;

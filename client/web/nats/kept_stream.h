@@ -7,6 +7,7 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <mutex>
 #include <set>
 #include <string>
@@ -33,8 +34,9 @@ class KeptStream {
   // Waits while kMostUnderWay messages have no answer. Bytes are copied or sent. Returns the
   // message's number, from 1.
   std::uint64_t Publish(const std::string& subject, std::string_view bytes);
-  // Until all that was published is acknowledged.
-  void Wait();
+  // Until all that was published is acknowledged. Calls `meanwhile`, which may publish, ten times a
+  // second.
+  void Wait(const std::function<void()>& meanwhile);
   // How many messages are kept: they are acknowledged in order.
   std::uint64_t acknowledged();
 
@@ -43,7 +45,7 @@ class KeptStream {
  private:
   std::string Ask(const std::string& call, const std::string& json);
   void TakeAnswer(const NatsMessage& message);
-  void WaitUntilFewerThan(std::uint64_t count);
+  void WaitUntilFewerThan(std::uint64_t count, const std::function<void()>& meanwhile = {});
 
   NatsLink& link_;
   const Subjects subjects_;
