@@ -9,6 +9,7 @@
 #include "client/cli/output.h"
 #include "client/cli/setting.h"
 #include "client/sdk/words.h"
+#include "common/error/error.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
@@ -40,12 +41,20 @@ std::string Orientation(const client::VolumeInfo& volume) {
 
 }  // namespace
 
+void RequireLive(const client::Settings& settings) {
+  if (!settings.replayed) return;
+  throw Error(ErrorKind::kConflict,
+              "it is set; a recording is replayed, and what is felt is not shown");
+}
+
+std::string_view OfReplay(bool replayed) { return replayed ? ", of the replay" : ""; }
+
 void AppendLine(std::string& text, std::string_view subject, std::string_view content) {
   fmt::format_to(std::back_inserter(text), "{:<10}{}\n", subject, OneLine(content));
 }
 
 Json ToJson(const client::Settings& settings) {
-  Json json = {{"settings_revision", settings.revision}};
+  Json json = {{"settings_revision", settings.revision}, {"replayed", settings.replayed}};
   for (const Setting& setting : client::kSettings) {
     json[std::string(setting.key)] = SettingJson(setting, settings);
   }
@@ -78,7 +87,9 @@ std::string Describe(const client::VolumeInfo& volume) {
   const std::string type = (volume.original_type.empty() ? "" : ", " + volume.original_type) +
                            (volume.is_level_set ? ", level set" : "");
   std::string text;
-  AppendLine(text, "volume", fmt::format("{}, revision {}", volume.source, volume.volume_revision));
+  AppendLine(text, "volume",
+             fmt::format("{}, revision {}{}", volume.source, volume.volume_revision,
+                         OfReplay(volume.replayed)));
   AppendLine(
       text, "",
       fmt::format("{} x {} x {} voxels of {:g} x {:g} x {:g} mm{}", volume.size.x(),
@@ -105,6 +116,11 @@ std::string DescribeWarnings(const client::VolumeInfo& volume) {
   return text;
 }
 
+void PrintNotKept(const std::string& why) {
+  if (why.empty()) return;
+  fmt::print(stderr, "palpate: warning: not kept for palpated's next start: {}\n", OneLine(why));
+}
+
 void PrintWarnings(const client::VolumeInfo& volume) {
   for (const std::string& warning : volume.warnings) {
     fmt::print(stderr, "palpate: warning: {}\n", OneLine(warning));
@@ -113,7 +129,8 @@ void PrintWarnings(const client::VolumeInfo& volume) {
 
 std::string Describe(const client::Settings& settings) {
   std::string text;
-  AppendLine(text, "settings", fmt::format("revision {}", settings.revision));
+  AppendLine(text, "settings",
+             fmt::format("revision {}{}", settings.revision, OfReplay(settings.replayed)));
   const std::string normalized =
       client::IsKnown(settings, client::kNormalizedIsovalue)
           ? fmt::format(" (normalised {:g})", settings.normalized_isovalue)

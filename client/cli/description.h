@@ -18,6 +18,11 @@ using palpate::ToJson;
 
 Json ToJson(const client::Settings& settings);
 
+// For what is recorded and shown by a replay: ", of the replay".
+std::string_view OfReplay(bool replayed);
+// Throws Error (kConflict) if a replay has begun while the caller waited for a change to be felt.
+void RequireLive(const client::Settings& settings);
+
 // Appends a line: a column with the subject, then the content.
 void AppendLine(std::string& text, std::string_view subject, std::string_view content);
 
@@ -32,6 +37,8 @@ std::string Describe(const client::Settings& settings);
 std::string DescribeWarnings(const client::VolumeInfo& volume);
 // Prints the same warnings on stderr, one line each.
 void PrintWarnings(const client::VolumeInfo& volume);
+// `why`: as SettingsResult::not_kept. Also on stderr.
+void PrintNotKept(const std::string& why);
 
 // Returns `json` with a newline at its end: on one line, or indented by `indent` spaces. Bytes that
 // are not UTF-8 are replaced, because a path may have any bytes.

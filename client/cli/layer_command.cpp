@@ -1,19 +1,20 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <fstream>
 #include <memory>
 #include <optional>
-#include <sstream>
 
 #include "client/cli/commands.h"
 #include "client/cli/isovalues.h"
 #include "client/cli/layers.h"
 #include "client/cli/output.h"
 #include "common/error/error.h"
+#include "common/files/text_file.h"
 
 namespace palpate::cli {
 namespace {
+
+constexpr std::size_t kMostLayersBytes = 256 << 10;  // of a file
 
 struct LayersValues {
   std::string list;
@@ -35,8 +36,9 @@ double IsovalueOf(client::Calls& palpated, const std::string& text) {
   return SuggestedIsovalueOf(palpated.GetVolume(), text);
 }
 
-void Print(const SurfaceLayers& layers, bool json) {
-  WriteOutput(json ? ToJson(layers).dump(2) + "\n" : Describe(layers));
+void Print(const client::Settings& settings, bool json) {
+  if (settings.replayed && !json) WriteOutput("of the replay:\n");
+  WriteOutput(json ? ToJson(settings.layers).dump(2) + "\n" : Describe(settings.layers));
 }
 
 // `revision`: of the settings that the change is made from; none: whatever they are.
@@ -46,23 +48,17 @@ void Set(client::Calls& palpated, const SurfaceLayers& layers,
   update.layers = layers;
   update.expected_revision = revision;
   const client::SettingsResult result = palpated.Set(update);
-  Print(result.settings.layers, json);
+  PrintNotKept(result.not_kept);
+  Print(result.settings, json);
   if (!json) WriteOutput(fmt::format("felt since tick {}\n", result.applied_tick));
-}
-
-std::string ContentOf(const std::string& path) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (!file || !text) throw Error(ErrorKind::kNotFound, path + " cannot be read");
-  return text.str();
 }
 
 void RunLayers(client::Calls& palpated, const LayersValues& values, bool json) {
   if (!values.load.empty()) {
-    return Set(palpated, LayersOfJson(ContentOf(values.load)), std::nullopt, json);
+    return Set(palpated, LayersOfJson(ReadTextFile(values.load, kMostLayersBytes)), std::nullopt,
+               json);
   }
-  if (values.list.empty()) return Print(palpated.GetSettings().layers, json);
+  if (values.list.empty()) return Print(palpated.GetSettings(), json);
   const auto isovalue_of = [&](const std::string& text) { return IsovalueOf(palpated, text); };
   Set(palpated, LayersOfList(values.list, isovalue_of), std::nullopt, json);
 }

@@ -114,17 +114,18 @@ bool IsAny(const client::PlacementChange& c) {
          c.device_mm_per_voxel || c.translate_mm || c.rotate || c.scale_by || c.facing;
 }
 
-void Print(const client::Placement& placement, std::uint64_t settings_revision,
+void Print(const client::Placement& placement, std::uint64_t settings_revision, bool replayed,
            std::optional<std::uint64_t> applied_tick, bool json) {
   if (!json) {
     const std::string since =
         applied_tick ? fmt::format("applied at tick {}, ", *applied_tick) : "";
-    WriteOutput(Describe(placement) +
-                fmt::format("          {}settings revision {}\n", since, settings_revision));
+    WriteOutput(Describe(placement) + fmt::format("          {}settings revision {}{}\n", since,
+                                                  settings_revision, OfReplay(replayed)));
     return;
   }
   Json object = PlacementJson(placement);
   object["settings_revision"] = settings_revision;
+  object["replayed"] = replayed;
   if (applied_tick) object["applied_tick"] = *applied_tick;
   WriteOutput(ToText(object));
 }
@@ -158,10 +159,13 @@ void AddPlace(arguments::Command& app, Invocation& invocation) {
     invocation.command = [change, &invocation](client::Calls& palpated) {
       if (!IsAny(change)) {
         const client::PlacementNow now = palpated.GetPlacement();
-        return Print(now.registration, now.settings_revision, std::nullopt, invocation.json);
+        return Print(now.registration, now.settings_revision, now.replayed, std::nullopt,
+                     invocation.json);
       }
       const client::PlacementResult result = palpated.Place(change);
-      Print(result.registration, result.settings_revision, result.applied_tick, invocation.json);
+      PrintNotKept(result.not_kept);
+      Print(result.registration, result.settings_revision, false, result.applied_tick,
+            invocation.json);
     };
   });
 }

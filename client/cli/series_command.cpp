@@ -25,12 +25,12 @@ Json SeriesJson(const client::SeriesState& series, AppliedTick applied_tick) {
 }
 
 std::string DescribeSeries(const client::SeriesState& series, AppliedTick applied_tick) {
-  std::string text =
-      fmt::format("{:<10}frame {:.6g} of 0 to {}, {} at {:g} frames/s{}{}; {:.1f} MiB\n", "series",
-                  series.position_frames, series.frames > 0 ? series.frames - 1 : 0,
-                  series.playing ? "playing" : "paused", series.rate_hz,
-                  series.loop ? ", in a loop" : "", series.interpolate ? ", interpolated" : "",
-                  static_cast<double>(series.memory_bytes) / (1024.0 * 1024.0));
+  std::string text = fmt::format(
+      "{:<10}frame {:.6g} of 0 to {}, {} at {:g} frames/s{}{}; {:.1f} MiB{}\n", "series",
+      series.position_frames, series.frames > 0 ? series.frames - 1 : 0,
+      series.playing ? "playing" : "paused", series.rate_hz, series.loop ? ", in a loop" : "",
+      series.interpolate ? ", interpolated" : "",
+      static_cast<double>(series.memory_bytes) / (1024.0 * 1024.0), OfReplay(series.replayed));
   if (applied_tick) {
     text += fmt::format("applied at tick {}, volume revision {}\n", *applied_tick,
                         series.volume_revision);

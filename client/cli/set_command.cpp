@@ -75,6 +75,7 @@ void WaitForBall(client::Calls& palpated, const client::Settings& asked, bool as
       now = palpated.GetSettings();
     }
   });
+  RequireLive(now);
   if (now.tool_radius_mm != asked.tool_radius_mm) {
     throw Error(ErrorKind::kConflict,
                 fmt::format("somebody else has set tool_radius to {:g} mm", now.tool_radius_mm));
@@ -91,6 +92,7 @@ void Change(client::Calls& palpated, const Setting& setting, const SetValues& va
     update.isovalue = SuggestedIsovalueOf(palpated.GetVolume(), values.value);
   }
   const client::SettingsResult result = palpated.Set(update);
+  PrintNotKept(result.not_kept);
   if (update.tool_radius_mm || update.free_side) {
     WaitForBall(palpated, result.settings, update.tool_radius_mm.has_value());
   }

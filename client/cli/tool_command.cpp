@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <memory>
-#include <sstream>
 #include <string>
 #include <thread>
 
@@ -16,12 +14,15 @@
 #include "client/sdk/words.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"
+#include "common/files/text_file.h"
 #include "common/tool/tool_file.h"
 
 namespace palpate::cli {
 namespace {
 
 constexpr std::chrono::milliseconds kToolLook{100};
+// Of a tool of 64 balls with long comments. A longer one would take seconds to parse.
+constexpr std::size_t kMostToolBytes = 256 << 10;
 constexpr char kOurTools[] = "share/palpate/tools";
 
 struct ToolValues {
@@ -39,21 +40,18 @@ std::filesystem::path OurTool(const std::string& name) {
 HeldTool Read(const std::string& name) {
   const bool is_name = name.find('/') == std::string::npos && !name.ends_with(".toml");
   const std::filesystem::path path = is_name ? OurTool(name) : std::filesystem::path(name);
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (!file || !text) {
+  if (is_name && !std::filesystem::exists(path)) {
     throw Error(ErrorKind::kNotFound,
-                is_name ? fmt::format("there is no tool '{}' in {}; for a file of your own give "
-                                      "its name with .toml",
-                                      name, path.parent_path().string())
-                        : path.string() + " cannot be read");
+                fmt::format("there is no tool '{}' in {}; for a file of your own give its name "
+                            "with .toml",
+                            name, path.parent_path().string()));
   }
-  return ParseTool(text.str(), path.filename().string());
+  return ParseTool(ReadTextFile(path, kMostToolBytes), path.filename().string());
 }
 
 void Print(const client::Settings& settings, bool json) {
-  WriteOutput(json ? ToText(ToJson(settings.tool)) : Describe(settings.tool) + "\n");
+  WriteOutput(json ? ToText(ToJson(settings.tool))
+                   : fmt::format("{}{}\n", Describe(settings.tool), OfReplay(settings.replayed)));
 }
 
 // Returns when the tool is felt: the fields of its radii are made in the background.
@@ -69,6 +67,7 @@ client::Settings WaitUntilFelt(client::Calls& palpated, const client::Settings& 
       now = palpated.GetSettings();
     }
   });
+  RequireLive(now);
   if (!(now.tool == asked.tool)) {
     throw Error(ErrorKind::kConflict, "somebody else has taken another tool");
   }
@@ -80,6 +79,7 @@ void Take(client::Calls& palpated, const HeldTool& tool, bool json) {
   client::SettingsUpdate update;
   update.tool = tool;
   const client::SettingsResult result = palpated.Set(update);
+  PrintNotKept(result.not_kept);
   Print(WaitUntilFelt(palpated, result.settings), json);
 }
 

@@ -70,6 +70,11 @@ DownloadedFile DownloadToFile(Calls& palpated, const std::string& file, bool ove
   DownloadedFile file_written{.copy = Fetch(palpated, progress)};
   file_written.received_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  if (file_written.copy.volume.placement()->replayed) {
+    throw Error(
+        ErrorKind::kConflict,
+        "a recording is replayed, and what came is the recorded volume: no file was written");
+  }
   Write(file_written.copy.volume, before, format, file, overwrite, check);
   return file_written;
 }

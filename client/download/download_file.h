@@ -2,8 +2,8 @@
 // selects the format: .nrrd (dense, of the smallest type that holds all voxels) or .vdb (sparse).
 //
 // Threads: any; waits for palpated. Errors: those of Calls::DownloadVolume, SaveAsNrrd and
-// SaveAsVdb; kInvalidArgument (another suffix), kCancelled. After an error, nothing is written and
-// an old file is unchanged.
+// SaveAsVdb; kInvalidArgument (another suffix), kConflict (a recording is replayed), kCancelled.
+// After an error, nothing is written and an old file is unchanged.
 #pragma once
 
 #include <functional>

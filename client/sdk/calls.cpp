@@ -55,14 +55,15 @@ PoseReader Calls::ReadPoses(double rate_hz, std::uint32_t batch) {
 Settings Calls::GetSettings() {
   const v1::GetSettingsResponse response = link_->Call<v1::RenderService>(
       &v1::RenderService::Stub::GetSettings, v1::GetSettingsRequest());
-  return FromProto(response.settings(), response.settings_revision(), response.ball());
+  return FromProto(response.settings(), response.settings_revision(), response.ball(),
+                   response.replayed());
 }
 
 SettingsResult Calls::Set(const SettingsUpdate& update) {
   const v1::UpdateSettingsResponse response =
       link_->Call<v1::RenderService>(&v1::RenderService::Stub::UpdateSettings, ToProto(update));
   return {FromProto(response.settings(), response.settings_revision(), response.ball()),
-          response.applied_tick(), response.receipt_to_applied_ns()};
+          response.applied_tick(), response.receipt_to_applied_ns(), response.not_kept()};
 }
 
 PlacementNow Calls::GetPlacement() {

@@ -80,8 +80,8 @@ class Client::Parts {
     return {.connection = EndingIfItThrows(std::move(callbacks.on_connection), monitor),
             .poses = EndingIfItThrows(std::move(callbacks.on_poses), monitor),
             .first_settings = [this](const v1::GetSettingsResponse& response) {
-              facts.Replace(
-                  FromProto(response.settings(), response.settings_revision(), response.ball()));
+              facts.Replace(FromProto(response.settings(), response.settings_revision(),
+                                      response.ball(), response.replayed()));
             }};
   }
 };

@@ -106,7 +106,8 @@ void FactsFollower::Follow(std::uint64_t epoch) {
 void FactsFollower::Merge(const v1::Facts& message, Facts& facts) {
   if (message.has_settings()) {
     const v1::SettingsState& state = message.settings();
-    facts.settings = FromProto(state.settings(), state.settings_revision(), state.ball());
+    facts.settings =
+        FromProto(state.settings(), state.settings_revision(), state.ball(), state.replayed());
   }
   if (message.has_volume()) facts.volume = FromProto(message.volume());
   if (message.has_placement()) facts.placement = FromProto(message.placement());

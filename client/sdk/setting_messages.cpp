@@ -69,9 +69,10 @@ struct Write {
 }  // namespace
 
 Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision,
-                   const v1::BallState& ball) {
+                   const v1::BallState& ball, bool replayed) {
   Settings result;
   result.revision = revision;
+  result.replayed = replayed;
   const Reflection& fields = *settings.GetReflection();
   for (std::size_t n = 0; n < kSettings.size(); ++n) {
     const FieldDescriptor* field = FieldOf(kSettings[n]);

@@ -16,7 +16,7 @@ using palpate::ToProto;
 
 // Settings::unknown lists what the message does not have, and choices of a later version.
 Settings FromProto(const v1::RenderSettings& settings, std::uint64_t revision,
-                   const v1::BallState& ball = {});
+                   const v1::BallState& ball = {}, bool replayed = false);
 
 v1::UpdateSettingsRequest ToProto(const SettingsUpdate& update);
 

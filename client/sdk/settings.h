@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 
 #include "client/sdk/setting.h"
 #include "client/sdk/setting_list.h"
@@ -34,6 +35,8 @@ struct SettingsResult {
   Settings settings;                       // after the update
   std::uint64_t applied_tick = 0;          // first tick that used them
   std::int64_t receipt_to_applied_ns = 0;  // from the daemon's receipt to the start of that tick
+  // Why the update is not kept for palpated's next start; empty: it is.
+  std::string not_kept{};
 };
 
 }  // namespace palpate::client

@@ -1,5 +1,6 @@
 #include "common/wire/status.h"
 
+#include <new>
 #include <string>
 #include <string_view>
 
@@ -83,6 +84,9 @@ ErrorKind KindOf(grpc::StatusCode code) {
 
 grpc::Status ToStatus(const std::exception& exception) {
   const auto* error = dynamic_cast<const Error*>(&exception);
+  if (dynamic_cast<const std::bad_alloc*>(&exception)) {
+    return {CodeOf(ErrorKind::kTooLarge), "palpated has no memory left for this"};
+  }
   if (!error) return {grpc::StatusCode::INTERNAL, exception.what()};
   return {CodeOf(error->kind()), exception.what(), std::string(DetailsOf(error->kind()))};
 }

@@ -76,6 +76,8 @@ def client(settings: list[Setting]) -> str:
   SurfaceLayers layers{{}};
   HeldTool tool{{}};   // felt in place of the tip; without balls: none
   BallState ball{{}};  // what is felt of tool_radius_mm, or of the tool
+  // A recording is replayed, and all this is recorded.
+  bool replayed = false;
 }};
 
 // What is to change, all at one tick; what is absent stays. Of isovalue and normalized_isovalue

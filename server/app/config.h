@@ -44,6 +44,7 @@ struct Config {
   RealtimeOptions realtime;
   // Where the daemon keeps files for its next start. Empty: nowhere. Absent: see DaemonPaths.
   std::optional<std::string> state_folder;
+  bool fresh = false;              // starts as configured, whatever was set before
   std::string log_level = "info";  // one of kLogLevels
 };
 

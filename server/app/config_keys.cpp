@@ -273,6 +273,7 @@ Setters ServerSetters() {
       {"limits.transfers", [](E e, C c) { c.security.limits.transfers = e.Integer(1, kMost); }},
       {"metrics.listen", [](E e, C c) { c.metrics_listen = ParseHostPort(e.Text()); }},
       {"state.folder", [](E e, C c) { c.state_folder = e.Text(); }},
+      {"state.fresh", [](E e, C c) { c.fresh = e.Flag(); }},
       {"log.level", [](E e, C c) { c.log_level = LogLevelName(e); }},
   };
 }

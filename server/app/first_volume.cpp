@@ -79,53 +79,43 @@ LoadRequest VolumeLeft(const FeltSession& left, const LoadRequest& configured,
   return request;
 }
 
-// The left session's free side may have been that of a level set that is not restored.
-void LeaveSide(const FeltSession& left, const RenderSettings& configured, Session& session) {
+// The left session's free side may have been that of a level set that is not restored. Returns
+// what becomes of the settings, in words.
+std::string LeaveSide(const FeltSession& left, const RenderSettings& configured, Session& session) {
   RenderSettings settings = left.settings;
   settings.haptics.free_side = configured.haptics.free_side;
   try {
-    session.SetInitial(settings);
+    if (session.SetInitial(settings)) return "its settings do, but for the isovalue";
+    return "nor do its settings, because a client has set others";
   } catch (const Error&) {
-    // The value is out of range, which was logged before. The configured value stays.
+    return "nor do its settings";
   }
 }
 
-// A tool that the device, or a configuration that was changed since, forbids does not come back.
-void DropForbiddenTool(FeltSession& left, const DeviceDescription& device) {
-  try {
-    CheckHeld(left.settings.haptics, device);
-  } catch (const Error& error) {
-    LogWarning("the tool does not come back: {}", error.what());
-    left.settings.haptics.tool = {};
-  }
-}
-
-// Returns false if the session's volume is not restored.
-bool BringBack(FeltSession left, const LoadRequest& configured,
-               const RenderSettings& configured_settings, const std::string& warning,
-               Session& session, const PathPolicy& paths, const Progress& on_progress,
-               const LoadCancelled& cancelled) {
-  const std::string name = left.volume.title;
-  DropForbiddenTool(left, session.device());
-  try {
-    session.SetInitial(left.settings);
-    if (left.volume.source.empty()) {
-      LogWarning(
-          "settings come back; {} does not: uploads and series are loaded again by "
-          "clients",
-          name);
-      LeaveSide(left, configured_settings, session);
-      return false;
+// Returns why the session's volume is not restored, in words for clients; "" if it is.
+std::string BringBack(const SessionLeft& left, const LoadRequest& configured,
+                      const RenderSettings& configured_settings, const std::string& warning,
+                      Session& session, const PathPolicy& paths, const Progress& on_progress,
+                      const LoadCancelled& cancelled) {
+  const FeltSession& felt = *left.felt;
+  std::string why = "uploads and series are loaded again by clients";
+  if (!left.bad_settings.empty()) {
+    why = left.bad_settings;
+  } else if (!felt.volume.source.empty()) {
+    try {
+      Load(VolumeLeft(felt, configured, warning, paths), session, on_progress, cancelled);
+      return "";
+    } catch (const Error& error) {
+      if (error.kind() == ErrorKind::kCancelled) throw;
+      why = error.what();
     }
-    Load(VolumeLeft(left, configured, warning, paths), session, on_progress, cancelled);
-  } catch (const Error& error) {
-    if (error.kind() == ErrorKind::kCancelled) throw;
-    LogWarning("{} does not come back, its settings do: {}", name, error.what());
-    LeaveSide(left, configured_settings, session);
-    return false;
   }
-  LogWarning("the previous palpated did not end cleanly: {} and the settings are back", name);
-  return true;
+  return fmt::format("{} does not come back, {}: {}", felt.volume.title,
+                     LeaveSide(felt, configured_settings, session), why);
+}
+
+void Append(const std::string& line, std::string& warning) {
+  if (!line.empty()) warning += (warning.empty() ? "" : "; ") + line;
 }
 
 }  // namespace
@@ -139,20 +129,50 @@ LoadRequest ConfiguredVolume(const Config& config) {
 
 RenderSettings ConfiguredSettings(const Config& config) { return {.haptics = config.haptics}; }
 
-void LoadFirstVolume(const LoadedConfig& loaded, Session& session, SessionKeeper& keeper,
-                     const PathPolicy& paths, const Progress& on_progress,
+SessionLeft TakeLeft(const Config& config, Session& session, SessionKeeper& keeper) {
+  SessionLeft left{.felt = keeper.TakeLeft(config.fresh)};
+  if (keeper.lost_edits() > 0) {
+    left.lost = fmt::format("palpated {}; edits that are lost: {}",
+                            keeper.ended_cleanly() ? "was ended" : "did not end cleanly",
+                            keeper.lost_edits());
+  }
+  if (!keeper.why_not().empty()) {
+    Append("the previous session does not come back: " + keeper.why_not(), left.lost);
+  }
+  if (!left.felt) return left;
+  HapticSettings& haptics = left.felt->settings.haptics;
+  try {
+    CheckHeld(haptics, session.device());
+  } catch (const Error& error) {
+    // The device, or a configuration that was changed since, forbids it.
+    LogWarning("the tool does not come back: {}", error.what());
+    Append(std::string("the tool does not come back: ") + error.what(), left.lost);
+    haptics.tool = {};
+  }
+  try {
+    session.SetInitial(left.felt->settings);
+  } catch (const Error& error) {
+    left.bad_settings = error.what();
+  }
+  return left;
+}
+
+void LoadFirstVolume(const LoadedConfig& loaded, Session& session, const SessionLeft& left,
+                     bool ended_cleanly, const PathPolicy& paths, const Progress& on_progress,
                      const LoadCancelled& cancelled) {
   const LoadRequest configured = ConfiguredVolume(loaded.config);
-  const std::optional<FeltSession> left = keeper.TakeLeft();
-  const RenderSettings settings = ConfiguredSettings(loaded.config);
-  const std::string warning =
-      keeper.lost_edits() == 0
-          ? ""
-          : fmt::format("palpated did not end cleanly; edits that are lost: {}",
-                        keeper.lost_edits());
-  if (left &&
-      BringBack(*left, configured, settings, warning, session, paths, on_progress, cancelled)) {
-    return;
+  std::string warning = left.lost;
+  if (left.felt) {
+    const std::string why_not = BringBack(left, configured, ConfiguredSettings(loaded.config),
+                                          warning, session, paths, on_progress, cancelled);
+    if (why_not.empty()) {
+      const std::string back = left.felt->volume.title + " and the settings are back";
+      ended_cleanly ? LogInfo("{}; --fresh starts as configured", back)
+                    : LogWarning("the previous palpated did not end cleanly: {}", back);
+      return;
+    }
+    LogWarning("{}", why_not);
+    Append(why_not, warning);
   }
   LoadConfigured(loaded, warning, session, on_progress, cancelled);
 }

@@ -78,6 +78,8 @@ constexpr KeyOption kKeyOptions[] = {
     {"--state-folder", "state.folder", Values::kText,
      "folder for the places of volumes and the session; empty: none [$STATE_DIRECTORY, "
      "$XDG_STATE_HOME/palpate or ~/.local/state/palpate]"},
+    {"--fresh", "state.fresh", Values::kFlag,
+     "start as configured: forget the volume and the settings that the last palpated had"},
     {"--log-level", "log.level", Values::kText, "debug, info, warning or error [info]"},
 };
 

@@ -126,6 +126,10 @@ void ConfigReload::TakeOver() {
                   : name == "tool_radius_mm" ? "haptics.tool_radius_mm"
                                              : "volume.isovalue",
                   error);
+    } catch (const Error& error) {
+      // A replay keeps settings from changing. It must not keep a token valid.
+      if (error.kind() == ErrorKind::kConflict) take_policy();
+      throw;
     }
   }
   if (Names(live, "log.level")) SetLogLevel(next.config.log_level);

@@ -46,7 +46,9 @@ SessionParts::SessionParts(const LoadedConfig& loaded, const DaemonPaths& paths,
       keeper_(paths.state_folder, paths.socket, ConfiguredVolume(loaded.config),
               ConfiguredSettings(loaded.config), [this] { return session.Felt(); }) {
   session.SetRegistrationStore(registrations_);
+  session.SetKeeper(keeper_);
   session.SetInitial(ConfiguredSettings(loaded.config));
+  left_ = TakeLeft(loaded.config, session, keeper_);
   instrument.pump.Subscribe(tools_);
   if (session.device().kind != SimulatedDeviceSpec().kind) return;
   hand_guide_.emplace(session, instrument.hand.plans);
@@ -64,17 +66,19 @@ SessionParts::~SessionParts() {
 bool SessionParts::LoadFirst(const std::function<void(const std::string&)>& on_progress,
                              const LoadCancelled& end_requested) {
   try {
-    LoadFirstVolume(loaded_, session, keeper_, paths_.clients, on_progress, end_requested);
+    LoadFirstVolume(loaded_, session, left_, keeper_.ended_cleanly(), paths_.clients, on_progress,
+                    end_requested);
   } catch (const Error& error) {
+    keeper_.GiveBack();  // an end in order
     if (error.kind() != ErrorKind::kCancelled || !end_requested()) {
       session.first_load().Fail(error);
       if (session.first_load().was_asked()) std::this_thread::sleep_for(kLastAnswers);
       throw;
     }
-    keeper_.GiveBack();
     LogInfo("ended by a signal while the volume was loading");
     return false;
   }
+  session.AwaitPlaceKept();  // before the session that names the volume
   tools_->Start();
   if (hand_guide_) hand_guide_->Start();
   keeper_.Start();
@@ -83,13 +87,13 @@ bool SessionParts::LoadFirst(const std::function<void(const std::string&)>& on_p
 }
 
 void SessionParts::End() {
-  session.store().TellEdits({});  // else they would be written after the file is deleted
-  keeper_.End();
   series.Stop();
   instrument_.pump.Stop();
   tools_->Stop();
   if (hand_guide_) hand_guide_->Stop();
   recording.End();
+  session.store().TellEdits({});
+  keeper_.End();
   if (const VolumeState last = session.volume(); last.unsaved_edits > 0) {
     LogWarning("edits of {} that were not saved are lost: {}", last.volume->metadata().source,
                last.unsaved_edits);

@@ -10,6 +10,7 @@
 
 #include "server/app/config.h"
 #include "server/app/daemon_paths.h"
+#include "server/app/first_volume.h"
 #include "server/app/hand_guide.h"
 #include "server/app/instrument.h"
 #include "server/recording/recording_control.h"
@@ -53,6 +54,7 @@ class SessionParts {
   std::optional<HandGuide> hand_guide_;
   const std::shared_ptr<StylusTools> tools_;
   SessionKeeper keeper_;
+  SessionLeft left_;
 };
 
 }  // namespace palpate

@@ -11,7 +11,8 @@ TickSample ShownSamples::Shown(const TickSample& live) {
   live_ms_ = live_ms;
   // The position never passes the last sample: if the disk is too slow, the replay waits.
   position_ms_ = std::min(position_ms_ + speed_ * static_cast<double>(since_ms), end_ms_);
-  while (!waiting_.empty() && waiting_.front().position_ms <= position_ms_) {
+  while (!waiting_.empty() && waiting_.front().position_ms <= position_ms_ &&
+         waiting_.front().sample.settings_revision <= scene_) {
     current_ = waiting_.front().sample;
     waiting_.pop_front();
     ++passed_;
@@ -21,8 +22,8 @@ TickSample ShownSamples::Shown(const TickSample& live) {
   shown.tick = live.tick;
   shown.time_ns = live.time_ns;
   shown.scene_revision = live.scene_revision;
-  shown.settings_revision = live.settings_revision;
-  shown.volume_revision = live.volume_revision;
+  shown.settings_revision = first_revision_ + scene_;
+  shown.volume_revision = volume_revision_;
   shown.missed_ticks = live.missed_ticks;
   shown.capped_ticks = live.capped_ticks;
   shown.faulty_ticks = live.faulty_ticks;
@@ -32,6 +33,14 @@ TickSample ShownSamples::Shown(const TickSample& live) {
   shown.torque_limit_n_mm = live.torque_limit_n_mm;
   shown.replayed = true;
   return shown;
+}
+
+void ShownSamples::SetScene(std::uint64_t number, std::uint64_t first_revision,
+                            std::uint64_t volume_revision) {
+  const std::lock_guard lock(mutex_);
+  scene_ = number;
+  first_revision_ = first_revision;
+  volume_revision_ = volume_revision;
 }
 
 void ShownSamples::Add(const TickSample& sample, double position_ms) {

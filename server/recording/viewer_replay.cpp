@@ -1,5 +1,7 @@
 #include "server/recording/viewer_replay.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -7,6 +9,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <thread>
 #include <utility>
 #include <variant>
@@ -16,12 +19,16 @@
 #include "server/recording/recorded_volumes.h"
 #include "server/recording/shown_samples.h"
 #include "server/recording/voxel_log.h"
+#include "server/scene/felt_tip.h"
+#include "server/session/ball_maker.h"
 
 namespace palpate {
 namespace {
 
 constexpr std::chrono::milliseconds kReplayPollPeriod{2};
 constexpr std::chrono::milliseconds kReportPeriod{100};
+constexpr std::chrono::seconds kGiveBackPatience{2};
+constexpr std::chrono::milliseconds kServoPatience{500};
 // How much of the recording is read ahead.
 constexpr double kAheadMs = 500.0;
 constexpr std::size_t kMaxEventsAhead = 1024;
@@ -37,6 +44,7 @@ struct Event {
   double position_ms = 0.0;
   std::vector<RecordedEdit> edits{};
   std::optional<RecordedScene> scene{};
+  std::uint64_t number = 0;  // of the scene
   std::string marker{};
   std::uint64_t lost_ticks = 0;
 };
@@ -55,6 +63,18 @@ VolumePlace PlaceOf(const RecordedScene& scene, const VolumeMetadata& volume) {
   return registration;
 }
 
+// What was felt of the tip, as Session::ball tells it.
+BallState BallOf(const RecordedScene& scene) {
+  const bool is_ball = scene.tool.ball.empty() && !scene.fields.empty();
+  const std::vector<Ball> wanted = FieldsOf(scene.settings, scene.X_DI);
+  const bool is_there =
+      std::ranges::equal(wanted, scene.fields, HaveSameField) && scene.tool == scene.settings.tool;
+  const std::string problem = RefusalOfTip(scene.settings, scene.X_DI);
+  return {.felt_radius_mm = is_ball ? RadiusMm(scene.fields.front(), scene.X_DI) : 0.0,
+          .is_awaited = !is_there && problem.empty(),
+          .problem = problem};
+}
+
 class ViewerReplay {
  public:
   ViewerReplay(Session& session, Pump& pump, RecordingReader& reader,
@@ -68,32 +88,33 @@ class ViewerReplay {
         progress_(progress),
         cancelled_(cancelled),
         loading_(session.BeginLoad()),
-        hold_(session.store()),
-        before_(session.volume()),
-        follower_([this](const RecordedScene& scene) { return StartVolume(scene); }),
-        shown_(std::make_shared<ShownSamples>(options.speed)) {}
+        loaded_(session.volume().volume),
+        follower_([this](const RecordedScene&) { return loaded_; }),
+        samples_(std::make_shared<ShownSamples>(options.speed)) {}
 
   void Run() {
     CheckStart();
     try {
       session_.SetForcesOff(true);
-      pump_.Replace(shown_);
+      Begin();
+      pump_.Replace(samples_);
       Play();
     } catch (...) {
-      Restore();
+      GiveBack();
       throw;
     }
-    Restore();
+    GiveBack();
   }
 
  private:
-  // How the volume is at the first tick, until it is shown so.
+  // What is shown first.
   struct Start {
     std::shared_ptr<const VolumeSnapshot> volume{};
     std::optional<RecordedScene> scene{};
+    std::uint64_t number = 0;  // of the scene
   };
 
-  // Changes nothing in the session, so it may throw without a Restore.
+  // Changes nothing in the session, so it may throw without a GiveBack.
   void CheckStart() {
     while (!IsSceneWaiting() && read_ms_ < kLatestSceneMs && events_.size() < kMaxEventsAhead &&
            ReadOne()) {
@@ -103,8 +124,8 @@ class ViewerReplay {
                   "the recording does not begin with a scene: it was cut, or is damaged");
     }
     FollowNewest();
-    if (!start_.volume) throw *follower_.error();
     SkipToFirstTick();
+    if (!start_.volume) throw *follower_.error();
   }
 
   // Reads what comes before the first tick to show, and keeps only where it leads.
@@ -121,33 +142,26 @@ class ViewerReplay {
     }
   }
 
-  // The newest scene is where the replay starts, as far as its volume is known.
+  // The newest scene is where the replay starts. If its voxels are missing, the last ones stay.
   void FollowNewest() {
     Event& event = events_.back();
     for (RecordedEdit& edit : event.edits) follower_.Take(std::move(edit));
     event.edits.clear();
-    if (auto volume = follower_.Follow(*event.scene)) {
-      start_ = {std::move(volume), std::move(event.scene)};
-    }
+    auto volume = follower_.Follow(*event.scene);
+    const bool is_same_volume =
+        start_.scene && start_.scene->loaded_revision == event.scene->loaded_revision;
+    if (!volume && is_same_volume) volume = start_.volume;
+    start_ = {std::move(volume), std::move(event.scene), event.number};
     event.scene.reset();
   }
 
   bool IsSceneWaiting() const { return !events_.empty() && events_.back().scene; }
 
-  // The replay can use only the volume that is loaded now.
-  std::shared_ptr<const VolumeSnapshot> StartVolume(const RecordedScene& scene) {
-    if (std::exchange(started_, true)) {
-      throw Error(ErrorKind::kConflict,
-                  "the recording continues with another volume: " + scene.volume_source);
-    }
-    return before_.volume;
-  }
-
   void Play() {
     auto report_at = std::chrono::steady_clock::now();
-    for (bool more = true; more || shown_->waiting() > 0 || !events_.empty();) {
+    for (bool more = true; more || samples_->waiting() > 0 || !events_.empty();) {
       while (more && IsRoomAhead()) more = ReadOne();
-      if (!more && shown_->waiting() == 0) position_is_end_ = true;
+      if (!more && samples_->waiting() == 0) position_is_end_ = true;
       ApplyDue();
       if (std::chrono::steady_clock::now() >= report_at) {
         Report("");
@@ -159,7 +173,7 @@ class ViewerReplay {
     Report("");
   }
 
-  bool IsRoomAhead() const { return !IsFull() && read_ms_ - shown_->position_ms() < ahead_ms_; }
+  bool IsRoomAhead() const { return !IsFull() && read_ms_ - samples_->position_ms() < ahead_ms_; }
 
   bool IsFull() const {
     std::size_t bricks = 0;
@@ -176,7 +190,7 @@ class ViewerReplay {
   // False at the end.
   bool ReadOne() {
     CheckWanted();
-    // The session counts bricks when they are applied.
+    // Bricks count themselves.
     const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostItemBytes);
     std::optional<RecordedItem> item = reader_.Next();
     if (!item) return false;
@@ -187,6 +201,7 @@ class ViewerReplay {
     } else if (auto* scene = std::get_if<RecordedScene>(&*item)) {
       events_.push_back({.position_ms = NextMs(), .edits = std::exchange(edits_, {})});
       events_.back().scene = std::move(*scene);
+      events_.back().number = ++scenes_;
     } else if (auto* marker = std::get_if<RecordedEvent>(&*item)) {
       events_.push_back({.position_ms = NextMs(), .marker = std::move(marker->marker)});
     } else if (auto* gap = std::get_if<RecordedGap>(&*item)) {
@@ -201,75 +216,135 @@ class ViewerReplay {
   // Of the next sample. Before the first sample, at once.
   double NextMs() const { return missed_ticks_ ? read_ms_ + 1.0 : read_ms_; }
 
-  void Place(const TickSample& sample) {
+  void Place(TickSample sample) {
     if (read_ticks_++ < first_tick_) return;
+    sample.settings_revision = std::max<std::uint64_t>(scenes_, 1);  // its scene's number
     const std::uint64_t missed = missed_ticks_ ? sample.missed_ticks - *missed_ticks_ : 0;
     // The first one is shown at once, however slow the replay is.
     if (missed_ticks_) read_ms_ += static_cast<double>(1 + std::min(missed, kLongestPauseMs));
     missed_ticks_ = sample.missed_ticks;
-    shown_->Add(sample, read_ms_);
+    samples_->Add(sample, read_ms_);
   }
 
   void ApplyDue() {
-    // CheckStart has already found the first scene's volume.
-    if (const Start start = std::exchange(start_, {}); start.volume) {
-      Show(*start.volume);
-      Put(*start.scene);
-    }
     // The samples behind the events are read only when these have made room.
-    const bool all = position_is_end_ || (shown_->waiting() == 0 && IsFull());
-    while (!events_.empty() && (all || events_.front().position_ms <= shown_->position_ms())) {
+    const bool all = position_is_end_ || (samples_->waiting() == 0 && IsFull());
+    while (!events_.empty() && (all || events_.front().position_ms <= samples_->position_ms())) {
       Event event = std::move(events_.front());
       events_.pop_front();
       lost_ticks_ += event.lost_ticks;
       if (!event.marker.empty()) Report(event.marker);
-      if (event.scene) Begin(event);
+      if (event.scene) Apply(event);
     }
   }
 
-  void Begin(Event& event) {
+  void Apply(Event& event) {
+    const RecordedScene& scene = *event.scene;
     for (RecordedEdit& edit : event.edits) follower_.Take(std::move(edit));
-    if (const auto volume = follower_.Follow(*event.scene)) {
-      Show(*volume);
-      Put(*event.scene);
+    const auto volume = follower_.Follow(scene);
+    if (!volume && scene.loaded_revision != shown_loaded_revision_) {
+      throw Error(ErrorKind::kConflict,
+                  fmt::format("the recording goes on with another volume, {}: load it, and replay "
+                              "from {:.1f} s on",
+                              scene.volume_source,
+                              1e-3 * static_cast<double>(first_tick_ + samples_->passed())));
     }
+    Show(scene, volume ? volume->bricks() : volume_->bricks(), event.number);
   }
 
-  void Show(const VolumeSnapshot& volume) {
-    session_.store().Edit(
-        [&](const auto& present) { return present->bricks().ChangesTo(volume.bricks()); });
-  }
-
-  void Put(const RecordedScene& scene) {
-    const VolumeState live = session_.volume();
-    if (live.X_DI == scene.X_DI) return;
-    const VolumePlace registration = PlaceOf(scene, live.volume->metadata());
-    // Compares with the last placement, because the live one may differ by rounding.
-    if (placed_ == registration.X_DW) return;
-    placed_ = registration.X_DW;
-    session_.Move([&](const VolumeState&) { return registration; }, {}, /*keep=*/false);
-  }
-
-  // Switches forces on again even if the voxels cannot be restored.
-  void Restore() {
-    pump_.Replace(nullptr);
-    try {
-      Show(*before_.volume);
-      const AffineMap live = session_.volume().registration.X_DW;
-      const AffineMap& wanted = before_.registration.X_DW;
-      if (live.linear != wanted.linear || live.translation != wanted.translation) {
-        session_.Move([&](const VolumeState&) { return before_.registration; });
+  // In a transaction: from it on, viewers get nothing of the session's voxels.
+  void Begin() {
+    session_.store().Edit([&](const std::shared_ptr<const VolumeSnapshot>& present) {
+      // By an undo that was on its way when forces went off.
+      if (present->loaded_revision() != loaded_->loaded_revision()) {
+        throw Error(ErrorKind::kConflict, "another volume came meanwhile: replay once more");
       }
-    } catch (...) {
-      session_.SetForcesOff(false);
-      throw;
+      // A replay that could not end is still shown.
+      const auto before = session_.shown().replayed();
+      volume_ = before ? before->volume : present;
+      begun_revision_ = present->revision();
+      first_revision_ = session_.settings().settings_revision;
+      Show(*start_.scene, start_.volume->bricks(), start_.number);
+      return VolumeChange();
+    });
+  }
+
+  void Show(const RecordedScene& recorded, const BrickDirectory& bricks, std::uint64_t number) {
+    auto scene = std::make_shared<ShownScene>();
+    VolumeMetadata metadata = volume_->metadata();
+    scene->place = PlaceOf(recorded, metadata);
+    const std::vector<BrickChange> changes = volume_->bricks().ChangesTo(bricks);
+    if (!changes.empty() || metadata.series_position_frames != recorded.series_position_frames) {
+      metadata.series_position_frames = recorded.series_position_frames;
+      const std::uint64_t revision = volume_->revision() + 1;
+      volume_ = std::make_shared<const VolumeSnapshot>(std::move(metadata),
+                                                       volume_->bricks().With(changes, revision),
+                                                       revision, volume_->loaded_revision());
     }
+    scene->settings = {.isovalue = recorded.isovalue,
+                       .normalized_isovalue = volume_->Normalize(recorded.isovalue),
+                       .haptics = recorded.settings};
+    scene->settings_revision = first_revision_ + number;
+    scene->ball = BallOf(recorded);
+    scene->volume = volume_;
+    scene->X_DI = recorded.X_DI;
+    shown_loaded_revision_ = recorded.loaded_revision;
+    session_.shown().Replace(std::move(scene));
+    samples_->SetScene(number, first_revision_, volume_->revision());
+  }
+
+  // Forces stay off, and the last scene stays, if viewers cannot get the session's volume again.
+  void GiveBack() {
+    // A replay before this one may not have ended.
+    if (const auto shown = session_.shown().replayed()) volume_ = shown->volume;
+    const auto end = std::chrono::steady_clock::now() + kGiveBackPatience;
+    while (volume_) {
+      try {
+        session_.RaiseSettingsRevision(first_revision_ + scenes_);
+        session_.store().Edit([&](const auto& present) { return BackTo(present); });
+        break;
+      } catch (const std::exception& error) {
+        if (std::chrono::steady_clock::now() > end) throw CannotEnd(error);
+        std::this_thread::sleep_for(kReportPeriod);
+      }
+    }
+    // Before the servo has used it, samples are older than what viewers have seen.
+    pump_.WaitForScene(session_.volume().scene_revision, kServoPatience);
+    pump_.Replace(nullptr);
     session_.SetForcesOff(false);
+  }
+
+  static Error CannotEnd(const std::exception& error) {
+    return {ErrorKind::kInternal, std::string("the replay cannot end, and forces stay off: ") +
+                                      error.what() + "; restart palpated"};
+  }
+
+  // The session's voxels with a revision that viewers have not seen. All bricks that differ from
+  // those of the replay, or have changed in the session meanwhile, have changed in it.
+  VolumeChange BackTo(const std::shared_ptr<const VolumeSnapshot>& present) {
+    VolumeChange change;
+    const bool is_same_lattice = present->loaded_revision() == volume_->loaded_revision();
+    if (present != volume_ && is_same_lattice) {
+      const BrickDirectory& shown = volume_->bricks();
+      const BrickDirectory& live = present->bricks();
+      std::vector<BrickChange> changes = shown.ChangesTo(live);
+      std::set<std::uint64_t> numbers;
+      for (const BrickChange& one : changes) numbers.insert(live.NumberOf(one.brick));
+      for (const std::uint64_t number : live.ChangedSince(begun_revision_)) {
+        const Vec3i brick = live.BrickOf(number);
+        if (numbers.insert(number).second) changes.push_back({brick, live.At(brick)});
+      }
+      const std::uint64_t revision = std::max(present->revision(), volume_->revision()) + 1;
+      change.renumbered = std::make_shared<const VolumeSnapshot>(
+          present->metadata(), shown.With(changes, revision), revision, present->loaded_revision());
+    }
+    change.after_publication = [this] { session_.shown().Replace(nullptr); };
+    return change;
   }
 
   void Report(const std::string& marker) {
     progress_(
-        {.ticks = first_tick_ + shown_->passed(), .lost_ticks = lost_ticks_, .marker = marker});
+        {.ticks = first_tick_ + samples_->passed(), .lost_ticks = lost_ticks_, .marker = marker});
   }
 
   Session& session_;
@@ -280,22 +355,24 @@ class ViewerReplay {
   const ViewerReplayProgress& progress_;
   const std::function<bool()>& cancelled_;
   const std::unique_lock<std::mutex> loading_;
-  const VolumeStore::Hold hold_;
-  const VolumeState before_;
+  const std::shared_ptr<const VolumeSnapshot> loaded_;
   RecordedVolumes follower_;
-  std::shared_ptr<ShownSamples> shown_;
+  std::shared_ptr<ShownSamples> samples_;
+  std::shared_ptr<const VolumeSnapshot> volume_;  // that viewers are shown; null: not yet
 
   // State of the reading, ahead of the shown position.
   double read_ms_ = 0.0;
   std::uint64_t read_ticks_ = 0;
   std::optional<std::uint64_t> missed_ticks_;
   std::vector<RecordedEdit> edits_;  // the edits before the next scene
+  std::uint64_t scenes_ = 0;
   std::deque<Event> events_;
 
-  bool started_ = false;
+  std::uint64_t first_revision_ = 0;         // of the settings, before the first scene
+  std::uint64_t begun_revision_ = 0;         // of the session's volume at the beginning
+  std::uint64_t shown_loaded_revision_ = 0;  // of the scene that is shown
   Start start_;
   bool position_is_end_ = false;
-  std::optional<AffineMap> placed_;
   std::uint64_t lost_ticks_ = 0;
 };
 

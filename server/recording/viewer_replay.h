@@ -2,12 +2,12 @@
 //
 // During the replay:
 // - Forces are off.
-// - Poses are the recorded ones (shown_samples.h).
-// - Voxels and the place of the volume change as recorded. If the recording continues with another
-//   volume, or lacks voxels, the last voxels stay.
-// - Volumes cannot be loaded.
-// - Voxels cannot be edited.
-// At the end, the voxels, the place and the history of edits are as before the replay.
+// - Viewers get the recorded poses (shown_samples.h) and the recorded scenes (session/shown.h):
+//   settings, tip, place, voxels and position of a series. A pose has the settings' revision of its
+//   scene. If the recording lacks voxels, the last ones stay. If it goes on with another volume,
+//   the replay ends.
+// - Nothing of the session changes. Other volumes cannot be loaded.
+// If viewers cannot get the session back at the end, the last scene stays, and forces stay off.
 //
 // Threads: any ordinary one; blocks until the end.
 #pragma once
@@ -40,8 +40,8 @@ inline constexpr double kMaxReplaySpeed = 100.0;
 
 // A gap takes at most one second of the recording's time.
 // Throws Error: kInvalidArgument (speed, first_tick beyond the last one, a recording without a
-// scene), kConflict (the loaded volume is not the recorded one, or a volume is being loaded),
-// kCancelled.
+// scene), kConflict (the loaded volume is not the recorded one, at first_tick or later, or a volume
+// is being loaded), kCancelled; kInternal if the session cannot be shown again.
 void ReplayToViewers(Session& session, Pump& pump, RecordingReader& reader,
                      const ViewerReplayOptions& options, const ViewerReplayProgress& progress,
                      const std::function<bool()>& cancelled);

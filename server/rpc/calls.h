@@ -26,7 +26,7 @@
 #include "server/rpc/access.h"
 #include "server/rpc/call_threads.h"
 #include "server/security/methods.h"
-#include "server/session/first_load.h"
+#include "server/session/session.h"
 
 namespace palpate {
 
@@ -102,10 +102,18 @@ class Calls {
   using Cancelled = std::function<bool()>;
 
   // Borrows both.
-  Calls(Access& access, const FirstLoad& first_load) : access_(access), first_load_(first_load) {}
+  Calls(Access& access, Session& session) : access_(access), session_(session) {}
 
   Access& access() { return access_; }
   CallThreads& threads() { return threads_; }
+
+  // Throws Error if the method's rule does not let it act now: kLoading before the first volume,
+  // kConflict during a replay.
+  void RequireNow(std::string_view method) const {
+    const MethodRule& rule = *FindMethodRule(method);
+    if (rule.needs_volume) session_.first_load().Require();
+    if (rule.in_replay == InReplay::kRefused) session_.RequireNoReplay();
+  }
 
   // work: void(const Admission&)
   template <class Work>
@@ -121,7 +129,7 @@ class Calls {
       const Access::Work measured(access_, call->admission);
       const grpc::Status status = StatusOf(call->admission, [&] {
         measured.Begin();
-        RequireVolume(method);
+        RequireNow(method);
         work(std::as_const(call->admission));
       });
       call->Finish(call->admission.Answered(status, response.ByteSizeLong()));
@@ -140,7 +148,7 @@ class Calls {
     threads_.Run(method, [this, method, context, stream, work = std::move(work)] {
       const Cancelled cancelled = [context] { return context->IsCancelled(); };
       stream->End(StatusOf(stream->admission(), [&] {
-        RequireVolume(method);
+        RequireNow(method);
         work(*stream, cancelled);
       }));
     });
@@ -154,10 +162,6 @@ class Calls {
     Admission admission;
   };
 
-  void RequireVolume(std::string_view method) const {
-    if (FindMethodRule(method)->needs_volume) first_load_.Require();
-  }
-
   template <class Work>
   static grpc::Status StatusOf(const Admission& admission, const Work& work) {
     try {
@@ -169,7 +173,7 @@ class Calls {
   }
 
   Access& access_;
-  const FirstLoad& first_load_;
+  Session& session_;
   CallThreads threads_;
 };
 

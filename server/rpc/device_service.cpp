@@ -221,11 +221,13 @@ Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* 
       throw Error(ErrorKind::kInvalidArgument, "seconds must be above 0 and at most 5");
     }
     const auto refuse_unless_they_act = [&](const std::optional<ForceTick>& forces) {
-      if (forces && Act(ForcesOf(forces->forces, session_.forces_off()))) return;
+      ForceStatus now;
+      if (forces) now = ForcesOf(forces->forces, session_.forces_off());
+      if (forces && Act(now)) return;
       Push(Vec3::Zero(), 0, {});
       throw Error(ErrorKind::kFailedPrecondition,
                   "the forces do not act: " +
-                      (forces ? InWords(forces->forces.reason) : "the haptic loop does not tick"));
+                      (forces ? InWords(now.reason) : "the haptic loop does not tick"));
     };
     if (!(device_.spec().max_force_n > 0.0)) {
       throw Error(ErrorKind::kFailedPrecondition, "the daemon cannot drive the motors of `" +

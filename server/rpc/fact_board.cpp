@@ -6,6 +6,8 @@
 #include <exception>
 #include <utility>
 
+#include "server/log/log.h"
+
 namespace palpate {
 
 FactBoard::FactBoard(const std::vector<Source>& sources) {
@@ -99,8 +101,12 @@ bool FactBoard::Look(Fact& fact, std::unique_lock<std::mutex>& lock) {
   const auto seen = std::make_shared<v1::Facts>();
   try {
     fact.source.look(*seen);
-  } catch (const std::exception&) {
+    fact.problem.clear();
+  } catch (const std::exception& error) {
     seen->Clear();
+    if (std::exchange(fact.problem, error.what()) != error.what()) {
+      LogWarning("followers are not told what is new: {}", error.what());
+    }
   }
   std::string bytes = seen->SerializeAsString();
   lock.lock();

@@ -5,7 +5,7 @@
 // and once a second for what changes by itself. While nobody follows, it sleeps.
 //
 // Threads: any; nothing but the destructor and Stop waits. Ownership: holds followers by weak_ptr.
-// Errors: none. A look that throws leaves its fact as it was told last.
+// Errors: none. A look that throws leaves its fact as it was told last, and the log says why.
 #pragma once
 
 #include <chrono>
@@ -70,6 +70,7 @@ class FactBoard {
     Source source{};
     std::shared_ptr<const v1::Facts> newest{};
     std::string bytes{};       // of `newest`
+    std::string problem{};     // why the last look threw; empty: it did not
     std::uint64_t number = 0;  // rises with each other one; 0: not known yet
     Clock::time_point looked{};
     int looks = 0;  // to come because of a change

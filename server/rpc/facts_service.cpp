@@ -121,21 +121,26 @@ class Reactor final : public Bidi,
 };
 
 void PutSettings(const Session& session, v1::Facts& facts) {
-  const SettingsState state = session.settings();
+  const SettingsState state = session.shown().settings();
   *facts.mutable_settings()->mutable_settings() = ToProto(state.settings);
   facts.mutable_settings()->set_settings_revision(state.settings_revision);
-  *facts.mutable_settings()->mutable_ball() = ToProto(session.ball());
+  *facts.mutable_settings()->mutable_ball() = ToProto(session.shown().ball());
+  facts.mutable_settings()->set_replayed(state.replayed);
+  const VolumeState volume = session.volume();
+  facts.mutable_settings()->set_not_kept(!volume.settings_problem.empty() ||
+                                         !volume.place_problem.empty());
 }
 
 void PutPlacement(Session& session, v1::Facts& facts) {
   if (!session.first_load().is_done()) return;
-  const VolumeState state = session.volume();
-  *facts.mutable_placement() = ToProto(VolumePlacement{
-      state.X_DI, state.settings_revision, state.patient_axes, state.patient_axes_answered()});
+  const VolumeState state = session.shown().volume();
+  *facts.mutable_placement() =
+      ToProto(VolumePlacement{state.X_DI, state.settings_revision, state.patient_axes,
+                              state.patient_axes_answered(), state.replayed});
 }
 
 void PutVolume(Session& session, v1::Facts& facts) {
-  if (session.first_load().is_done()) *facts.mutable_volume() = ToProto(session.volume());
+  if (session.first_load().is_done()) *facts.mutable_volume() = ToProto(session.shown().volume());
 }
 
 void PutSeries(Session& session, const SeriesPlayer& series, v1::Facts& facts) {
@@ -175,9 +180,9 @@ FactsService::FactsService(Access& access, Session& session, const SeriesPlayer&
   });
 }
 
-void FactsService::OnScene(const Scene&, std::span<const BrickChange>) {
-  board_.MayHaveChanged(kScene);
-}
+void FactsService::OnScene(const Scene&, std::span<const BrickChange>) { SceneMayHaveChanged(); }
+
+void FactsService::SceneMayHaveChanged() { board_.MayHaveChanged(kScene); }
 
 Bidi* FactsService::Follow(CallContext* context) {
   Admission admission = access_.Admit(context, "/palpate.v1.FactsService/Follow");

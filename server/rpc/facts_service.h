@@ -22,6 +22,8 @@ class FactsService final : public v1::FactsService::CallbackService, public Scen
   grpc::ServerBidiReactor<v1::FollowRequest, v1::FollowResponse>* Follow(
       CallContext* context) override;
   void OnScene(const Scene&, std::span<const BrickChange>) override;
+  // The scene that viewers are shown may be another one.
+  void SceneMayHaveChanged();
 
   // Ends every stream.
   void Stop() noexcept { board_.Stop(); }

@@ -84,10 +84,11 @@ Reply* RenderService::GetSettings(CallContext* context, const v1::GetSettingsReq
                                   v1::GetSettingsResponse* response) {
   return calls_.Answer(context, "/palpate.v1.RenderService/GetSettings", *request, *response,
                        [=, this](const Admission&) {
-                         const SettingsState state = session_.settings();
+                         const SettingsState state = session_.shown().settings();
                          *response->mutable_settings() = ToProto(state.settings);
                          response->set_settings_revision(state.settings_revision);
-                         *response->mutable_ball() = ToProto(session_.ball());
+                         *response->mutable_ball() = ToProto(session_.shown().ball());
+                         response->set_replayed(state.replayed);
                        });
 }
 
@@ -106,6 +107,7 @@ Reply* RenderService::UpdateSettings(CallContext* context, const v1::UpdateSetti
                            by.Changed(name == "normalized_isovalue" ? "isovalue" : name);
                          }
                          metrics_.SettingsFelt(result.applied.time_ns - received_ns);
+                         response->set_not_kept(session_.AwaitSettingsKept());
                        });
 }
 

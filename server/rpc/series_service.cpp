@@ -35,7 +35,7 @@ EventStream<v1::LoadSeriesResponse>* SeriesService::LoadSeries(
         events.admission().Changed("volume");
         const AppliedTick applied = session_.WaitForServo(state.scene_revision);
         v1::LoadSeriesResponse event;
-        SetResult(state, applied, *event.mutable_result());
+        SetResult(session_, state, applied, *event.mutable_result());
         *event.mutable_result()->mutable_series() = ToProto(player_.state());
         LogInfo("loaded a series of {} frames, {} (volume revision {}) at tick {}",
                 event.result().series().frames(), load.title, state.volume->revision(),

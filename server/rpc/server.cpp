@@ -147,7 +147,7 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
     : options_(std::move(options)),
       watch_(FirstSecondFile(RaiseOpenFileLimit(), options_.security.connections)),
       access_(options_.security.limits, &watch_),
-      calls_(access_, parts.session.first_load()),
+      calls_(access_, parts.session),
       acceptor_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections), watch_),
       poses_(access_, parts.pump, parts.metrics),
       render_(calls_, parts.session, parts.metrics),
@@ -163,6 +163,10 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       facts_(access_, parts.session, parts.series, parts.recording, device_),
       stop_door_(parts.stop_door) {
   access_.SetOnReview([this] { device_.EndRevokedPush(); });
+  parts.session.shown().SetOnReplace([this](const ShownScene* replayed) {
+    volume_streams_.Show(replayed);
+    facts_.SceneMayHaveChanged();
+  });
 }
 
 // gRPC lets two servers listen on one path without noticing each other, so a lock file decides. The

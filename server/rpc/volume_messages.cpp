@@ -70,7 +70,8 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
       .name = NameOfSource(metadata.source),
       .voxel_type = EnumeratorOf<VoxelType>(VoxelTypeOf(state.volume->bricks().made_type())),
       .window_level = metadata.window_level,
-      .window_width = metadata.window_width};
+      .window_width = metadata.window_width,
+      .replayed = state.replayed};
   if (values.has_padding) {
     out.warnings.push_back(
         "values below -1024 at the border are padding: for the histogram and the suggested "
@@ -79,6 +80,10 @@ v1::VolumeDescription ToProto(const VolumeState& state) {
   if (!state.place_problem.empty()) {
     out.warnings.push_back("the volume's place or its sides are not kept for its next load: " +
                            state.place_problem);
+  }
+  if (!state.settings_problem.empty()) {
+    out.warnings.push_back("the settings are not kept for palpated's next start: " +
+                           state.settings_problem);
   }
   return palpate::ToProto(out);
 }

@@ -14,9 +14,11 @@ LoadRequest FromProto(const v1::LoadVolumeRequest& request);
 // The settings that come with a load; may be empty. Throws Error (kInvalidArgument).
 SettingsUpdate SettingsOf(const v1::LoadVolumeRequest& request);
 
-// Sets the fields that the results of all loads have.
+// Sets the fields that the results of all loads have, when the session is kept with the volume.
 template <class Result>
-void SetResult(const VolumeState& state, const AppliedTick& applied, Result& result) {
+void SetResult(Session& session, VolumeState state, const AppliedTick& applied, Result& result) {
+  state.settings_problem = session.AwaitSettingsKept();
+  state.place_problem = session.AwaitPlaceKept();  // the load may have set its scale
   *result.mutable_volume() = ToProto(state);
   result.set_applied_tick(applied.tick);
   result.set_settings_revision(state.settings_revision);

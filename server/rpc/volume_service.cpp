@@ -34,9 +34,10 @@ Reply* VolumeService::Change(CallContext* context, std::string_view method,
 
 Reply* VolumeService::GetVolume(CallContext* context, const v1::GetVolumeRequest* request,
                                 v1::GetVolumeResponse* response) {
-  return calls_.Answer(
-      context, "/palpate.v1.VolumeService/GetVolume", *request, *response,
-      [=, this](const Admission&) { *response->mutable_volume() = ToProto(session_.volume()); });
+  return calls_.Answer(context, "/palpate.v1.VolumeService/GetVolume", *request, *response,
+                       [=, this](const Admission&) {
+                         *response->mutable_volume() = ToProto(session_.shown().volume());
+                       });
 }
 
 EventStream<v1::LoadVolumeResponse>* VolumeService::LoadVolume(
@@ -54,7 +55,7 @@ EventStream<v1::LoadVolumeResponse>* VolumeService::LoadVolume(
         LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", request->source(),
                 state.volume->revision(), applied.tick, state.isovalue);
         v1::LoadVolumeResponse event;
-        SetResult(state, applied, *event.mutable_result());
+        SetResult(session_, state, applied, *event.mutable_result());
         events.Send(std::move(event));
       });
 }

@@ -107,7 +107,7 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   void Begin() {
     if (!message_.has_start()) Refuse("an upload begins with its start");
     const v1::UploadVolumeStart& start = message_.start();
-    service_.session_.first_load().Require();
+    service_.calls_.RequireNow(kMethod);
     options_ = FromProto(start.options());
     settings_ = SettingsOf(start.options());
     service_.session_.CheckSettings(options_, settings_);
@@ -131,7 +131,7 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
     const VolumeState state = service_.LoadUpload(*upload_, options_, settings_, cancelled);
     admission_.Changed("volume");
     const AppliedTick applied = service_.session_.WaitForServo(state.scene_revision);
-    SetResult(state, applied, *response_);
+    SetResult(service_.session_, state, applied, *response_);
     LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", upload_->title(),
             state.volume->revision(), applied.tick, state.isovalue);
     End(grpc::Status::OK);

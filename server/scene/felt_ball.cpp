@@ -35,6 +35,10 @@ bool HaveSameField(const Ball& one, const Ball& other) {
          (metric(one) - metric(other)).norm() <= kRounding * metric(one).norm();
 }
 
+double RadiusMm(const Ball& ball, const AffineMap& X_DI) {
+  return ball.radius_mm * (X_DI.linear.col(0).norm() / ball.device_from_index.col(0).norm());
+}
+
 FeltBall::FeltBall(const Ball& ball, const VolumeSnapshot& volume,
                    const std::function<void(double share)>& progress)
     : ball_(ball),
@@ -77,10 +81,6 @@ void FeltBall::TakeRevisions(const VolumeSnapshot& volume) {
 
 AffineMap FeltBall::PlaceOf(const AffineMap& X_DI) const {
   return {X_DI.linear, X_DI.Apply(-maker_->margin().cast<double>())};
-}
-
-double FeltBall::RadiusMm(const AffineMap& X_DI) const {
-  return ball_.radius_mm * (X_DI.linear.col(0).norm() / ball_.device_from_index.col(0).norm());
 }
 
 }  // namespace palpate

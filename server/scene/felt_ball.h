@@ -20,6 +20,8 @@ namespace palpate {
 std::optional<Ball> BallOf(double radius_mm, FreeSide side, const AffineMap& X_DI);
 // Whether both have the same field, but for rounding.
 bool HaveSameField(const Ball& one, const Ball& other);
+// The radius, on the device, of a ball whose volume lies at X_DI now.
+double RadiusMm(const Ball& ball, const AffineMap& X_DI);
 
 class FeltBall {
  public:
@@ -47,7 +49,7 @@ class FeltBall {
   FreeSide side() const { return ball_.is_least ? FreeSide::kAbove : FreeSide::kBelow; }
   // Where the field lies if its volume lies at X_DI.
   AffineMap PlaceOf(const AffineMap& X_DI) const;
-  double RadiusMm(const AffineMap& X_DI) const;
+  double RadiusMm(const AffineMap& X_DI) const { return palpate::RadiusMm(ball_, X_DI); }
 
  private:
   Ball ball_;

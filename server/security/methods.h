@@ -23,10 +23,18 @@ enum class CallKind {
   kStop,          // the emergency stop: not limited
 };
 
+// What a call means while a recording is replayed.
+enum class InReplay {
+  kShown,    // answers or sends what viewers are shown: the recording's
+  kLive,     // acts on what is live, as always; what it does is kept
+  kRefused,  // refused with the reason: the caller would not see what the call changes
+};
+
 struct MethodRule {
   std::string_view method;  // as gRPC names it: "/palpate.v1.PoseService/StreamPoses"
   Role least;
   CallKind kind;
+  InReplay in_replay;
   bool needs_volume = true;  // it is answered only once the first volume has loaded
 };
 

@@ -112,9 +112,16 @@ VolumeState SeriesPlayer::Load(std::span<const std::filesystem::path> files,
 }
 
 SeriesState SeriesPlayer::state() const {
-  const VolumeState volume = session_.volume();
+  const VolumeState volume = session_.shown().volume();
   const std::lock_guard lock(mutex_);
-  return StateLocked(volume);
+  SeriesState state = StateLocked(volume);
+  if (volume.replayed) {
+    const auto position = volume.volume->metadata().series_position_frames;
+    state.position_frames = position.value_or(state.position_frames);
+    state.playing = false;
+    state.replayed = true;
+  }
+  return state;
 }
 
 SeriesState SeriesPlayer::StateLocked(const VolumeState& volume) const {
@@ -157,10 +164,6 @@ SeriesControlled SeriesPlayer::Control(const ControlSeriesRequest& control) {
   const VolumeState volume = session_.volume();
   std::unique_lock lock(mutex_);
   StateLocked(volume);  // throws if there is no series
-  if (session_.store().is_held()) {
-    throw Error(ErrorKind::kConflict,
-                "a recording is replayed in place of the series: try again after the replay");
-  }
   Take(control);
   const std::uint64_t command = ++commands_;
   wake_.notify_all();
@@ -279,39 +282,36 @@ std::optional<BrickDirectory> SeriesPlayer::TryBlend(Series& series, std::size_t
 std::optional<EditedRevisions> SeriesPlayer::Show(Series& series, double position) {
   const VolumeState before = session_.volume();
   if (before.volume->loaded_revision() != series.loaded_revision) return std::nullopt;
-  const EditedRevisions unchanged{before.volume->revision(), before.scene_revision};
-  if (position == series.shown) return unchanged;
+  if (position == series.shown) {
+    return EditedRevisions{before.volume->revision(), before.scene_revision};
+  }
   const auto frame = static_cast<std::size_t>(position);
   const double share = position - static_cast<double>(frame);
   VolumeStore& store = session_.store();
-  bool goes_on = true, is_due = false;
-  const auto look_at = [&](const VolumeSnapshot& present) {
-    const bool is_held = store.is_held();
-    is_due = !is_held && KeepEdits(series, present);
-    goes_on = is_held || is_due;
-  };
+  bool goes_on = true;
   MemoryClaim claim;
   std::optional<BrickDirectory> blended;
   if (share > 0.0) {
     // Checked before the blend, in a transaction of its own: others can edit during the blend.
     store.Edit([&](const auto& present) {
-      look_at(*present);
+      goes_on = KeepEdits(series, *present);
       return std::vector<BrickChange>();
     });
-    if (!is_due) return goes_on ? std::optional(unchanged) : std::nullopt;
+    if (!goes_on) return std::nullopt;
     blended = TryBlend(series, frame, share, claim);
     claim = {};  // the bricks are now counted themselves
   }
   const EditedRevisions shown = store.Edit([&](const auto& present) {
-    look_at(*present);
-    if (!is_due) return VolumeChange();
+    goes_on = KeepEdits(series, *present);
+    if (!goes_on) return VolumeChange();
     series.shown = position;
     VolumeChange change(present->bricks().ChangesTo(blended ? *blended : series.frames[frame]));
     change.series_position_frames = blended ? position : static_cast<double>(frame);
     return change;
   });
-  if (is_due) series.shown_revision = shown.volume;
-  return goes_on ? std::optional(shown) : std::nullopt;
+  if (!goes_on) return std::nullopt;
+  series.shown_revision = shown.volume;
+  return shown;
 }
 
 }  // namespace palpate

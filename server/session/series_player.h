@@ -62,13 +62,13 @@ class SeriesPlayer {
                    const LoadProgress& progress, const LoadCancelled& cancelled,
                    const SettingsUpdate& settings = {});
 
-  // Throws kConflict if no series is loaded.
+  // As viewers are shown it: during a replay, at the recorded position. Throws kConflict if no
+  // series is loaded.
   SeriesState state() const;
   // Waits until the thread has published the frame, and returns this frame's position and revision.
   // If the frame is there already, the scene is the present one. If somebody else seeks meanwhile,
-  // the frame may be theirs. While a replay holds the volume, the frame comes after it. Throws
-  // kConflict if no series is loaded or it ends meanwhile, kInvalidArgument for a value out of
-  // range.
+  // the frame may be theirs. Throws kConflict if no series is loaded or it ends meanwhile,
+  // kInvalidArgument for a value out of range.
   SeriesControlled Control(const ControlSeriesRequest& control);
 
  private:
@@ -89,7 +89,7 @@ class SeriesPlayer {
   SeriesState StateLocked(const VolumeState& volume) const;
   // Says once that frames are left out, if one took longer than it lasts.
   void SayIfSlow(Series& series, Clock::duration took, bool has_ball);
-  // Returns none when the series has ended. While the volume is held, nothing is shown.
+  // Returns none when the series has ended.
   std::optional<EditedRevisions> Show(Series& series, double position);
   std::optional<BrickDirectory> TryBlend(Series& series, std::size_t frame, double share,
                                          MemoryClaim& claim);

@@ -58,7 +58,7 @@ Session::Session(const DeviceDescription& device, SceneInbox& inbox, Pump& pump,
 
 SettingsState Session::settings() const {
   const std::lock_guard lock(mutex_);
-  return {settings_, settings_revision_};
+  return {.settings = settings_, .settings_revision = settings_revision_};
 }
 
 VolumeState Session::volume() const {
@@ -88,17 +88,28 @@ VolumeState Session::VolumeLocked() const {
           values_,
           registration_store_ ? registration_store_->Failure(volume_->metadata(), voxels_name_)
                               : std::string(),
-          patient_axes_};
+          keeper_ ? keeper_->failure() : std::string(),
+          patient_axes_,
+          /*replayed=*/false,
+          {}};
 }
 
-void Session::SetInitial(const RenderSettings& settings) {
+std::string Session::AwaitSettingsKept() { return keeper_ ? keeper_->Await() : std::string(); }
+
+std::string Session::AwaitPlaceKept() {
+  if (!registration_store_) return {};
+  return registration_store_->Await();
+}
+
+bool Session::SetInitial(const RenderSettings& settings) {
   HapticSettings haptics = settings.haptics;
   CheckHaptics({}, haptics);
   CheckSide(haptics.layers, haptics.free_side);
   CheckHeld(haptics, device_);
   const std::lock_guard lock(mutex_);
-  if (settings_revision_ > 0) return;
+  if (settings_revision_ > 0) return false;
   settings_.haptics = std::move(haptics);
+  return true;
 }
 
 void Session::PublishLocked(std::span<const BrickChange> changes) {
@@ -149,6 +160,7 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
   std::uint64_t scene_revision = 0;
   {
     const std::lock_guard lock(mutex_);
+    RequireNoReplay();
     CheckRevision(update.expected_revision, settings_revision_);
     const RenderSettings changed = Changed(*volume_, settings_, update);
     CheckSide(changed.haptics.layers, changed.haptics.free_side);
@@ -164,7 +176,7 @@ SettingsApplied Session::Update(const SettingsUpdate& update) {
     before = std::exchange(settings_, changed);
     ++settings_revision_;
     PublishLocked();
-    result.state = {settings_, settings_revision_};
+    result.state = {.settings = settings_, .settings_revision = settings_revision_};
     scene_revision = scene_revision_;
   }
   try {
@@ -341,6 +353,8 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
   volume_ = volume;
   request_ = request;
   is_reshaped_ = false;
+  loaded_size_ = metadata.size;
+  loaded_X_WI_ = metadata.WorldFromIndex();
   held_isovalue_.reset();
   loaded_range_ = {metadata.value_min, metadata.value_max};
   ++geometry_revision_;
@@ -366,9 +380,17 @@ std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>
   std::unique_lock lock(mutex_);
   const std::vector<FeltBall> had = tip_.fields;
   std::vector<FeltBall> felt = had, made = made_;
+  const bool is_same = volume->loaded_revision() == volume_->loaded_revision() &&
+                       volume->bricks().content_hash() == volume_->bricks().content_hash();
   lock.unlock();
-  const bool tip_follows = Follow(felt, *volume);
-  if (!Follow(made, *volume)) made.clear();
+  // The same voxels, such as after a replay, have the same fields.
+  for (std::vector<FeltBall>* fields : {&felt, &made}) {
+    for (FeltBall& field : *fields) {
+      if (is_same) field.TakeRevisions(*volume);
+    }
+  }
+  const bool tip_follows = is_same || Follow(felt, *volume);
+  if (!is_same && !Follow(made, *volume)) made.clear();
   lock.lock();
   if (volume != volume_) {
     const auto before = std::tuple(volume_, is_reshaped_, X_DI_, registration_, settings_,
@@ -399,7 +421,8 @@ std::uint64_t Session::PublishEdited(const std::shared_ptr<const VolumeSnapshot>
 // The volume stays in its place and can still be felt.
 void Session::TakeLattice() {
   const VolumeMetadata& metadata = volume_->metadata();
-  is_reshaped_ = !metadata.reloadable;
+  const AffineMap X_WI = metadata.WorldFromIndex();
+  is_reshaped_ = metadata.size != loaded_size_ || X_WI != loaded_X_WI_;
   ++geometry_revision_;
   X_DI_ = registration_.X_DW * metadata.WorldFromIndex();
   registration_.p_DCenter_mm = registration_.X_DW.Apply(VolumeCenterMm(metadata));
@@ -420,9 +443,10 @@ void Session::FitLayersLocked() {
 }
 
 VolumeState Session::Move(const std::function<VolumePlace(const VolumeState&)>& change,
-                          const std::optional<std::uint64_t>& expected_revision, bool keep,
+                          const std::optional<std::uint64_t>& expected_revision,
                           const std::optional<PatientFacing>& facing) {
   const std::lock_guard lock(mutex_);
+  RequireNoReplay();
   CheckRevision(expected_revision, settings_revision_);
   const VolumeMetadata& metadata = volume_->metadata();
   if (facing &&
@@ -441,7 +465,7 @@ VolumeState Session::Move(const std::function<VolumePlace(const VolumeState&)>& 
   const bool moves = !facing || X_DI_ != before;
   // After a reshape, the registration is not stored: it would replace the registration of the
   // file's lattice.
-  if (registration_store_ && keep && moves && !is_reshaped_) {
+  if (registration_store_ && moves && !is_reshaped_) {
     registration_store_->Keep(metadata, registration_);
   }
   if (registration_store_ && facing) registration_store_->KeepAxes(voxels_name_, axes);
@@ -449,7 +473,24 @@ VolumeState Session::Move(const std::function<VolumePlace(const VolumeState&)>& 
   if (moves) ++geometry_revision_;
   ++settings_revision_;
   PublishLocked();
-  return VolumeLocked();
+  VolumeState state = VolumeLocked();
+  if (moves && is_reshaped_) {
+    state.move_problem =
+        "the volume has another lattice than its file: save it, and load that file";
+  }
+  return state;
+}
+
+void Session::RaiseSettingsRevision(std::uint64_t above) {
+  const std::lock_guard lock(mutex_);
+  settings_revision_ = std::max(settings_revision_, above) + 1;
+  PublishLocked();
+}
+
+void Session::RequireNoReplay() const {
+  if (!forces_off_) return;
+  throw Error(ErrorKind::kConflict,
+              "a recording is replayed: nothing can be changed until the replay has ended");
 }
 
 void Session::SetForcesOff(bool off) {

@@ -33,8 +33,9 @@
 #include "server/session/ball_maker.h"
 #include "server/session/first_load.h"
 #include "server/session/settings_update.h"
+#include "server/session/shown.h"
 #include "server/state/registration_store.h"
-#include "server/state/session_file.h"
+#include "server/state/session_keeper.h"
 #include "server/store/volume_loader.h"
 #include "server/store/volume_store.h"
 #include "server/volume/suggested_isovalues.h"
@@ -44,6 +45,7 @@ namespace palpate {
 struct SettingsState {
   RenderSettings settings;
   std::uint64_t settings_revision = 0;
+  bool replayed = false;  // of a recording that is replayed (shown.h)
 };
 
 // Called for every scene before the servo can see it, in order.
@@ -91,9 +93,12 @@ struct VolumeState {
   std::uint64_t unsaved_edits = 0;
   double isovalue = 0.0;                       // data units
   std::shared_ptr<const VolumeValues> values;  // as loaded; edits do not change them
-  // Why a changed place or a new answer is not kept for the next load; empty: it is.
-  std::string place_problem;
-  std::string patient_axes;  // of the file or answered, as in VolumeMetadata; empty: unknown
+  // Why a changed place or a new answer is not kept for the next load, and why the settings are
+  // not kept for palpated's next start; empty: they are.
+  std::string place_problem, settings_problem;
+  std::string patient_axes;    // of the file or answered, as in VolumeMetadata; empty: unknown
+  bool replayed = false;       // as in SettingsState
+  std::string move_problem{};  // of a Move: why no store gets the place; empty: one may
 
   bool patient_axes_answered() const {
     return !patient_axes.empty() && volume->metadata().patient_axes.empty();
@@ -112,6 +117,8 @@ class Session {
   // Sets the store of earlier registrations. Volumes are placed there again when loaded. Call it
   // before the first Load; borrowed.
   void SetRegistrationStore(RegistrationStore& store) { registration_store_ = &store; }
+  // Sets what saves the settings for the next start. Call it before the first Update; borrowed.
+  void SetKeeper(SessionKeeper& keeper) { keeper_ = &keeper; }
 
   // Called before another volume is felt, with the surface that is about to come. May wait for a
   // second: nothing is locked but other loads. Set it before the first Load; it must stay valid
@@ -130,16 +137,22 @@ class Session {
   // What is felt of the settings' ball or tool.
   BallState ball() const;
 
-  // Waits until the servo has used the change. Throws kInvalidArgument, kConflict, kUnavailable,
+  // Waits until the servo has used the change. Throws kInvalidArgument, kConflict (the revision, or
+  // a replay), kUnavailable,
   // kTooLarge if there is no room for the ball or tool, kFailedPrecondition for a tool that the
   // device or other settings forbid, and kLoading for an isovalue before the first
   // volume. If the servo stops before it uses the change, the change is taken back, unless somebody
   // else has changed settings since.
   SettingsApplied Update(const SettingsUpdate& update);
 
+  // Wait, for about a second at most, until the settings, or the place and the answer, are on the
+  // disk. Return why they are not; empty: they are, or nothing is kept.
+  std::string AwaitSettingsKept();
+  std::string AwaitPlaceKept();
+
   // Sets the settings to start with, except for the isovalue. Call it before the first Load. Does
-  // nothing if somebody has changed settings. Throws kInvalidArgument.
-  void SetInitial(const RenderSettings& settings);
+  // nothing, and returns false, if somebody has changed settings. Throws kInvalidArgument.
+  bool SetInitial(const RenderSettings& settings);
 
   // Loads and publishes without waiting for the servo. `settings`: felt from the same tick on as
   // the volume; an isovalue is the new volume's. Throws kConflict while another load runs, and
@@ -169,15 +182,23 @@ class Session {
 
   // Moves the volume. `change` computes the new registration from the present state, under the
   // session's lock. Throws kInvalidArgument; kConflict if the settings revision is not the expected
-  // one. `keep`: stores the registration for the next load of the volume. `facing`: an answer to
-  // where the patient faces, which is stored for these voxels. Throws kFailedPrecondition if the
-  // file states its orientation.
+  // one, and during a replay. The registration is stored for the next load of the volume, unless
+  // the volume was reshaped. `facing`: an answer to where the patient faces, which is stored for
+  // these voxels. Throws kFailedPrecondition if the file states its orientation.
   VolumeState Move(const std::function<VolumePlace(const VolumeState&)>& change,
-                   const std::optional<std::uint64_t>& expected_revision = {}, bool keep = true,
+                   const std::optional<std::uint64_t>& expected_revision = {},
                    const std::optional<PatientFacing>& facing = {});
 
-  // No force is felt while this is on.
+  // What viewers are shown: this session or a replay.
+  Shown& shown() { return shown_; }
+  const Shown& shown() const { return shown_; }
+  // Publishes the settings with a revision above this one, which viewers were shown in a replay.
+  void RaiseSettingsRevision(std::uint64_t above);
+  // A replay is shown. No force is felt while this is on, and Update, Move and edits throw
+  // kConflict.
   void SetForcesOff(bool off);
+  // Throws kConflict while forces are off.
+  void RequireNoReplay() const;
   // Takes no lock.
   bool forces_off() const { return forces_off_; }
 
@@ -235,8 +256,10 @@ class Session {
   Pump& pump_;
   VolumeLoader loader_;
   RegistrationStore* registration_store_ = nullptr;
+  SessionKeeper* keeper_ = nullptr;
   BeforeOtherVolume before_other_volume_;
   FirstLoad first_load_;
+  Shown shown_{*this};
 
   // Lock order: load_mutex_, the store's mutex, mutex_.
   std::mutex load_mutex_;
@@ -246,7 +269,9 @@ class Session {
   std::shared_ptr<const VolumeValues> values_;    // of the volume as loaded
   LoadRequest request_;                           // the request that loaded volume_
   bool is_reshaped_ = false;                      // the lattice has changed since the load
-  std::pair<double, double> loaded_range_{};      // range of values at the load
+  Vec3i loaded_size_ = Vec3i::Zero();             // its lattice at the load
+  AffineMap loaded_X_WI_{};
+  std::pair<double, double> loaded_range_{};  // range of values at the load
   // The chosen isovalue, and its value after clamping to the range of another lattice.
   std::optional<std::pair<double, double>> held_isovalue_{};
   VolumePlace registration_;

@@ -69,8 +69,9 @@ void ToolStrokes::OnScene(const Scene& scene) {
   Tools tools;
   tools.scene_revision = scene.scene_revision;
   tools.loaded_revision = scene.volume->loaded_revision();
-  tools.clutch = settings.clutch_tool;
-  tools.carve = settings.carve_tool;
+  // While forces are off, viewers are shown something else: nobody sees what would move.
+  tools.clutch = settings.clutch_tool && !scene.forces_off;
+  tools.carve = settings.carve_tool && !scene.forces_off;
   tools.X_WD = metadata.WorldFromIndex() * scene.X_DI().Inverse();
   const double W_from_D = tools.X_WD.linear.col(0).norm();
   const double voxel_mm = scene.surface.longest_voxel_mm;

@@ -175,10 +175,7 @@ EditOutcome VolumeEditor::Move(Steps& from, Steps& to, const char* empty, const 
 EditOutcome VolumeEditor::Transact(const Revision& expected, const Make& make) {
   EditOutcome outcome;
   const auto change = [&](const std::shared_ptr<const VolumeSnapshot>& present) {
-    if (session_.store().is_held()) {
-      throw Error(ErrorKind::kConflict,
-                  "the voxels of a replayed recording cannot change: try again after the replay");
-    }
+    session_.RequireNoReplay();
     if (expected && *expected != present->revision()) {
       throw Error(ErrorKind::kConflict,
                   fmt::format("the volume is at revision {}, not {}: read it again",
@@ -318,8 +315,7 @@ void VolumeEditor::OnScene(const Scene& scene, std::span<const BrickChange> chan
   const bool loaded = scene.volume->loaded_revision() != loaded_revision_;
   loaded_revision_ = scene.volume->loaded_revision();
   const bool others = loaded || !changes.empty();
-  // A replay gives its voxels back at its end, and nobody edits meanwhile.
-  if (others && scene.volume->revision() != own_revision_ && !session_.store().is_held()) Forget();
+  if (others && scene.volume->revision() != own_revision_) Forget();
 }
 
 void VolumeEditor::Forget() {

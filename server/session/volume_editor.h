@@ -6,8 +6,7 @@
 // step makes a step to redo it.
 // Every change made for a user goes through this class. If other code changes voxels (a loaded
 // volume, a frame of a series), the history ends, and Revert leads back to the voxels after that
-// change. A replay of a recording gives its voxels back: nothing can be edited meanwhile
-// (kConflict), and the history stays.
+// change.
 //
 // Threads: any ordinary thread. The history changes in the same transaction of the store as the
 // voxels, so both always fit together.

@@ -1,7 +1,6 @@
 #include "server/state/registration_store.h"
 
 #include <fmt/core.h>
-#include <pthread.h>
 
 #include <algorithm>
 #include <array>
@@ -28,8 +27,7 @@ bool IsOf(const StoredRegistration& entry, const VolumeMetadata& volume) {
   return entry.size == volume.size && entry.spacing_mm == volume.spacing_mm;
 }
 
-constexpr std::chrono::seconds kLockPatience{10};
-constexpr int kDelaysUntilRetry = 10;
+constexpr std::chrono::seconds kLockPatience{3};
 
 // Keeps other daemons of the same user from writing the file meanwhile. If the lock cannot be made
 // for lack of rights, the file cannot be written either.
@@ -62,24 +60,24 @@ void Put(const Entry& entry, std::vector<Entry>& entries) {
 
 RegistrationStore::RegistrationStore(std::filesystem::path folder,
                                      std::chrono::milliseconds save_delay)
-    : path_(folder.empty() ? std::filesystem::path() : folder / "registrations.toml"),
-      save_delay_(save_delay) {
+    : path_(folder.empty() ? std::filesystem::path() : folder / "registrations.toml") {
   if (path_.empty()) return;
-  const RegistrationFile file = Read();
-  for (const StoredRegistration& entry : file.entries) Put(entry, entries_);
-  for (const StoredAxes& entry : file.axes) Put(entry, axes_);
-  thread_ = std::thread([this] { Run(); });
+  try {
+    const RegistrationFile file = Read();
+    for (const StoredRegistration& entry : file.entries) Put(entry, entries_);
+    for (const StoredAxes& entry : file.axes) Put(entry, axes_);
+  } catch (const Error& error) {
+    LogWarning("the places of volumes are not known: {}", error.what());
+  }
+  saver_.emplace("palpate-state", save_delay, [this](bool) { return Save(); });
 }
 
 RegistrationStore::~RegistrationStore() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  changed_.notify_all();
-  if (thread_.joinable()) thread_.join();
+  saver_.reset();
   Save();
 }
+
+std::string RegistrationStore::Await() { return saver_ ? saver_->Await() : std::string(); }
 
 std::optional<VolumePlace> RegistrationStore::Find(const VolumeMetadata& volume) const {
   const std::string key = Key(volume);
@@ -134,11 +132,9 @@ void RegistrationStore::KeepAxes(const std::string& voxels, const std::string& p
 void RegistrationStore::Note(const std::string& unsaved) {
   if (path_.empty()) return;
   unsaved_.insert(unsaved);
-  dirty_ = true;
-  changed_.notify_one();
 }
 
-void RegistrationStore::Save() {
+std::string RegistrationStore::Save() {
   const std::lock_guard writing(file_mutex_);
   std::set<std::string> names;
   RegistrationFile changed;
@@ -150,7 +146,7 @@ void RegistrationStore::Save() {
     std::ranges::copy_if(entries_, std::back_inserter(changed.entries), is_unsaved);
     std::ranges::copy_if(axes_, std::back_inserter(changed.axes), is_unsaved);
   }
-  if (changed.entries.empty() && changed.axes.empty()) return;
+  if (changed.entries.empty() && changed.axes.empty()) return {};
   std::string failure;
   try {
     WriteMerged(changed);
@@ -168,6 +164,7 @@ void RegistrationStore::Save() {
   if (!failure.empty() && failure != before) {
     LogWarning("the places of volumes are not saved: {}", failure);
   }
+  return failure;
 }
 
 std::string RegistrationStore::Failure(const VolumeMetadata& volume,
@@ -176,7 +173,8 @@ std::string RegistrationStore::Failure(const VolumeMetadata& volume,
   const auto is_of = [&](const std::set<std::string>& names) {
     return names.contains(Key(volume)) || names.contains(voxels);
   };
-  return is_of(unsaved_) || is_of(saving_) ? failure_ : "";
+  if (!is_of(unsaved_) && !is_of(saving_)) return "";
+  return failure_.empty() && saver_ ? saver_->failure() : failure_;
 }
 
 // Adds the changes to the file's present entries: another daemon of the same user may have written
@@ -203,26 +201,6 @@ RegistrationFile RegistrationStore::Read() const {
                      : "it was set aside as " + aside.string());
   }
   return file;
-}
-
-void RegistrationStore::Run() {
-  pthread_setname_np(pthread_self(), "palpate-state");
-  std::unique_lock lock(mutex_);
-  while (!stop_) {
-    const auto is_due = [&] { return stop_ || dirty_; };
-    if (unsaved_.empty()) {
-      changed_.wait(lock, is_due);
-    } else {
-      changed_.wait_for(lock, kDelaysUntilRetry * save_delay_, is_due);  // the last save failed
-    }
-    // Waits, so that further changes are written together with this one.
-    changed_.wait_for(lock, save_delay_, [&] { return stop_; });
-    if (stop_) return;  // the destructor writes
-    dirty_ = false;
-    lock.unlock();
-    Save();
-    lock.lock();
-  }
 }
 
 }  // namespace palpate

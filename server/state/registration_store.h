@@ -1,28 +1,27 @@
 // Remembers the places of volumes and where patients face in them, also after a restart of the
 // daemon.
 //
-// Keeps them in memory. If a folder is given, saves them in its registrations.toml. A thread
-// of its own saves shortly after a change; the destructor saves the rest. A damaged file is set
-// aside as registrations.toml.damaged. Damage and failures to write are logged; neither stops
-// anything. A failed write is tried again after ten delays, or with the next change.
+// Keeps them in memory. If a folder is given, saves them in its registrations.toml: a thread of its
+// own saves once a second what has changed, or at once if a caller waits for it, and the destructor
+// saves the rest. A damaged file is set aside as registrations.toml.damaged. Damage and failures to
+// write are logged; neither stops anything. A failed write is tried again.
 //
 // Threads: any ordinary thread; Keep and Find do not touch the disk.
 // Ownership: owns its thread.
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <filesystem>
 #include <mutex>
 #include <optional>
 #include <set>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "common/bricks/brick.h"
 #include "server/scene/registration.h"
 #include "server/state/registration_file.h"
+#include "server/state/saver.h"
 
 namespace palpate {
 
@@ -52,33 +51,31 @@ class RegistrationStore {
   std::string FindAxes(const std::string& voxels) const;
   void KeepAxes(const std::string& voxels, const std::string& patient_axes);
 
-  // Writes all unsaved changes now.
-  void Save();
+  // Writes all unsaved changes now. Returns as Await.
+  std::string Save();
+  // Waits until all changes are on the disk, for about a second at most. Returns why they are not;
+  // empty: they are.
+  std::string Await();
   // Why the place or the answer of this volume could not be saved; empty: it was, or there is
   // nothing to save. Does not wait for the disk.
   std::string Failure(const VolumeMetadata& volume, const std::string& voxels = {}) const;
 
  private:
-  void Run();
   RegistrationFile Read() const;
   void Note(const std::string& unsaved);
   void WriteMerged(const RegistrationFile& changed);
 
   const std::filesystem::path path_;  // empty: nothing is written
-  const std::chrono::milliseconds save_delay_;
 
   std::mutex file_mutex_;  // held while the file is written; taken before mutex_
 
-  mutable std::mutex mutex_;  // guards what follows
-  std::condition_variable changed_;
+  mutable std::mutex mutex_;                 // guards what follows
   std::vector<StoredRegistration> entries_;  // oldest first
   std::vector<StoredAxes> axes_;             // oldest first
   std::set<std::string> unsaved_;            // sources of unsaved entries, names of unsaved answers
   std::set<std::string> saving_;             // those that are being written
   std::string failure_;
-  bool dirty_ = false;  // changed since the thread last checked
-  bool stop_ = false;
-  std::thread thread_;
+  std::optional<Saver> saver_;  // last, so that its thread ends first
 };
 
 }  // namespace palpate

@@ -119,6 +119,7 @@ SessionFile ReadSessionFile(const std::filesystem::path& path) try {
     session.configured_settings = SettingsOf(*settings);
   }
   session.attempts = file.table["attempts"].value_or(0);
+  session.ended_cleanly = file.table["ended_cleanly"].value_or(false);
   session.felt.volume = SourceOf(*volume);
   session.felt.settings = SettingsOf(*haptics);
   const auto isovalue = TomlNumber(*volume, "isovalue");
@@ -138,9 +139,9 @@ void WriteSessionFile(const std::filesystem::path& path, const SavedSession& ses
   toml::table volume = SourceTable(session.felt.volume);
   volume.insert("isovalue", session.felt.settings.isovalue);
   WriteStateFile(path,
-                 "# The session of the running palpated, which deletes this file at a clean end.\n"
-                 "# If palpated is killed, the next palpated restores the session.\n",
+                 "# The session of palpated, which the next palpated on this socket restores.\n",
                  toml::table{{"attempts", session.attempts},
+                             {"ended_cleanly", session.ended_cleanly},
                              {"configured", std::move(configured)},
                              {"volume", std::move(volume)},
                              {"haptics", HapticsTable(session.felt.settings)}});

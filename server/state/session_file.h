@@ -25,6 +25,7 @@ struct SavedSession {
   LoadRequest configured{};
   RenderSettings configured_settings{};  // without the isovalue
   int attempts = 0;                      // failed attempts to restore the session
+  bool ended_cleanly = false;            // the daemon, which had saved all
   FeltSession felt{};
 };
 

@@ -1,17 +1,16 @@
 #include "server/state/session_keeper.h"
 
 #include <fcntl.h>
-#include <pthread.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <fstream>
+#include <cstring>
 #include <system_error>
 #include <tuple>
 #include <utility>
 
 #include "common/error/error.h"
-#include "common/files/new_file.h"
+#include "common/files/text_file.h"
 #include "server/log/log.h"
 
 namespace palpate {
@@ -21,9 +20,12 @@ namespace {
 std::filesystem::path FileFor(const std::filesystem::path& folder,
                               const std::filesystem::path& socket) {
   if (folder.empty()) return {};
-  std::string name = std::filesystem::absolute(socket).lexically_normal().string();
-  std::replace(name.begin(), name.end(), '/', '-');
-  return folder / "sessions" / (name.substr(1) + ".toml");
+  std::string name;
+  // A socket has one name, and no two sockets have the same.
+  for (const char c : std::filesystem::weakly_canonical(socket).string().substr(1)) {
+    name += c == '/' ? "-" : c == '-' ? "%2d" : c == '%' ? "%25" : std::string(1, c);
+  }
+  return folder / "sessions" / (name + ".toml");
 }
 
 bool IsSame(const LoadRequest& a, const LoadRequest& b) {
@@ -69,6 +71,18 @@ void TakeChanges(const SavedSession& saved, const LoadRequest& now,
   }
 }
 
+// 0 for what is no such file.
+std::uint64_t EditsIn(const std::filesystem::path& path) {
+  std::uint64_t edits = 0;
+  try {
+    const std::string bytes = ReadTextFile(path, sizeof edits);
+    if (bytes.size() == sizeof edits) std::memcpy(&edits, bytes.data(), sizeof edits);
+  } catch (const Error&) {
+    // Nobody has edited.
+  }
+  return edits;
+}
+
 }  // namespace
 
 SessionKeeper::SessionKeeper(const std::filesystem::path& folder,
@@ -80,45 +94,53 @@ SessionKeeper::SessionKeeper(const std::filesystem::path& folder,
       configured_settings_(configured_settings),
       felt_(std::move(felt)) {}
 
+// Opens no pipe, link or folder of somebody else.
 void SessionKeeper::OpenEdits() {
-  try {
-    MakeFolders(path_.parent_path());
-  } catch (const Error&) {
-    return;  // Save says it
-  }
-  edits_file_ =
-      Descriptor(open(edits_path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  std::error_code ignored;
+  std::filesystem::create_directories(path_.parent_path(), ignored);  // Save says it
+  struct stat status {};
+  edits_file_ = Descriptor(
+      open(edits_path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600));
+  const bool is_file = fstat(edits_file_.get(), &status) == 0 && S_ISREG(status.st_mode);
+  if (!is_file) edits_file_ = Descriptor();
+  edits_descriptor_ = edits_file_.get();
+  NoteEdits(edits_);  // takes its place on the disk, which may be full later
 }
 
 void SessionKeeper::NoteEdits(std::uint64_t unsaved_edits) noexcept {
   edits_ = unsaved_edits;
   [[maybe_unused]] const ssize_t written =
-      pwrite(edits_file_.get(), &unsaved_edits, sizeof unsaved_edits, 0);
+      pwrite(edits_descriptor_, &unsaved_edits, sizeof unsaved_edits, 0);
 }
 
-// Returns why the session is not restored; "" if it can be restored.
 std::string SessionKeeper::WhyNot(const SessionFile& file) const {
   if (!file.damage.empty()) return path_.string() + " is damaged: " + file.damage;
-  if (!IsSame(file.session->configured, configured_)) return "another volume is configured now";
   if (file.session->attempts < kMostAttempts) return "";
   return "palpated did not last with it, " + std::to_string(kMostAttempts) + " times";
 }
 
-std::optional<FeltSession> SessionKeeper::TakeLeft() {
+void SessionKeeper::Forget(const std::string& why) {
+  const std::string line = "the previous session does not come back: " + why;
+  ended_cleanly_ ? LogInfo("{}", line) : LogWarning("{}", line);
+  std::error_code ignored;
+  std::filesystem::remove(path_, ignored);
+}
+
+std::optional<FeltSession> SessionKeeper::TakeLeft(bool fresh) {
   if (path_.empty()) return std::nullopt;
   SessionFile file = ReadSessionFile(path_);
   if (!file.session && file.damage.empty()) return std::nullopt;
-  std::ifstream(edits_path_, std::ios::binary)
-      .read(reinterpret_cast<char*>(&lost_edits_), sizeof lost_edits_);
-  const std::string why_not = WhyNot(file);
-  if (!why_not.empty()) {
-    LogWarning("the previous session does not come back: {}", why_not);
-    std::error_code ignored;
-    std::filesystem::remove(path_, ignored);
-    return std::nullopt;
+  ended_cleanly_ = file.session && file.session->ended_cleanly;
+  lost_edits_ = EditsIn(edits_path_);
+  if (fresh) return Forget("palpated starts as configured (--fresh)"), std::nullopt;
+  if (file.session && !IsSame(file.session->configured, configured_)) {
+    return Forget("another volume is configured now"), std::nullopt;
   }
+  why_not_ = WhyNot(file);
+  if (!why_not_.empty()) return Forget(why_not_), std::nullopt;
   SavedSession& saved = *file.session;
   attempts_ = ++saved.attempts;
+  saved.ended_cleanly = false;
   try {
     WriteSessionFile(path_, saved);
   } catch (const std::exception& error) {
@@ -134,6 +156,7 @@ void SessionKeeper::GiveBack() noexcept {
   if (!taken_) return;
   try {
     --taken_->attempts;
+    taken_->ended_cleanly = ended_cleanly_;
     WriteSessionFile(path_, *taken_);
   } catch (const std::exception& error) {
     LogWarning("the previous session may not come back: {}", error.what());
@@ -143,64 +166,54 @@ void SessionKeeper::GiveBack() noexcept {
 void SessionKeeper::Start() {
   if (path_.empty()) return;
   OpenEdits();
-  thread_ = std::thread([this] { Run(); });
+  lasts_at_ = std::chrono::steady_clock::now() + kLasting;
+  saver_.emplace("palpate-session", kLook, [this](bool at_once) { return SaveChanges(at_once); });
+  is_started_ = true;
 }
 
-void SessionKeeper::Run() {
-  pthread_setname_np(pthread_self(), "palpate-session");
-  std::optional<std::uint64_t> saved;  // revision of the settings
-  std::uint64_t on_disk = 0;           // edits
-  std::chrono::steady_clock::time_point retry_at{};
-  const auto lasts_at = std::chrono::steady_clock::now() + kLasting;
-  std::unique_lock lock(mutex_);
-  do {
-    if (const std::uint64_t edits = edits_; std::exchange(on_disk, edits) != edits) {
-      lock.unlock();
-      fdatasync(edits_file_.get());
-      lock.lock();
-    }
-    const FeltSession felt = felt_();
-    const auto now = std::chrono::steady_clock::now();
-    const bool lasted = attempts_ > 0 && now > lasts_at;
-    if (lasted) attempts_ = 0;
-    if ((!lasted && saved == felt.settings_revision) || now < retry_at) continue;
-    lock.unlock();
-    saved = Save(felt) ? std::optional(felt.settings_revision) : std::nullopt;
-    if (!saved) retry_at = now + kAfterFailure;
-    lock.lock();
-  } while (!wake_.wait_for(lock, kLook, [this] { return stop_; }));
+std::string SessionKeeper::Await() {
+  if (path_.empty()) return "";
+  return is_started_ ? saver_->Await() : "palpated is starting or ending";
 }
 
-bool SessionKeeper::Save(const FeltSession& felt) {
+std::string SessionKeeper::failure() const { return is_started_ ? saver_->failure() : ""; }
+
+std::string SessionKeeper::SaveChanges(bool at_once) {
+  if (const std::uint64_t edits = edits_; std::exchange(edits_on_disk_, edits) != edits) {
+    if (edits_descriptor_ < 0) OpenEdits();
+    fdatasync(edits_descriptor_);
+  }
+  const FeltSession felt = felt_();
+  const auto now = std::chrono::steady_clock::now();
+  const bool lasted = attempts_ > 0 && now > lasts_at_;
+  if (lasted) attempts_ = 0;
+  if (!lasted && saved_revision_ == felt.settings_revision) return "";
+  if (!at_once && now < retry_at_) return last_failure_;
+  const std::string failure = Write({configured_, configured_settings_, attempts_, false, felt});
+  saved_revision_.reset();
+  if (failure.empty()) saved_revision_ = felt.settings_revision;
+  if (!failure.empty()) retry_at_ = now + kAfterFailure;
+  return failure;
+}
+
+std::string SessionKeeper::Write(const SavedSession& session) {
+  std::string failure;
   try {
-    WriteSessionFile(path_, {configured_, configured_settings_, attempts_, felt});
-    last_failure_.clear();
-    return true;
+    WriteSessionFile(path_, session);
   } catch (const std::exception& error) {
-    // A failure is logged once, not at every try.
-    if (error.what() != last_failure_) {
-      LogWarning("the session is not saved: {}; palpated tries again", error.what());
-    }
-    last_failure_ = error.what();
-    return false;
+    failure = error.what();
   }
-}
-
-void SessionKeeper::Join() noexcept {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
+  // A failure is logged once, not at every try.
+  if (!failure.empty() && failure != last_failure_) {
+    LogWarning("the session is not saved: {}; palpated tries again", failure);
   }
-  wake_.notify_all();
-  if (thread_.joinable()) thread_.join();
+  return last_failure_ = failure;
 }
 
 void SessionKeeper::End() noexcept {
-  Join();
-  std::error_code ignored;
-  if (path_.empty()) return;
-  std::filesystem::remove(path_, ignored);
-  std::filesystem::remove(edits_path_, ignored);
+  if (!is_started_.exchange(false)) return;
+  saver_->Stop();
+  Write({configured_, configured_settings_, 0, true, felt_()});
 }
 
 }  // namespace palpate

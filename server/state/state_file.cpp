@@ -2,18 +2,18 @@
 
 #include <fmt/core.h>
 
-#include <fstream>
 #include <sstream>
 
 #include "common/error/error.h"
 #include "common/error/one_line.h"
 #include "common/files/new_file.h"
+#include "common/files/text_file.h"
 
 namespace palpate {
 namespace {
 
 // A thousand entries with the longest paths take 5 MB.
-constexpr std::uintmax_t kMostBytes = 16 << 20;
+constexpr std::size_t kMostBytes = 16 << 20;
 
 // Writes strings with escapes only. The library's literal and multi-line strings cannot hold every
 // path.
@@ -25,23 +25,14 @@ std::string ToText(const toml::table& table) {
 
 }  // namespace
 
-StateFile ReadStateFile(const std::filesystem::path& path) {
-  std::error_code error;
-  const std::filesystem::file_status status = std::filesystem::status(path, error);
-  if (status.type() == std::filesystem::file_type::not_found) return {};
-  if (status.type() != std::filesystem::file_type::regular) return {{}, "it is not a regular file"};
-  if (std::filesystem::file_size(path, error) > kMostBytes) return {{}, "it is too long"};
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  // Copying an empty file would set the fail bit of `text`.
-  if (file.peek() != std::ifstream::traits_type::eof()) text << file.rdbuf();
-  if (!file.is_open() || file.bad()) return {{}, "it cannot be read"};
-  try {
-    return {toml::parse(text.str()), ""};
-  } catch (const toml::parse_error& parse) {
-    return {{},
-            fmt::format("line {}: {}", parse.source().begin.line, OneLine(parse.description()))};
-  }
+StateFile ReadStateFile(const std::filesystem::path& path) try {
+  return {toml::parse(ReadTextFile(path, kMostBytes)), ""};
+} catch (const toml::parse_error& parse) {
+  return {{}, fmt::format("line {}: {}", parse.source().begin.line, OneLine(parse.description()))};
+} catch (const Error& error) {
+  if (error.kind() == ErrorKind::kNotFound) return {};
+  if (error.kind() == ErrorKind::kInvalidArgument) return {{}, error.what()};
+  throw;
 }
 
 void WriteStateFile(const std::filesystem::path& path, const std::string& remark,

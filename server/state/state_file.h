@@ -14,10 +14,11 @@ namespace palpate {
 
 struct StateFile {
   toml::table table;
-  std::string damage;  // why the file could not be read, one line; empty: no damage
+  std::string damage;  // what is wrong with the file, one line; empty: no damage
 };
 
-// Returns an empty table if there is no such file.
+// Returns an empty table if there is no such file. Throws Error if the file cannot be read for a
+// reason that may pass, such as too many open files.
 StateFile ReadStateFile(const std::filesystem::path& path);
 
 // Afterwards the file is either complete or unchanged. Makes the folder if it is missing. `remark`:

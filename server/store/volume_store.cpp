@@ -67,13 +67,13 @@ void VolumeStore::RequireSaved(bool discards_edits) const {
 
 void VolumeStore::Saved(const VolumeSnapshot& volume) {
   const std::lock_guard lock(mutex_);
-  // The voxels of a replayed recording are given back.
-  if (is_held_ || volume.revision() < replaced_revision_ || shows_series()) return;
+  if (volume.revision() < replaced_revision_ || shows_series()) return;
   saved_ = volume.bricks().content_hash();
   if (present_->bricks().content_hash() == saved_) SetEdits(0);
 }
 
 std::shared_ptr<const VolumeSnapshot> VolumeStore::Next(const VolumeChange& change) const {
+  if (change.renumbered) return change.renumbered;
   const std::uint64_t revision = present_->revision() + 1;
   VolumeMetadata metadata = change.whole ? change.whole->metadata : present_->metadata();
   if (change.whole) {
@@ -112,11 +112,6 @@ EditedRevisions VolumeStore::Put(std::shared_ptr<const VolumeSnapshot> next,
   budget_->SetPart("the volume",
                    frames_bytes > 0 ? frames_bytes : present_->bricks().MemoryBytes());
   return {present_->revision(), scene_revision};
-}
-
-void VolumeStore::SetHeld(bool held) {
-  const std::lock_guard lock(mutex_);
-  is_held_ = held;
 }
 
 }  // namespace palpate

@@ -37,15 +37,17 @@ struct EditedRevisions {
 
 // The result of a transaction. The caller has already claimed memory for it.
 struct VolumeChange {
-  // Replaces these bricks. If there are none, and no other frame, the store makes no new snapshot.
+  // Replaces these bricks. If there are none, and nothing below, the store makes no new snapshot.
   VolumeChange(std::vector<BrickChange> replaced = {}) : bricks(std::move(replaced)) {}
   // The same volume on another lattice.
   explicit VolumeChange(ReshapedVolume other) : whole(std::move(other)) {}
 
   std::vector<BrickChange> bricks{};
   std::optional<ReshapedVolume> whole{};
+  // The same voxels in a snapshot with another revision, above the present one.
+  std::shared_ptr<const VolumeSnapshot> renumbered{};
   std::optional<double> series_position_frames{};  // of the frame that it leads to
-  // An edit of a user; kGoesOn if it belongs to the last edit. Others show a frame or a recording.
+  // An edit of a user; kGoesOn if it belongs to the last edit. Others show a frame.
   enum class Kind : std::uint8_t { kOther, kEdit, kGoesOn } kind = Kind::kOther;
   // Called in the transaction, before the new snapshot is published and afterwards. `revision` is
   // the new snapshot's, or the present one's if nothing changes; 0 in a second call if the
@@ -88,19 +90,6 @@ class VolumeStore {
   // frame does not count: a series has others.
   void Saved(const VolumeSnapshot& volume);
 
-  // While a Hold exists, a series shows no new frame. A replay takes one, because its voxels belong
-  // to no frame.
-  class Hold {
-   public:
-    explicit Hold(VolumeStore& store) : store_(store) { store_.SetHeld(true); }
-    ~Hold() { store_.SetHeld(false); }
-    Hold(const Hold&) = delete;
-    Hold& operator=(const Hold&) = delete;
-
-   private:
-    VolumeStore& store_;
-  };
-  bool is_held() const { return is_held_; }
   // Call it only in a transaction.
   bool shows_series() const { return frames_bytes_ > 0; }
 
@@ -112,7 +101,6 @@ class VolumeStore {
   EditedRevisions Put(std::shared_ptr<const VolumeSnapshot> next,
                       std::span<const BrickChange> changes, std::uint64_t frames_bytes,
                       const Publish& publish);
-  void SetHeld(bool held);
   void Count(VolumeChange::Kind kind);
   void SetEdits(std::uint64_t unsaved_edits);
 
@@ -122,9 +110,8 @@ class VolumeStore {
   std::mutex mutex_;                               // held for each transaction; guards what follows
   std::shared_ptr<const VolumeSnapshot> present_;  // null: none yet
   std::uint64_t frames_bytes_ = 0;                 // of the series that present_ is of; 0: of none
-  std::atomic<bool> is_held_ = false;
-  std::uint64_t replaced_revision_ = 0;  // the first of this volume's
-  ContentHash saved_;                    // of the voxels as loaded or saved
+  std::uint64_t replaced_revision_ = 0;            // the first of this volume's
+  ContentHash saved_;                              // of the voxels as loaded or saved
   std::atomic<std::uint64_t> unsaved_edits_ = 0;
   std::function<void(std::uint64_t)> told_;
 

@@ -88,7 +88,8 @@ bool VolumeFeed::IsBehind(const VolumeNow& now) const {
 // The placement maps voxel indices. It means nothing to a subscriber that has another volume.
 bool VolumeFeed::IsMisplaced(const VolumeNow& now) const {
   return loaded_revision_ == now.volume->loaded_revision() &&
-         (!X_DI_ || *X_DI_ != now.X_DI || patient_axes_ != now.patient_axes);
+         (!X_DI_ || *X_DI_ != now.X_DI || patient_axes_ != now.patient_axes ||
+          replayed_ != now.replayed);
 }
 
 bool VolumeFeed::HasWork(const VolumeNow& now) const {
@@ -128,16 +129,24 @@ bool VolumeFeed::HasGot(const BrickDirectory& bricks, std::uint64_t number) cons
 std::optional<VolumeEvent> VolumeFeed::NextEvent(const VolumeNow& now) {
   // Placements and bricks take turns, so that bricks come even while a client keeps moving the
   // volume.
-  if (IsMisplaced(now) && !(placed_last_ && IsBehind(now))) {
+  // Whose the voxels are is told between them: after a revision that is complete, before another.
+  const bool is_other = replayed_ != now.replayed;
+  const bool is_turn = is_other ? !complete_ : !(placed_last_ && IsBehind(now));
+  if (IsMisplaced(now) && is_turn) {
     placed_last_ = true;
     X_DI_ = now.X_DI;
     patient_axes_ = now.patient_axes;
+    replayed_ = now.replayed;
     const bool answered = !patient_axes_.empty() && now.volume->metadata().patient_axes.empty();
-    return VolumePlacement{now.X_DI, now.settings_revision, patient_axes_, answered};
+    return VolumePlacement{now.X_DI, now.settings_revision, patient_axes_, answered, replayed_};
   }
   placed_last_ = false;
   // Drops the rest of a replaced volume: the subscriber would throw it away.
   if (transfer_ && transfer_->volume->loaded_revision() != now.volume->loaded_revision()) {
+    transfer_.reset();
+  } else if (transfer_ && transfer_->replayed != now.replayed) {
+    // Of a replay that has ended, or of what was live before it.
+    KeepPartial();
     transfer_.reset();
   }
   if (!transfer_ && !complete_) Begin(now);
@@ -161,6 +170,7 @@ void VolumeFeed::Begin(const VolumeNow& now) {
   // values.
   transfer_ = Transfer{};
   transfer_->volume = now.volume;
+  transfer_->replayed = now.replayed;
   old_since_.reset();
   background_hash_ = now.background_hash ? now.background_hash : BackgroundHashOf(*now.volume);
   if (loaded_revision_ != now.volume->loaded_revision()) {

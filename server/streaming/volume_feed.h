@@ -39,6 +39,7 @@ struct VolumeNow {
   AffineMap X_DI;
   std::uint64_t settings_revision = 0;  // of the settings that set X_DI, or later
   std::string patient_axes{};           // of the file or answered, as in VolumeMetadata
+  bool replayed = false;                // of a recording that is replayed
   // Of this volume's lattice, shared by all feeds. Null: the feed computes its own.
   std::shared_ptr<BackgroundHash> background_hash{};
 };
@@ -87,6 +88,7 @@ class VolumeFeed {
   // One revision that is being sent.
   struct Transfer {
     std::shared_ptr<const VolumeSnapshot> volume;
+    bool replayed = false;  // of a replay
     Phase phase = Phase::kBricks;
     std::uint64_t selected = 0;    // bricks below this number are in `runs`, or need not be sent
     std::vector<BrickRun> runs{};  // bricks to send, from run `next` on
@@ -126,6 +128,7 @@ class VolumeFeed {
   std::uint64_t overview_sent_ = 0;  // its overview's blocks
   std::optional<AffineMap> X_DI_;    // the subscriber's placement
   std::string patient_axes_;         // of that placement
+  bool replayed_ = false;            // of that placement
   bool placed_last_ = false;         // the last step sent a placement
   bool told_complete_ = false;       // on this stream
   std::optional<Transfer> transfer_;

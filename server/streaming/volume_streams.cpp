@@ -55,7 +55,7 @@ std::shared_ptr<VolumeStreams::Stream> VolumeStreams::Subscribe(const VolumeFeed
   const std::lock_guard lock(mutex_);
   if (stopped_) throw Error(ErrorKind::kUnavailable, "palpated is ending");
   auto stream =
-      std::make_shared<Stream>(VolumeFeed(options, daemon_id_, now_, clock_()), std::move(sink));
+      std::make_shared<Stream>(VolumeFeed(options, daemon_id_, now(), clock_()), std::move(sink));
   if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });
   streams_.push_back(stream);
   Wake();
@@ -85,9 +85,21 @@ void VolumeStreams::OnScene(const Scene& scene, std::span<const BrickChange>) {
   VolumeNow now{scene.volume, scene.X_DI(), scene.settings_revision, scene.patient_axes};
   const std::lock_guard lock(mutex_);
   const bool has_lattice =
-      now_.volume && now_.volume->loaded_revision() == scene.volume->loaded_revision();
-  now.background_hash = has_lattice ? now_.background_hash : BackgroundHashOf(*scene.volume);
-  std::swap(now_, now);
+      live_.volume && live_.volume->loaded_revision() == scene.volume->loaded_revision();
+  now.background_hash = has_lattice ? live_.background_hash : BackgroundHashOf(*scene.volume);
+  std::swap(live_, now);
+  if (!streams_.empty()) Wake();
+}
+
+void VolumeStreams::Show(const ShownScene* replayed) {
+  std::optional<VolumeNow> now;  // freed after the lock, as above
+  const std::lock_guard lock(mutex_);
+  if (replayed) {
+    // The same lattice: a replay shows the volume that is loaded.
+    now = {replayed->volume,   replayed->X_DI, replayed->settings_revision,
+           live_.patient_axes, true,           live_.background_hash};
+  }
+  replayed_.swap(now);
   if (!streams_.empty()) Wake();
 }
 
@@ -159,7 +171,7 @@ std::optional<VolumeStreams::Round> VolumeStreams::NextRound(bool at_once) {
   }
   woken_ = false;
   if (stopped_) return std::nullopt;
-  Round round{now_, {}, {}};
+  Round round{now(), {}, {}};
   for (const auto& stream : streams_) {
     if (stream->ended) {
       round.ended.push_back(stream);
@@ -200,7 +212,7 @@ std::size_t VolumeStreams::old_volumes_held() const {
   for (const auto& stream : streams_) {
     if (stream->held_revision != 0) revisions.insert(stream->held_revision);
   }
-  if (now_.volume) revisions.erase(now_.volume->revision());
+  if (now().volume) revisions.erase(now().volume->revision());
   return revisions.size();
 }
 

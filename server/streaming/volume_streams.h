@@ -62,6 +62,8 @@ class VolumeStreams final : public SceneListener {
   void Stop() noexcept;
 
   void OnScene(const Scene& scene, std::span<const BrickChange> changes) override;
+  // Sends a replay's scene in place of the session's; null: the session's again.
+  void Show(const ShownScene* replayed);
 
   // The number of volumes held for subscribers, without the newest one.
   std::size_t old_volumes_held() const;
@@ -71,6 +73,7 @@ class VolumeStreams final : public SceneListener {
   struct Turn;
   struct Round;
 
+  const VolumeNow& now() const { return replayed_ ? *replayed_ : live_; }
   void Wake();
   void Run();
   // Waits for work, unless `at_once`. Returns none after Stop.
@@ -86,7 +89,8 @@ class VolumeStreams final : public SceneListener {
   std::condition_variable wake_;
   bool woken_ = false;
   bool stopped_ = false;
-  VolumeNow now_;
+  VolumeNow live_;
+  std::optional<VolumeNow> replayed_;  // in place of live_
   std::vector<std::shared_ptr<Stream>> streams_;
   std::thread thread_;
 

@@ -243,12 +243,14 @@ TEST(ViewCommands, EverySettingIsMerged) {
     }
   };
   for (const client::Setting& setting : client::kSettings) std::visit(put, setting.kind);
+  newer.layers.emplace();
+  newer.tool.emplace();
   newer.expected_revision = 1;
   Merge(newer, waiting);
-  EXPECT_EQ(CountSettings(waiting), client::kSettings.size());
+  EXPECT_EQ(CountSettings(waiting), client::kSettings.size() + 2);
   EXPECT_EQ(waiting.free_side, client::FreeSide::kAbove);
   Merge({}, waiting);
-  EXPECT_EQ(CountSettings(waiting), client::kSettings.size());
+  EXPECT_EQ(CountSettings(waiting), client::kSettings.size() + 2);
   EXPECT_EQ(waiting.expected_revision, 1u);
   Merge({.isovalue = 3.0, .stiffness_n_per_mm = 0.5}, waiting);
   EXPECT_EQ(waiting.isovalue, 3.0);

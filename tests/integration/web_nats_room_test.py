@@ -8,7 +8,11 @@ import unittest
 
 import numpy as np
 
+from palpate._geometry import matrix_of_map
+from palpate._settings import values_of
+
 from gateway import PALPATE_WEB, Copy, Guest
+from replayed import differences, record, scene_at, standing
 from room import Room, content_hash, hash_of_palpated
 from support import wait_until
 
@@ -61,6 +65,32 @@ class RoomTest(unittest.TestCase):
             room.daemon.palpate("load", "builtin:gyroid:33", "--discard")
             guest.wait_for("volume", lambda message: message.name == "builtin:gyroid:33")
             self.require_shown(guest, room.daemon)
+
+    def test_guests_are_shown_the_scene_of_each_tick_of_a_replay(self):
+        with Room(1, {"volume": "builtin:gyroid:48"}) as room, room.daemon.connect() as conn, \
+                Guest(room.publisher) as near, Guest(room.receivers[0]) as far:
+            file = room.daemon.folder / "a.mcap"
+            recording = record(conn, file)
+            live = conn.settings.all()
+            for place in np.random.default_rng(2).integers(0, len(recording.ticks.tick) - 1, 50):
+                scene = scene_at(recording, place)
+                with self.subTest(place=place), standing(room.daemon, file, int(place)) as pose:
+                    for guest in near, far:
+                        told = guest.wait_for("settings", lambda message: message.settings_revision
+                                              == pose.settings_revision[-1])
+                        self.assertTrue(told.replayed)
+                        placed = guest.wait_for(
+                            "placement", lambda message: message.replayed and np.array_equal(
+                                matrix_of_map(message.device_from_index), scene.device_from_index))
+                        self.assertEqual(differences(scene, values_of(told.settings),
+                                                     matrix_of_map(placed.device_from_index)), [])
+                        self.assertEqual(told.ball.felt_radius_mm,
+                                         recording.ticks.tool_radius_mm[place])
+                        self.assertTrue(wait_until(lambda: guest.pose.pose.replayed))
+            for guest in near, far:
+                told = guest.wait_for("settings", lambda message: not message.replayed)
+                self.assertEqual(values_of(told.settings), live)
+                guest.wait_for("placement", lambda message: not message.replayed)
 
     def test_a_user_of_a_site_steers_what_both_gateways_allow(self):
         token, user = made_user("lecturer", "isovalue", "force_shading")

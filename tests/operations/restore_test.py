@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import unittest
+import warnings
 
 import numpy as np
 
@@ -36,17 +37,11 @@ class Restore(unittest.TestCase):
         return list((self.daemon.folder / "state").glob("sessions/*"))
 
     def change_everything(self):
-        """And waits until it is on the disk. Returns what is felt then."""
+        """Returns what is felt then."""
         with self.daemon.connect() as conn:
             conn.volume.load(self.ball, device_mm_per_volume_mm=2.0)
             conn.settings.update(**SETTINGS)
             conn.volume.place(move_mm=(3, 0, 0), scale_by=0.75)
-        self.wait_for_disk("isovalue = 7.25")
-        registrations = self.daemon.folder / "state" / "registrations.toml"
-        self.assertTrue(wait_until(
-            # Written after the load, and again once the volume is placed.
-            lambda: registrations.exists()
-            and "device_mm_per_volume_mm = 1.5" in registrations.read_text()))
         return self.felt()
 
     def wait_for_disk(self, text):
@@ -64,20 +59,35 @@ class Restore(unittest.TestCase):
     def log(self):
         return "".join(self.daemon.said)
 
-    def test_settings_volume_and_place_come_back_after_a_crash(self):
+    def test_settings_volume_and_place_come_back_after_each_end(self):
         felt = self.change_everything()
-        for number in (signal.SIGKILL, signal.SIGABRT):
+        for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGABRT, signal.SIGINT):
             self.assertEqual(self.start_again(number), felt)
             self.assertIn(str(self.ball), self.log())
             self.assertNotIn("edits", self.log())
-            self.wait_for_disk("isovalue = 7.25")
 
-    def test_after_an_end_in_order_all_is_as_configured(self):
+    def test_a_fresh_start_is_as_configured(self):
         configured = self.felt()
         self.change_everything()
-        self.assertEqual(self.start_again(signal.SIGTERM), configured)
-        self.daemon.end()
-        self.assertEqual(self.sessions(), [])
+        self.daemon.command.append("--fresh")
+        self.assertEqual(self.start_again(signal.SIGTERM)[:2], configured[:2])
+
+    def test_the_place_of_a_resampled_volume_says_that_it_is_not_kept(self):
+        with self.daemon.connect() as conn, warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            conn.edit.filter("resample", spacing_mm=2.0)
+            self.assertIn("save it", conn.volume.place(center_mm=(3, 4, 5)).not_kept)
+            conn.edit.undo()
+            self.assertEqual(conn.volume.place(center_mm=(3, 4, 5)).not_kept, "")
+
+    def test_edits_that_an_end_loses_are_told(self):
+        for number in (signal.SIGKILL, signal.SIGTERM):
+            with self.daemon.connect() as conn:
+                for n in range(5):
+                    conn.edit.sphere((0, 0, n), 3.0, "set", 0.5)
+            self.start_again(number)
+            with self.daemon.connect() as conn:
+                self.assertIn("edits that are lost: 5", " ".join(conn.volume.info().warnings))
 
     def test_ends_in_order_before_it_is_back_are_no_crashes(self):
         felt = self.change_everything()
@@ -112,6 +122,7 @@ class Restore(unittest.TestCase):
 
     def test_a_damaged_file_does_not_keep_it_from_starting(self):
         configured = self.felt()
+        del configured[1]["warnings"]
 
         def far_too_stiff(text):
             """As it was felt, not as it was configured."""
@@ -120,7 +131,9 @@ class Restore(unittest.TestCase):
 
         # session_file_test has more of them.
         for change in (lambda _: "[volume", far_too_stiff):
-            self.assertEqual(self.start_with_changed_session(change), configured)
+            felt = self.start_with_changed_session(change)
+            self.assertIn("does not come back", " ".join(felt[1].pop("warnings")))
+            self.assertEqual(felt, configured)
 
     def test_a_volume_that_clients_may_not_load_does_not_come_back(self):
         config, allowed = self.daemon.folder / "palpated.toml", self.daemon.folder / "allowed"
@@ -141,11 +154,11 @@ class Restore(unittest.TestCase):
         with self.daemon.connect() as conn:
             conn.volume.upload(ball())
             conn.settings.update(**SETTINGS)
-        self.wait_for_disk("isovalue = 7.25")
         settings, volume, _ = self.start_again()
         self.assertEqual(settings["stiffness_n_per_mm"], 0.7)
         self.assertEqual(volume["source"], "builtin:sphere:48")
         self.assertIn("upload", self.log())
+        self.assertIn("upload", " ".join(volume["warnings"]))
 
     def test_a_second_daemon_on_the_socket_takes_nothing_of_the_first(self):
         felt = self.change_everything()

@@ -22,7 +22,8 @@ TYPES = {np.dtype("u1"): volume_pb2.VOXEL_TYPE_UINT8, np.dtype("<i2"): volume_pb
          np.dtype("<u2"): volume_pb2.VOXEL_TYPE_UINT16,
          np.dtype("<f4"): volume_pb2.VOXEL_TYPE_FLOAT32}
 HALF = 1 << 64
-PLACE = np.diag([2.0, 3.0, 4.0, 1.0])
+PLACE = volume_stream_pb2.VolumePlacement()
+PLACE.device_from_index.linear.extend([2, 0, 0, 0, 3, 0, 0, 0, 4])
 
 
 def lattice_of(size, dtype, background=None, value_min=0.0):

@@ -79,6 +79,14 @@ std::shared_ptr<const VolumeSnapshot> WithChanges(const VolumeSnapshot& volume,
                                                 volume.loaded_revision());
 }
 
+std::shared_ptr<const VolumeSnapshot> Renumbered(const VolumeSnapshot& volume,
+                                                 std::uint64_t revision) {
+  const BrickChange same{Vec3i::Zero(), volume.bricks().At(Vec3i::Zero())};
+  return std::make_shared<const VolumeSnapshot>(volume.metadata(),
+                                                volume.bricks().With({&same, 1}, revision),
+                                                revision, volume.loaded_revision());
+}
+
 std::shared_ptr<const VolumeSnapshot> Gyroid(int size, std::uint64_t revision) {
   return MakeVolume(
       {size, size, size},

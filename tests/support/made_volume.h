@@ -43,6 +43,10 @@ std::vector<BrickChange> PaintedBox(const BrickDirectory& bricks, const Vec3i& f
 std::shared_ptr<const VolumeSnapshot> WithChanges(const VolumeSnapshot& volume,
                                                   std::span<const BrickChange> changes);
 
+// The same voxels at another revision; brick 0 has changed at it.
+std::shared_ptr<const VolumeSnapshot> Renumbered(const VolumeSnapshot& volume,
+                                                 std::uint64_t revision);
+
 // A cube with surfaces everywhere.
 std::shared_ptr<const VolumeSnapshot> Gyroid(int size = 48, std::uint64_t revision = 1);
 

@@ -72,6 +72,7 @@ class RecordingControlRig : public ::testing::Test, protected RunningSession {
     session().store().Edit([&](const auto& present) { return Carve(*present, random); });
   }
   VolumeHash LiveHash() const { return HashVolume(*volume()); }
+  VolumeHash ShownHash() { return HashVolume(*session().shown().volume().volume); }
 
   // Some hundred ticks with edits; the volume is as before afterwards. Returns its samples.
   std::vector<TickSample> RecordEdits(const std::string& name, bool restore = true) {
@@ -85,6 +86,7 @@ class RecordingControlRig : public ::testing::Test, protected RunningSession {
       session().SetForcesOff(n == 5);
       Edit(random);
       AwaitTicks(30);
+      session().SetForcesOff(false);
       control_.Mark("edit " + std::to_string(n));
     }
     recorded_hash_ = LiveHash();

@@ -285,13 +285,36 @@ TickSample Live(std::uint64_t tick, std::uint64_t missed = 0) {
 }
 
 void Fill(ShownSamples& shown, int count) {
-  for (int n = 0; n < count; ++n) shown.Add(RandomSample(n), n + 1.0);
+  for (int n = 0; n < count; ++n) {
+    TickSample sample = RandomSample(n);
+    sample.settings_revision = 0;
+    shown.Add(sample, n + 1.0);
+  }
+}
+
+TEST(ShownSamples, WaitForTheirScene) {
+  ShownSamples shown(1.0);
+  for (std::uint64_t n = 1; n <= 4; ++n) {
+    TickSample sample = RandomSample(static_cast<int>(n));
+    sample.settings_revision = n < 3 ? 1 : 2;
+    shown.Add(sample, static_cast<double>(n));
+  }
+  shown.SetScene(1, 100, 5);
+  shown.Shown(Live(1));
+  for (std::uint64_t n = 1; n < 5; ++n) EXPECT_EQ(shown.Shown(Live(1 + n)).settings_revision, 101u);
+  EXPECT_EQ(shown.passed(), 2u);
+  shown.SetScene(2, 100, 6);
+  const TickSample sample = shown.Shown(Live(6));
+  EXPECT_EQ(sample.settings_revision, 102u);
+  EXPECT_EQ(sample.volume_revision, 6u);
+  EXPECT_EQ(shown.passed(), 4u);
 }
 
 TEST(ShownSamples, AreLiveUntilTheFirstIsDue) {
   ShownSamples shown(1.0);
   EXPECT_EQ(shown.Shown(Live(5)).hip_mm, Live(5).hip_mm);
   EXPECT_FALSE(shown.Shown(Live(5)).replayed);
+  shown.SetScene(7, 30, 21);
   Fill(shown, 3);
   for (std::uint64_t n = 0; n < 3; ++n) {
     const TickSample sample = shown.Shown(Live(6 + n));
@@ -299,8 +322,8 @@ TEST(ShownSamples, AreLiveUntilTheFirstIsDue) {
     EXPECT_EQ(sample.time_ns, Live(6 + n).time_ns);
     EXPECT_EQ(sample.missed_ticks, 0u);
     EXPECT_EQ(sample.scene_revision, 11u);
-    EXPECT_EQ(sample.settings_revision, 12u);
-    EXPECT_EQ(sample.volume_revision, 13u);
+    EXPECT_EQ(sample.settings_revision, 37u);
+    EXPECT_EQ(sample.volume_revision, 21u);
     EXPECT_EQ(sample.buttons, RandomSample(n).buttons);
     EXPECT_EQ(sample.mode, RandomSample(n).mode);
     EXPECT_TRUE(sample.replayed);
@@ -311,7 +334,9 @@ TEST(ShownSamples, AreLiveUntilTheFirstIsDue) {
   // The last one stays, and nothing runs ahead meanwhile.
   EXPECT_EQ(shown.Shown(Live(100)).buttons, RandomSample(2).buttons);
   EXPECT_EQ(shown.position_ms(), 3.0);
-  shown.Add(RandomSample(3), 4.0);
+  TickSample more = RandomSample(3);
+  more.settings_revision = 7;
+  shown.Add(more, 4.0);
   EXPECT_EQ(shown.Shown(Live(101)).buttons, RandomSample(3).buttons);
   EXPECT_EQ(shown.passed(), 4u);
   EXPECT_EQ(shown.waiting(), 0u);

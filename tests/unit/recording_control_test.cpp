@@ -13,10 +13,13 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <random>
 #include <set>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -215,7 +218,8 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
       File("a"), {},
       [&](const ReplayReport& now) {
         ticks = now.state.ticks;
-        hashes.insert(LiveHash().low);
+        hashes.insert(ShownHash().low);
+        EXPECT_EQ(LiveHash(), HashVolume(*before.volume));
         if (!now.state.marker.empty()) markers.push_back(now.state.marker);
         timeline.insert(timeline.end(), now.markers.begin(), now.markers.end());
         EXPECT_EQ(now.total_ticks, recorded.size());
@@ -243,12 +247,11 @@ TEST_F(RecordingControlTest, ViewersSeeEveryRecordedTickInPlaceOfTheLiveOnes) {
     return a.hip_mm == b.hip_mm && a.force_n == b.force_n && a.isovalue == b.isovalue &&
            a.update_ns == b.update_ns;
   };
-  // Under the live tick and revisions: live until the first is due, then recorded ones in their
-  // order. Live ticks that were missed pass some over.
+  // Under the live tick: live until the first is due, then recorded ones in their order. Live ticks
+  // that were missed pass some over.
   std::size_t next = 0;
   for (std::size_t n = 0; n < shown.size(); ++n) {
     ASSERT_EQ(shown[n].tick, live[n].tick);
-    ASSERT_EQ(shown[n].volume_revision, live[n].volume_revision);
     ASSERT_EQ(shown[n].scene_revision, live[n].scene_revision);
     ASSERT_EQ(shown[n].force_state, live[n].force_state);
     EXPECT_FALSE(live[n].replayed);
@@ -284,7 +287,7 @@ TEST_F(RecordingControlTest, AReplayBeginsAnywhere) {
     std::vector<std::uint64_t> places;
     // So slow that nothing changes before the first look at the voxels.
     const auto watch = [&](const ReplayReport& now) {
-      if (!shown) shown = LiveHash();
+      if (!shown) shown = ShownHash();
       places.push_back(now.state.ticks);
     };
     const auto cancelled = [&] { return !places.empty() && places.back() > first; };
@@ -391,7 +394,7 @@ TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
   EXPECT_EQ(Refusal([&] {
               control_.Replay(
                   File("a"), {.speed = 0.5},
-                  [&](const ReplayReport&) { changed = changed || LiveHash() != before; },
+                  [&](const ReplayReport&) { changed = changed || ShownHash() != before; },
                   [&] { return changed.load(); });
             }),
             ErrorKind::kCancelled);
@@ -406,6 +409,48 @@ TEST_F(RecordingControlTest, ACancelledReplayBringsBackWhatWas) {
   }));
   control_.Start(File("b"), false);  // the way is free
   control_.Stop();
+}
+
+class RefusesScenes final : public SceneListener {
+ public:
+  explicit RefusesScenes(Session& session) : listening_(session, *this) {}
+  void OnScene(const Scene&, std::span<const BrickChange>) override {
+    if (refuses) throw Error(ErrorKind::kTooLarge, "no memory");
+  }
+  std::atomic<bool> refuses{false};
+
+ private:
+  const Listening listening_;
+};
+
+// Until another replay has ended better.
+TEST_F(RecordingControlTest, WithoutTheLiveVolumeForcesStayOffAndWhyIsSaid) {
+  RecordEdits("a");
+  RefusesScenes listener(session());
+  const VolumeHash before = LiveHash();
+  const auto viewer = std::make_shared<Collector>();
+  pump().Subscribe(viewer, Pump::Feed::kShown);
+  try {
+    control_.Replay(File("a"), {.speed = 2.0}, kUnwatched, [&] {
+      listener.refuses = ShownHash() != before;
+      return listener.refuses.load();
+    });
+    FAIL() << "it ended";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::kInternal);
+    EXPECT_NE(std::string(error.what()).find("no memory"), std::string::npos) << error.what();
+  }
+  listener.refuses = false;
+  EXPECT_TRUE(session().forces_off());
+  EXPECT_TRUE(session().shown().volume().replayed);
+  viewer->Take();
+  AwaitTicks(20);
+  EXPECT_TRUE(viewer->Take().back().replayed);
+  EXPECT_EQ(LiveHash(), before);
+  control_.Replay(File("a"), {.speed = 50.0}, kUnwatched, kNever);
+  EXPECT_FALSE(session().forces_off());
+  EXPECT_FALSE(session().shown().volume().replayed);
+  EXPECT_EQ(LiveHash(), before);
 }
 
 // Everybody can ask who replays what, from the first tick to the last, and nobody else.
@@ -432,50 +477,111 @@ TEST_F(RecordingControlTest, SaysWhoReplaysWhat) {
   EXPECT_FALSE(control_.status().replay);
 }
 
-// Where the volume lay is shown, too, and put back.
-TEST_F(RecordingControlTest, TheVolumeLiesWhereItDid) {
-  const VolumeState before = session().volume();
+// Each pose names the settings of its recorded scene, which viewers are shown with it, while the
+// session stays as it is.
+TEST_F(RecordingControlTest, TheScenesAreShownWithTheirTicks) {
+  std::mt19937_64 random(1);
+  const BrickDirectory loaded = volume()->bricks();
   control_.Start(File("a"), false);
-  AwaitTicks(50);
-  session().Move([](const VolumeState& state) {
-    VolumePlace moved = state.registration;
-    moved.X_DW.translation += Vec3(3.0, 0.0, 0.0);
-    return moved;
-  });
-  AwaitTicks(150);
+  for (int n = 0; n < 8; ++n) {
+    session().Update({.normalized_isovalue = 0.3 + 0.05 * n,
+                      .numbers = {{&HapticSettings::stiffness_n_per_mm, 0.1 + 0.02 * n},
+                                  {&HapticSettings::tool_radius_mm, n % 3 == 1 ? 2.0 : 0.0}}});
+    if (n % 2 == 1) {
+      session().Move([&](const VolumeState& state) {
+        VolumePlace moved = state.registration;
+        moved.X_DW.translation += Vec3(0.5 * n, 0.0, 0.0);
+        return moved;
+      });
+    }
+    if (n % 3 == 2) Edit(random);
+    AwaitTicks(60);
+  }
   control_.Stop();
-  session().Move([&](const VolumeState&) { return before.registration; });
-  double farthest_mm = 0.0;
-  control_.Replay(
-      File("a"), {},
-      [&](const ReplayReport&) {
-        const Vec3 way = session().volume().X_DI.translation - before.X_DI.translation;
-        farthest_mm = std::max(farthest_mm, way.norm());
-      },
-      kNever);
-  EXPECT_NEAR(farthest_mm, 3.0, 1e-9);
-  EXPECT_EQ(session().volume().X_DI.translation, before.X_DI.translation);
-  EXPECT_EQ(session().volume().X_DI.linear, before.X_DI.linear);
+  session().store().Edit([&](const auto& present) { return present->bricks().ChangesTo(loaded); });
+  session().Update(
+      {.normalized_isovalue = 0.9, .numbers = {{&HapticSettings::stiffness_n_per_mm, 0.4}}});
+  const SettingsState live = session().settings();
+  const VolumeState before = session().volume();
+
+  std::map<std::uint64_t, RecordedScene> scenes;  // by the first tick
+  std::vector<TickSample> recorded;
+  RecordingReader reader(File("a"));
+  for (const RecordedItem& item : testing::ReadAll(reader)) {
+    if (const auto* scene = std::get_if<RecordedScene>(&item)) scenes[scene->tick] = *scene;
+    if (const auto* samples = std::get_if<RecordedSamples>(&item)) {
+      recorded.insert(recorded.end(), samples->begin(), samples->end());
+    }
+  }
+  ASSERT_GT(scenes.size(), 12u);
+  for (int n = 0; n < 50; ++n) {
+    const std::uint64_t first = random() % (recorded.size() - 1);
+    const RecordedScene& wanted = std::prev(scenes.upper_bound(recorded[first].tick))->second;
+    const auto viewer = std::make_shared<Collector>();
+    pump().Subscribe(viewer, Pump::Feed::kShown);
+    std::uint64_t place = 0;
+    bool is_seen = false;
+    const auto watch = [&](const ReplayReport& now) {
+      place = now.state.ticks;
+      if (place != first + 1 || std::exchange(is_seen, true)) return;
+      const SettingsState shown = session().shown().settings();
+      const VolumeState volume = session().shown().volume();
+      EXPECT_TRUE(shown.replayed && volume.replayed);
+      EXPECT_EQ(shown.settings.isovalue, wanted.isovalue);
+      EXPECT_EQ(shown.settings.haptics.stiffness_n_per_mm, wanted.settings.stiffness_n_per_mm);
+      EXPECT_EQ(shown.settings.haptics.tool_radius_mm, wanted.settings.tool_radius_mm);
+      const double felt_mm = session().shown().ball().felt_radius_mm;
+      EXPECT_NEAR(felt_mm, recorded[first].tool_radius_mm, 1e-9);
+      EXPECT_EQ(volume.X_DI, wanted.X_DI);
+      EXPECT_EQ(volume.isovalue, wanted.isovalue);
+      EXPECT_EQ(HashVolume(*volume.volume), wanted.volume_hash);
+      const std::vector<TickSample> samples = viewer->Take();
+      ASSERT_FALSE(samples.empty());
+      EXPECT_EQ(samples.back().settings_revision, shown.settings_revision);
+      EXPECT_EQ(samples.back().volume_revision, volume.volume->revision());
+      EXPECT_GT(shown.settings_revision, live.settings_revision);
+    };
+    Refusal([&] {
+      control_.Replay(File("a"), {.speed = 1e-6, .first_tick = first}, watch,
+                      [&] { return is_seen; });
+    });
+    EXPECT_TRUE(is_seen) << first;
+    // What is live has not changed, but viewers have to be told anew.
+    const VolumeState after = session().volume();
+    EXPECT_EQ(session().settings().settings.isovalue, live.settings.isovalue);
+    EXPECT_GT(session().settings().settings_revision, live.settings_revision);
+    EXPECT_FALSE(session().shown().settings().replayed);
+    EXPECT_EQ(after.X_DI, before.X_DI);
+    EXPECT_EQ(after.unsaved_edits, before.unsaved_edits);
+    EXPECT_EQ(HashVolume(*after.volume), HashVolume(*before.volume));
+    EXPECT_EQ(after.volume->metadata().series_position_frames, std::nullopt);
+  }
 }
 
-// Another volume is loaded while recording: viewers keep the first one.
+// Another volume is loaded while recording: the replay ends there, and the rest is shown with it.
 TEST_F(RecordingControlTest, ALoadWhileRecording) {
   control_.Start(File("a"), false);
-  AwaitTicks(100);
+  AwaitTicks(200);
   Load("builtin:bumps:32");
-  AwaitTicks(100);
+  AwaitTicks(200);
   const RecordingStatus stopped = control_.Stop();
+  std::uint64_t ticks = 0;
+  const auto replay = [&](std::uint64_t first_tick) {
+    return Refusal([&] {
+      control_.Replay(
+          File("a"), {.speed = 10.0, .first_tick = first_tick},
+          [&](const ReplayReport& now) { ticks = now.state.ticks; }, kNever);
+    });
+  };
+  EXPECT_EQ(replay(0), ErrorKind::kConflict);
+  EXPECT_EQ(replay(stopped.counts.ticks - 100), std::nullopt);
+  EXPECT_EQ(ticks, stopped.counts.ticks);
   Load("builtin:gyroid:32");
   const VolumeHash before = LiveHash();
-  std::uint64_t ticks = 0;
-  control_.Replay(
-      File("a"), {.speed = 10.0},
-      [&](const ReplayReport& now) {
-        ticks = now.state.ticks;
-        EXPECT_EQ(LiveHash(), before);
-      },
-      kNever);
-  EXPECT_EQ(ticks, stopped.counts.ticks);
+  EXPECT_EQ(replay(0), ErrorKind::kConflict);
+  EXPECT_LT(ticks, stopped.counts.ticks - 150);
+  EXPECT_FALSE(session().forces_off());
+  EXPECT_EQ(LiveHash(), before);
 }
 
 }  // namespace

@@ -336,9 +336,9 @@ TEST_F(RegistrationStoreTest, AnAnswerIsKeptForTheVoxelsWhateverTheirName) {
     EXPECT_EQ(first.patient_axes, restarted ? "RAS" : "");
     EXPECT_EQ(first.patient_axes_answered(), restarted);
     const auto stay = [](const VolumeState& state) { return state.registration; };
-    EXPECT_THROW(session.Move(stay, {}, true, PatientFacing{"+y", "-y"}), Error);
+    EXPECT_THROW(session.Move(stay, {}, PatientFacing{"+y", "-y"}), Error);
     EXPECT_EQ(session.volume().patient_axes, first.patient_axes);
-    session.Move(stay, {}, true, PatientFacing{"+y", "+z"});
+    session.Move(stay, {}, PatientFacing{"+y", "+z"});
     EXPECT_EQ(session.volume().patient_axes, "RAS");
     // Moved, renamed, with another spacing: the same voxels. Not: other voxels of the same name.
     session.Move(stay);
@@ -356,7 +356,7 @@ TEST_F(RegistrationStoreTest, AnAnswerAloneMovesNothing) {
   data.inbox().ReaderRestarts();
   const auto geometry = [&] { return data.inbox().Acquire()->surface.geometry_revision; };
   const auto before = geometry();
-  data.session().Move([](const VolumeState& state) { return state.registration; }, {}, true,
+  data.session().Move([](const VolumeState& state) { return state.registration; }, {},
                       PatientFacing{"+y", "+z"});
   EXPECT_EQ(geometry(), before);
   EXPECT_FALSE(store.Find(data.volume()->metadata()).has_value());
@@ -373,7 +373,7 @@ TEST_F(RegistrationStoreTest, AStatedOrientationTakesNoAnswer) {
                                }));
   const auto stay = [](const VolumeState& state) { return state.registration; };
   EXPECT_EQ(testing::Refusal([&] {
-              data.session().Move(stay, {}, true, PatientFacing{"+y", "+z"});
+              data.session().Move(stay, {}, PatientFacing{"+y", "+z"});
             }),
             ErrorKind::kFailedPrecondition);
   EXPECT_EQ(data.session().volume().patient_axes, "LPS");

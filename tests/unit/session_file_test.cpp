@@ -5,7 +5,10 @@
 #include <signal.h>
 #include <sys/resource.h>
 
+#include <atomic>
+#include <chrono>
 #include <fstream>
+#include <future>
 #include <random>
 #include <string>
 #include <thread>
@@ -233,11 +236,29 @@ TEST_F(SessionKeeperTest, AFolderThatCannotBeReadStopsNothing) {
   EXPECT_FALSE(Make()->TakeLeft());
 }
 
-TEST_F(SessionKeeperTest, AnEndInOrderOrAnotherConfiguredVolumeLeavesNothing) {
+// As often as it ends so: it is not what daemons die of.
+TEST_F(SessionKeeperTest, AnEndInOrderLosesNoMoreThanACrash) {
+  for (int n = 0; n < 2 * SessionKeeper::kMostAttempts; ++n) {
+    const auto keeper = Make();
+    EXPECT_EQ(keeper->TakeLeft().has_value(), n > 0);
+    EXPECT_EQ(keeper->lost_edits(), n > 0 ? 5u : 0u);
+    keeper->Start();
+    keeper->NoteEdits(5);
+    keeper->End();
+    EXPECT_NE(keeper->Await(), "");
+  }
   const auto keeper = Make();
-  keeper->Start();
-  keeper->End();
+  ExpectSameSession(keeper->TakeLeft().value(), data_.session().Felt());
+  EXPECT_TRUE(keeper->ended_cleanly());
+  keeper->GiveBack();
+  const auto again = Make();
+  EXPECT_FALSE(again->TakeLeft(/*fresh=*/true));
+  EXPECT_TRUE(again->ended_cleanly());
+  EXPECT_EQ(again->lost_edits(), 5u);
   EXPECT_FALSE(IsThere());
+}
+
+TEST_F(SessionKeeperTest, AnotherConfiguredVolumeLeavesNothing) {
   LoadRequest grid{.source = "builtin:bumps"}, frame = grid, raw = grid;
   grid.grid = "density";
   frame.frame = 1;
@@ -284,6 +305,54 @@ TEST_F(SessionKeeperTest, ASaveThatFailedIsTriedAgain) {
   std::this_thread::sleep_for(SessionKeeper::kAfterFailure / 2);
   std::filesystem::remove(folder_.path() / "sessions");
   EXPECT_TRUE(test::Eventually([&] { return IsThere(); }));
+}
+
+TEST_F(SessionKeeperTest, WhoAwaitsASaveIsToldWhatBecameOfIt) {
+  std::ofstream(folder_.path() / "sessions") << "no folder";
+  const auto keeper = Make();
+  EXPECT_NE(keeper->Await(), "") << "not started";
+  keeper->Start();
+  const std::string problem = keeper->Await();
+  EXPECT_NE(problem.find("sessions"), std::string::npos) << problem;
+  EXPECT_EQ(keeper->failure(), problem);
+  std::filesystem::remove(folder_.path() / "sessions");
+  data_.session().RaiseSettingsRevision(0);
+  EXPECT_EQ(keeper->Await(), "");  // at once, whenever the next try was due
+  EXPECT_TRUE(ReadSessionFile(path_).session);
+  EXPECT_EQ(keeper->failure(), "");
+}
+
+TEST(Saver, SaysWhenTheDiskTakesTooLong) {
+  std::promise<void> go;
+  Saver saver("test", std::chrono::hours(1), [&](bool at_once) {
+    if (at_once) go.get_future().wait();
+    return std::string();
+  });
+  const std::string slow = saver.Await();
+  EXPECT_NE(slow, "");
+  EXPECT_EQ(saver.failure(), slow);
+  go.set_value();
+  EXPECT_TRUE(test::Eventually([&] { return saver.failure().empty(); }));
+}
+
+// A save that had begun may have taken what was there before.
+TEST(Saver, AwaitsASaveThatBeginsAfterTheCall) {
+  std::atomic<int> value = 0, saved = 0, saves = 0;
+  Saver saver("test", std::chrono::hours(1), [&](bool) {
+    const int now = value;
+    ++saves;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    saved = now;
+    return std::string();
+  });
+  test::OnThreads(4, [&](int) {
+    for (int n = 0; n < 20; ++n) {
+      const int own = ++value;
+      EXPECT_EQ(saver.Await(), "");
+      EXPECT_GE(saved, own);
+    }
+  });
+  EXPECT_LT(saves, 60) << "those who wait share saves";
 }
 
 TEST_F(SessionKeeperTest, AFolderThatCannotBeWrittenStopsNothing) {

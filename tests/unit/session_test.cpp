@@ -330,7 +330,7 @@ TEST_F(SessionTest, AnEditNamesItsOwnScene) {
   const Scenes scenes(session());
   std::atomic<bool> stop = false;
   std::thread others([&] {
-    while (!stop) session().SetForcesOff(true);
+    while (!stop) session().SetForcesOff(false);
   });
   for (int n = 0; n < 300; ++n) {
     const EditOutcome outcome = editor.Edit(

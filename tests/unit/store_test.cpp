@@ -310,7 +310,6 @@ TEST_F(VolumeStoreTest, OneTransactionAtATime) {
   constexpr int kThreads = 4, kEdits = 200;
   test::OnThreads(kThreads, [&](int) {
     for (int k = 0; k < kEdits; ++k) {
-      const VolumeStore::Hold hold(store_);
       store_.Edit([](const auto& present) { return Paint(*present); });
     }
   });

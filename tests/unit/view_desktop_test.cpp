@@ -133,7 +133,7 @@ TEST_F(ViewDesktop, APalpatedThatEndsSaysWhy) {
   Script("palpated", "echo \"$@\"; echo 'palpated: the socket is taken' >&2; exit 3");
   setenv("PATH", (folder_.path().string() + ":/usr/bin:/bin").c_str(), 1);
   LocalDaemon daemon;
-  daemon.Start((folder_.path() / "socket").string(), folder_.path() / "state");
+  daemon.Start((folder_.path() / "socket").string(), folder_.path() / "state", false);
   EXPECT_TRUE(daemon.runs());
   EXPECT_EQ(daemon.problem(), "");
   EXPECT_TRUE(Eventually([&] {
@@ -154,7 +154,7 @@ TEST_F(ViewDesktop, OnlyEditsOfItsOwnPalpatedAreLostWithIt) {
   LocalDaemon daemon;
   daemon.NoteUnsaved("unix:" + socket, 2);
   EXPECT_FALSE(daemon.LosesEdits());
-  daemon.Start(socket, folder_.path() / "state");
+  daemon.Start(socket, folder_.path() / "state", false);
   EXPECT_TRUE(daemon.Serves("unix:" + socket));
   daemon.NoteUnsaved("unix:/elsewhere", 3);
   EXPECT_FALSE(daemon.LosesEdits());

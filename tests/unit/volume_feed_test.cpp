@@ -76,7 +76,7 @@ class VolumeFeedTest : public ::testing::Test {
   }
   VolumeNow Now() const {
     const VolumeState state = data_.session().volume();
-    return {state.volume, state.X_DI, state.settings_revision, state.patient_axes};
+    return {state.volume, state.X_DI, state.settings_revision, state.patient_axes, replayed_};
   }
   void Keep() { kept_[data_.volume()->revision()] = data_.volume(); }
   VolumeFeed MakeFeed(std::optional<VolumeRevision> resume = {}, std::uint64_t window = 64) {
@@ -157,6 +157,7 @@ class VolumeFeedTest : public ::testing::Test {
   }
 
   mutable EditableSession data_;
+  bool replayed_ = false;
   std::mt19937 random_{1};
   std::map<std::uint64_t, std::shared_ptr<const VolumeSnapshot>> kept_;
   client::VolumeMirror mirror_;
@@ -422,6 +423,28 @@ TEST_F(VolumeFeedTest, SkipsWhatLiesBetween) {
   EXPECT_LE(counts_.bricks, mirror_.lattice()->Bricks());
 }
 
+// A replay begins or ends in the midst of a transfer.
+TEST_F(VolumeFeedTest, TheLastPlacementSaysWhetherTheVoxelsAreAReplays) {
+  Load(Vec3i(70, 70, 70), Varied);
+  VolumeFeed feed = MakeFeed();
+  std::map<std::uint64_t, bool> replayed{{data_.volume()->revision(), false}};
+  for (int n = 0; n < 400; ++n) {
+    if (random_() % 4 == 0) {
+      replayed_ = random_() % 2 == 0;
+      Edit(70);
+      replayed[data_.volume()->revision()] = replayed_;
+    }
+    if (random_() % 3 == 0) Move(static_cast<double>(n));
+    const int completes = counts_.completes;
+    Pass(feed);
+    if (counts_.completes == completes) continue;
+    EXPECT_EQ(mirror_.placement()->replayed, replayed.at(mirror_.resume()->volume_revision));
+  }
+  EXPECT_GT(counts_.completes, 20);
+  PassAll(feed);
+  ExpectNewest();
+}
+
 TEST_F(VolumeFeedTest, WhoReadsNothingHoldsAnOldVolumeForTwoSeconds) {
   VolumeFeed feed = MakeFeed({}, 2);
   Pass(feed, false);
@@ -574,7 +597,7 @@ TEST_F(VolumeFeedTest, AnAnswerToWhereThePatientFacesIsAPlacementAlone) {
   EXPECT_EQ(mirror_.placement()->patient_axes, "");
   EXPECT_FALSE(mirror_.placement()->patient_axes_answered);
   counts_ = {};
-  data_.session().Move([](const VolumeState& state) { return state.registration; }, {}, true,
+  data_.session().Move([](const VolumeState& state) { return state.registration; }, {},
                        PatientFacing{"+y", "+z"});
   PassAll(feed);
   EXPECT_EQ(counts_.placements, 1);

@@ -396,19 +396,6 @@ TEST_F(WholeVolumes, AnEditMeanwhileIsFilteredToo) {
   EXPECT_EQ(testing::ValueAt(*volume(), Vec3i(30, 30, 30)), 0.25f);
 }
 
-TEST_F(WholeVolumes, TheLatticeStaysWhileARecordingIsReplayed) {
-  Filter();
-  const ContentHash filtered = hash();
-  {
-    const VolumeStore::Hold hold(session().store());
-    EXPECT_EQ(Refusal([&] { editor_.Undo(); }), ErrorKind::kConflict);
-    EXPECT_EQ(Refusal([&] { editor_.Revert(); }), ErrorKind::kConflict);
-    EXPECT_EQ(Refusal([&] { Filter(); }), ErrorKind::kConflict);
-  }
-  EXPECT_EQ(hash(), filtered);
-  EXPECT_EQ(editor_.Undo().redo_steps, 1u);
-}
-
 TEST_F(WholeVolumes, EditsWithoutEndRefuseIt) {
   int told = 0;
   const auto edit = [&](std::string_view, double) { Dig(10 + told++ % 40, 30, 30); };

@@ -144,6 +144,7 @@ TEST(StatusTest, EveryKindSurvivesTheWire) {
 
 TEST(StatusTest, OthersGoToTheNearestKind) {
   EXPECT_EQ(ToStatus(std::runtime_error("x")).error_code(), grpc::StatusCode::INTERNAL);
+  EXPECT_EQ(FromStatus(ToStatus(std::bad_alloc())).kind(), ErrorKind::kTooLarge);
   EXPECT_EQ(FromStatus({grpc::StatusCode::DEADLINE_EXCEEDED, ""}).kind(), ErrorKind::kUnavailable);
   EXPECT_EQ(FromStatus({grpc::StatusCode::UNIMPLEMENTED, ""}).kind(), ErrorKind::kUnavailable);
   EXPECT_EQ(FromStatus({grpc::StatusCode::OUT_OF_RANGE, ""}).kind(), ErrorKind::kInvalidArgument);
@@ -192,7 +193,7 @@ TEST(VolumeMessage, EveryEventComesBackAsItWas) {
                     .window_width = 2600,
                     .loaded_revision = 7,
                     .type = LeafType::kInt16},
-      VolumePlacement{Map(), 11, "RAS", true},
+      VolumePlacement{Map(), 11, "RAS", true, true},
       VolumeOverview{Vec3i(4, 5, 6), 1ull << 40, bytes},
       VolumeBricks{LeafType::kUint16, {0, 1, 1ull << 50}, bytes, {{{7, 1ull << 40}, -2.5f}}, 99},
       VolumeComplete{{~0ull, 5}, {~0ull - 1, 3}, {4, ~0ull - 2}},

@@ -374,6 +374,22 @@ pageTest("a replay is no live picture, and says what is with the forces", {}, as
   assert.match(mode, /replay: forces are off; .*emergency stop/);
 });
 
+pageTest("in a replay the settings are the recorded ones, and nobody sets them", {}, async (page) => {
+  await page.evaluate(() => harness.connect({ mayFeel: ["isovalue", "stiffness_n_per_mm"] }));
+  const setters = () => page.evaluate(() => [
+    document.querySelector("#isovalue input[type=number]").hidden, document.getElementById("steer").inert,
+  ]);
+  assert.deepEqual(await setters(), [false, false]);
+  const settings = { isovalue: 111, stiffnessNPerMm: 0.2 };
+  await page.evaluate((replayed) => harness.fact("settings", replayed), { settingsRevision: 9, replayed: true, settings });
+  assert.deepEqual(await setters(), [true, true]);
+  assert.match(await text(page, "#isovalue"), /111 HU *of the replay/);
+  assert.match(await text(page, "#steer-section"), /the replay's/);
+  assert.equal(await page.$eval("#steer-stiffness_n_per_mm", (input) => input.value), "0.2");
+  await page.evaluate(() => harness.fact("settings", { settingsRevision: 10, replayed: false, settings: { isovalue: 320, stiffnessNPerMm: 0.6 } }));
+  assert.deepEqual(await setters(), [false, false]);
+});
+
 pageTest("the progress of the volume, and why there is the overview alone", {}, async (page) => {
   const says = (pattern) => until(page, (p) => new RegExp(p).test(document.getElementById("progress-words").textContent), pattern);
   await page.evaluate(() => {

@@ -138,7 +138,8 @@ class Device:
 
         force_n: (3,) in the device frame, at most 0.5 N long. seconds: at most 5. Of any 10 s,
         pushes of all clients together take at most 5 s.
-        Errors: InvalidArgument, TooLarge (pushes have taken that), FailedPrecondition (the forces do not act), Unavailable.
+        Errors: InvalidArgument, TooLarge (pushes have taken that), FailedPrecondition (the forces
+        do not act), Conflict (a recording is replayed), Unavailable.
         Example: conn.device.push((0, 0.3, 0))
         """
         request = device_pb2.PushHandRequest(force_n=vector_of("force_n", force_n),

@@ -69,7 +69,8 @@ class Edits:
     progress: called for more than 16 777 216 voxels only, with the current step and the share
         done, 0 to 1. If it raises an exception or returns False, the edit is cancelled.
 
-    Errors: InvalidArgument, TooLarge (no memory for the change), Conflict, Cancelled, Unavailable.
+    Errors: InvalidArgument, TooLarge (no memory for the change), Conflict (another revision, or
+    a recording is replayed), Cancelled, Unavailable.
     """
 
     def __init__(self, link: Link) -> None:

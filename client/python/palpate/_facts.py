@@ -23,6 +23,9 @@ class Facts:
 
     settings: by name, as Settings.all() returns them
     settings_revision: Poses.settings_revision has the same numbers
+    replayed: a recording is replayed: settings, volume and series are the recorded ones
+    not_kept: settings or place could not be written for palpated's next start; volume.warnings
+        say why
     volume: None: the first volume still loads
     series: None: no series is loaded
     recording: the present recording, or the last one, and the replay that runs
@@ -32,6 +35,8 @@ class Facts:
 
     settings: dict[str, typing.Any]
     settings_revision: int
+    replayed: bool
+    not_kept: bool
     volume: VolumeInfo | None
     series: SeriesState | None
     recording: RecordingState
@@ -56,6 +61,7 @@ def _facts_of(newest: facts_pb2.Facts) -> Facts:
     return Facts(
         settings=values_of(newest.settings.settings),
         settings_revision=newest.settings.settings_revision,
+        replayed=newest.settings.replayed, not_kept=newest.settings.not_kept,
         volume=info_of(newest.volume) if newest.HasField("volume") else None,
         series=series_state_of(newest.series) if newest.series.frames else None,
         recording=RecordingState(**held_in(newest.recording)),

@@ -14,10 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from palpate._errors import Error, Internal, InvalidArgument, TooLarge, Unavailable
-from palpate._geometry import matrix_of_map
 from palpate._link import AcknowledgedCall, Link, forget_in_child
 from palpate._values import number_or_none, whole
-from palpate._volume_copy import VolumeCopy, making_sense, messages_of, volume_call
+from palpate._volume_copy import VolumeCopy, making_sense, messages_of, place_of, volume_call
 from palpate._voxels import Volume, Voxels
 from palpate.v1 import volume_stream_pb2
 
@@ -49,7 +48,7 @@ class _Follower:
         self._copy: VolumeCopy | None = None
         # The copy that `volume` is of.
         self._shown: VolumeCopy | None = None
-        self._device_from_index: npt.NDArray[np.float64] | None = None
+        self._placement: volume_stream_pb2.VolumePlacement | None = None
         self._resume_from: volume_stream_pb2.VolumeRevision | None = None
         self._is_open = True
         # Not empty: the thread must end. Not an Event, because the garbage collector may call
@@ -120,9 +119,9 @@ class _Follower:
         if event == "lattice":
             # The old volume stays visible until the new one is complete.
             self._copy = VolumeCopy(message.lattice)
-            self._device_from_index = self._resume_from = None
+            self._placement = self._resume_from = None
         elif event == "placement":
-            self._place(matrix_of_map(message.placement.device_from_index))
+            self._place(message.placement)
         elif self._copy is None:
             raise ValueError("bricks before the lattice")
         elif event == "bricks":
@@ -130,16 +129,18 @@ class _Follower:
         elif event == "complete":
             self._complete(self._copy, message.complete)
 
-    def _place(self, device_from_index: npt.NDArray[np.float64]) -> None:
-        self._device_from_index = device_from_index
-        if self._copy is self._shown and self.volume is not None:
+    def _place(self, placement: volume_stream_pb2.VolumePlacement) -> None:
+        self._placement = placement
+        # A replay's begins with its voxels.
+        if (self._copy is self._shown and self.volume is not None
+                and self.volume.replayed == placement.replayed):
             with self.lock:
-                self.volume = dataclasses.replace(self.volume, device_from_index=device_from_index)
+                self.volume = dataclasses.replace(self.volume, **place_of(placement))
 
     def _complete(self, copy: VolumeCopy, complete: volume_stream_pb2.VolumeComplete) -> None:
-        if self._device_from_index is None:
+        if self._placement is None:
             raise ValueError("no placement")
-        volume = copy.complete(complete, self._device_from_index)
+        volume = copy.complete(complete, self._placement)
         with self.lock:
             self.volume = volume
             self.changed.notify_all()

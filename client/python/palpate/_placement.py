@@ -11,7 +11,8 @@ import numpy.typing as npt
 from palpate._errors import InvalidArgument
 from palpate._geometry import Quadruple, Triple, array_of_vector, quaternion_of, vector_of
 from palpate._link import Link
-from palpate._values import number, number_or_none, switch, text_of, whole
+from palpate._values import (number, number_or_none, switch, text_of, warn_if_not_kept,
+                             whole)
 from palpate.v1 import geometry_pb2, registration_pb2, registration_pb2_grpc
 
 # An axis of the device, "x", "y" or "z", and degrees.
@@ -27,7 +28,9 @@ class Placement:
     device_mm_per_volume_mm: millimetres of device motion per millimetre of the volume
     device_mm_per_voxel: the same per shortest edge of a voxel; 1 mm is 1 / this many cells
     settings_revision: of the settings with this placement
+    replayed: a recording is replayed: this is the recorded place
     applied_tick: first tick that used the placement; None: nothing was changed
+    not_kept: as in Applied
     """
 
     center_mm: npt.NDArray[np.float64]
@@ -35,7 +38,9 @@ class Placement:
     device_mm_per_volume_mm: float
     device_mm_per_voxel: float
     settings_revision: int
+    replayed: bool
     applied_tick: int | None
+    not_kept: str = ""
 
 
 def update_of(*, reset: bool = False, center_mm: Triple | None = None,
@@ -83,18 +88,21 @@ def place(link: Link, request: registration_pb2.UpdateRegistrationRequest,
         if expected_revision is not None:
             request.expected_revision = whole("expected_revision", expected_revision)
         answer = link.call(stub.UpdateRegistration, request)
-        return _placement(answer, answer.applied_tick)
+        warn_if_not_kept(answer.not_kept)
+        return dataclasses.replace(_placement(answer, replayed=False,
+                                              applied_tick=answer.applied_tick),
+                                   not_kept=answer.not_kept)
     if expected_revision is not None:
         raise InvalidArgument("expected_revision is for a change: name one")
-    return _placement(link.call(stub.GetRegistration, registration_pb2.GetRegistrationRequest()),
-                      None)
+    answer = link.call(stub.GetRegistration, registration_pb2.GetRegistrationRequest())
+    return _placement(answer, replayed=answer.replayed, applied_tick=None)
 
 
-def _placement(answer: typing.Any, applied_tick: int | None) -> Placement:
+def _placement(answer: typing.Any, *, replayed: bool, applied_tick: int | None) -> Placement:
     placed, turn = answer.registration, answer.registration.rotation
     return Placement(array_of_vector(placed.center_mm),
                      np.array([turn.w, turn.x, turn.y, turn.z]), placed.device_mm_per_volume_mm,
-                     placed.device_mm_per_voxel, answer.settings_revision, applied_tick)
+                     placed.device_mm_per_voxel, answer.settings_revision, replayed, applied_tick)
 
 
 def _turn(turn_deg: Turn) -> geometry_pb2.Quaternion:

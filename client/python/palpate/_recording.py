@@ -125,8 +125,9 @@ class Recording:
                ) -> ReplayState:
         """Plays a recording to all clients that follow the poses, with forces off.
 
-        Returns the last state when the replay has ended. The recorded volume must be loaded. At
-        the end, settings and voxels are again as before the replay.
+        Returns the last state when the replay has ended. The recorded volume must be loaded.
+        Meanwhile, what viewers are shown is the recorded: poses, settings, place and voxels.
+        Nothing live changes, and changing it is a Conflict.
         path: on the daemon's machine, absolute or relative as in VolumeAccess.load.
         speed: multiple of real time, above 0 up to 100.
         first_tick: the first tick to show, counted from the recording's first one. What changed

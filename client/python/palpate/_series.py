@@ -25,6 +25,7 @@ class SeriesState:
     interpolate: neighbouring frames are blended in time
     memory_bytes: memory of all frames on the daemon's machine, bytes
     volume_revision: of the frame under the stylus
+    replayed: a recording is replayed: position_frames is the recorded one
     applied_tick: of a load or a change: first tick that used this frame; Poses.tick has the same
         numbers. If the frame was there already, a tick that used it. None: nothing was changed
     """
@@ -37,6 +38,7 @@ class SeriesState:
     interpolate: bool
     memory_bytes: int
     volume_revision: int
+    replayed: bool
     applied_tick: int | None = None
 
 
@@ -44,7 +46,7 @@ def series_state_of(series: series_pb2.SeriesState,
                     applied_tick: int | None = None) -> SeriesState:
     return SeriesState(series.frames, series.position_frames, series.playing, series.rate_hz,
                        series.loop, series.interpolate, series.memory_bytes,
-                       series.volume_revision, applied_tick)
+                       series.volume_revision, series.replayed, applied_tick)
 
 
 class Series:

@@ -13,7 +13,7 @@ from palpate._setting_kinds import Setting
 from palpate._setting_list import SettingList
 from palpate._tool import Tool, put_tool, tool_of
 from palpate._value_list import BallState
-from palpate._values import whole_or_none
+from palpate._values import warn_if_not_kept, whole_or_none
 from palpate.v1 import render_pb2, render_pb2_grpc, volume_pb2
 
 
@@ -26,10 +26,13 @@ class Applied:
 
     settings_revision: revision with the change; Poses.settings_revision has the same numbers
     applied_tick: first tick that used the change; Poses.tick has the same numbers
+    not_kept: why the change is not kept for palpated's next start, such as a full disk, which is
+        also a RuntimeWarning; "": it is
     """
 
     settings_revision: int
     applied_tick: int
+    not_kept: str = ""
 
 
 class Settings(SettingList):
@@ -42,7 +45,8 @@ class Settings(SettingList):
     present one. Forces and lengths are those of the device. An unknown attribute is an
     AttributeError. A choice reads as a member of its enumeration, and the member equals its word:
     conn.settings.method == "tpbcc". Set a choice by the member or the word.
-    Errors: InvalidArgument (out of range), TooLarge (no memory for the ball), Unavailable.
+    Errors: InvalidArgument (out of range), TooLarge (no memory for the ball), Conflict (a recording is
+    replayed), Unavailable.
     Example: conn.settings.isovalue = 300.0
     """
 
@@ -90,7 +94,17 @@ class Settings(SettingList):
             expected_revision=whole_or_none("expected_revision", expected_revision))
         put_changes(request, changes)
         answer = self._link.call(self._stub.UpdateSettings, request)
-        return Applied(answer.settings_revision, answer.applied_tick)
+        warn_if_not_kept(answer.not_kept)
+        return Applied(answer.settings_revision, answer.applied_tick, answer.not_kept)
+
+    @property
+    def replayed(self) -> bool:
+        """True while a recording is replayed: the settings read are the recorded ones.
+
+        Setting them is a Conflict then. Errors: Unavailable. Example: conn.settings.replayed
+        """
+        answer = self._link.call(self._stub.GetSettings, render_pb2.GetSettingsRequest())
+        return bool(answer.replayed)
 
     def ball(self) -> BallState:
         """Returns what is felt of tool_radius_mm: the field of a ball is made in the background.
@@ -125,7 +139,7 @@ class Settings(SettingList):
         return ball.felt_radius_mm
 
     def __dir__(self) -> list[str]:
-        return [*_SETTINGS, "all", "ball", "update", "wait_for_ball", "wait_for_tool"]
+        return [*_SETTINGS, "all", "ball", "replayed", "update", "wait_for_ball", "wait_for_tool"]
 
     def __repr__(self) -> str:
         return f"<palpate settings: {', '.join(_SETTINGS)}>"

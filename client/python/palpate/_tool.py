@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-import pathlib
+import stat
 import tomllib
 import typing
 
@@ -14,6 +14,7 @@ from palpate._values import number, switch, text_of
 from palpate.v1 import render_pb2
 
 _MOST_BALLS_OF_A_LINE = 1000
+_MOST_BYTES = 256 << 10  # of a file
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Tool:
         Errors: OSError, InvalidArgument. Example: palpate.Tool.read("drill.toml")
         """
         try:
-            content = tomllib.loads(pathlib.Path(path).read_text(encoding="utf-8"))
+            content = tomllib.loads(_text_of(path))
             balls = [_ball_of(one) for one in content.pop("ball", [])]
             balls += [ball for line in content.pop("line", []) for ball in _balls_of(line)]
             tool = cls(tuple(balls), **content)
@@ -60,6 +61,18 @@ class Tool:
                 AttributeError) as error:
             raise InvalidArgument(f"{path} is no tool: {error}") from None
         return typing.cast(Tool, tool_of("tool", tool))
+
+
+def _text_of(path: str | os.PathLike[str]) -> str:
+    """Errors: OSError, InvalidArgument (no regular file, or too long)."""
+    # O_NONBLOCK: opening a pipe would wait for its writer.
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise InvalidArgument(f"{path} is no regular file")
+        text = file.read(_MOST_BYTES + 1)
+    if len(text) > _MOST_BYTES:
+        raise InvalidArgument(f"{path} is longer than {_MOST_BYTES >> 10} KiB")
+    return text.decode("utf-8")
 
 
 def tool_of(name: str, value: typing.Any) -> Tool | None:

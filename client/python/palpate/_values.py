@@ -3,6 +3,7 @@
 import operator
 import os
 import typing
+import warnings
 
 import numpy as np
 
@@ -73,3 +74,9 @@ def path_text(path: str | os.PathLike[str]) -> str:
     if not held:
         raise InvalidArgument("the path is empty: name a file")
     return held
+
+
+def warn_if_not_kept(why: str) -> None:
+    """`why`: the daemon could not write a change for its next start; "": it could."""
+    if why:
+        warnings.warn(f"not kept for palpated's next start: {why}", RuntimeWarning, stacklevel=4)

@@ -49,6 +49,7 @@ class VolumeInfo:
     memory_bytes: memory of the voxels on the daemon's machine, bytes
     frames: frames of the source file; this volume is one of them
     unsaved_edits: edits since the voxels were loaded or saved
+    replayed: a recording is replayed: the voxels and the place are the recorded ones
     is_level_set: values are signed distances from a surface at 0, negative inside
     warnings: what the import assumed or left out, one line each, such as a spacing that the
         file does not state
@@ -73,6 +74,7 @@ class VolumeInfo:
     memory_bytes: int
     frames: int
     unsaved_edits: int
+    replayed: bool
     is_level_set: bool
     warnings: tuple[str, ...]
     applied_tick: int | None = None
@@ -86,6 +88,7 @@ class VolumeInfo:
             ("revision", self.volume_revision),
             ("1 mm of the volume", f"{self.device_mm_per_volume_mm:.6g} mm of the device"),
             *([("not saved", f"{self.unsaved_edits} edits")] if self.unsaved_edits else []),
+            *([("shows", "a replay")] if self.replayed else []),
             *(("warning", warning) for warning in self.warnings)))
 
 
@@ -101,7 +104,7 @@ def info_of(volume: volume_pb2.VolumeDescription, applied_tick: int | None = Non
         device_mm_per_volume_mm=volume.device_mm_per_volume_mm,
         patient_axes=volume.patient_axes, patient_axes_answered=volume.patient_axes_answered,
         memory_bytes=volume.memory_bytes, frames=volume.frames,
-        unsaved_edits=volume.unsaved_edits, is_level_set=volume.is_level_set,
+        unsaved_edits=volume.unsaved_edits, replayed=volume.replayed, is_level_set=volume.is_level_set,
         warnings=tuple(volume.warnings), applied_tick=applied_tick)
 
 
@@ -286,7 +289,7 @@ class VolumeAccess:
             daemon keeps the answer for these voxels.
         expected_revision: fail with Conflict unless the settings are at this revision.
         Errors: InvalidArgument, FailedPrecondition (face and head of a file that states its
-        orientation), Conflict, Unavailable.
+        orientation), Conflict (another revision, or a recording is replayed), Unavailable.
         Example: conn.volume.place(turn_deg=("y", 90), scale_by=1.5)
         """
         request = update_of(

@@ -113,7 +113,7 @@ class VolumeCopy:
             yield firsts[at] + places - np.append(0, ends)[at], values[at]
 
     def complete(self, complete: volume_stream_pb2.VolumeComplete,
-                 device_from_index: npt.NDArray[np.float64]) -> Volume:
+                 placement: volume_stream_pb2.VolumePlacement) -> Volume:
         """Returns the volume of this revision. Checks first that it equals the daemon's."""
         background_hash = complete.background_hash_high, complete.background_hash_low
         sums = self._bricks.hash + np.array(background_hash, np.uint64)
@@ -124,13 +124,19 @@ class VolumeCopy:
         return Volume(
             spacing_mm=array_of_vector(lattice.spacing_mm),
             world_from_index=matrix_of_map(lattice.world_from_index),
-            device_from_index=device_from_index, value_min=lattice.value_min,
-            value_max=lattice.value_max, unit=lattice.unit, source=lattice.source,
-            volume_revision=complete.revision.volume_revision, _bricks=self._complete)
+            value_min=lattice.value_min, value_max=lattice.value_max, unit=lattice.unit,
+            source=lattice.source, volume_revision=complete.revision.volume_revision,
+            _bricks=self._complete, **place_of(placement))
 
     def go_back(self) -> None:
         """Forgets what has come since the last complete revision."""
         self._bricks = self._complete.share()
+
+
+def place_of(placement: volume_stream_pb2.VolumePlacement) -> dict[str, typing.Any]:
+    """The members of a Volume that come with its place."""
+    return {"device_from_index": matrix_of_map(placement.device_from_index),
+            "replayed": placement.replayed}
 
 
 class _Fetch:
@@ -139,7 +145,7 @@ class _Fetch:
     def __init__(self) -> None:
         self.share = 0.0
         self._copy: VolumeCopy | None = None
-        self._device_from_index: npt.NDArray[np.float64] | None = None
+        self._placement: volume_stream_pb2.VolumePlacement | None = None
 
     def take(self, message: volume_stream_pb2.StreamVolumeResponse) -> Volume | None:
         event = message.WhichOneof("event")
@@ -147,15 +153,15 @@ class _Fetch:
             # Another volume was loaded meanwhile. The old one's data are void.
             self._copy = VolumeCopy(message.lattice)
         elif event == "placement":
-            self._device_from_index = matrix_of_map(message.placement.device_from_index)
+            self._placement = message.placement
         elif event == "bricks":
             copy = self._known()
             copy.take(message.bricks)
             self.share = max(0.0, 1.0 - message.bricks.bricks_left / copy.brick_count)
         elif event == "complete":
-            if self._device_from_index is None:
+            if self._placement is None:
                 raise ValueError("no placement")
-            return self._known().complete(message.complete, self._device_from_index)
+            return self._known().complete(message.complete, self._placement)
         return None
 
     def _known(self) -> VolumeCopy:

@@ -48,6 +48,7 @@ class Volume:
     unit: of the values, as the file states it; may be empty
     source: path, builtin name or "upload:NAME" from which it was loaded
     volume_revision: revision of this copy; VolumeInfo.volume_revision has the same numbers
+    replayed: a recording was replayed: the voxels and the place are the recorded ones
     Example: conn.volume.download().values[10, 20, 30]
     Errors: TooLarge (an array of more than 2³¹ voxels), InvalidArgument (an index that is not as
     above), IndexError (beyond the volume).
@@ -61,6 +62,7 @@ class Volume:
     unit: str
     source: str
     volume_revision: int
+    replayed: bool
     _bricks: Bricks
 
     @property

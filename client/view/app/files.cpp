@@ -59,9 +59,15 @@ void Files::FollowWarnings() {
   if (!volume) return;
   const std::string of =
       viewer_.feed().name() + ' ' + volume->source + ' ' + std::to_string(volume->loaded_revision);
-  if (of == warned_of_) return;
-  warned_of_ = of;
-  warnings_ = volume->warnings;
+  if (std::exchange(warned_of_, of) != of) warned_.clear();
+  // Some come and go, such as that of a full disk.
+  const std::set<std::string> now(volume->warnings.begin(), volume->warnings.end());
+  std::erase_if(warnings_, [&](const std::string& line) { return !now.contains(line); });
+  for (const std::string& line : volume->warnings) {
+    const bool is_shown = std::ranges::count(warnings_, line) > 0;
+    if (!warned_.contains(line) && !is_shown) warnings_.push_back(line);
+  }
+  warned_ = now;
 }
 
 std::string Files::WhyNotOpen() const {
@@ -72,6 +78,7 @@ std::string Files::WhyNotOpen() const {
     // Here, a palpated is started.
     return feed.is_here() ? "" : "not connected to " + feed.name();
   }
+  if (feed.is_replay()) return "a recording is replayed";
   if (feed.May(client::Role::kOperator)) return {};
   return "needs the role operator; yours is " + std::string(NameOf(feed.role()));
 }
@@ -129,7 +136,7 @@ void Files::Open(const std::string& source) {
   } else if (IsConnected()) {
     viewer_.feed().loader().Load(source, false);
   } else {
-    StartHere();
+    StartHere(/*fresh=*/true);
     if (problem_.empty()) pending_ = source;
     // If it cannot be opened, palpated's own sample is not shown in its place.
     page_kept_ = !viewer_.feed().volume().lattice() && daemon_.runs();
@@ -139,7 +146,7 @@ void Files::Open(const std::string& source) {
 void Files::StartAgain() {
   // Copied: another connection begins without a volume.
   const auto lattice = viewer_.feed().volume().lattice();
-  StartHere();
+  StartHere(/*fresh=*/false);
   if (daemon_.runs() && lattice) pending_ = lattice->source;
 }
 
@@ -229,14 +236,14 @@ void Files::Dismiss() {
   problem_.clear();
 }
 
-void Files::StartHere() {
+void Files::StartHere(bool fresh) {
   problem_.clear();
   if (viewer_.feed().is_stopping()) return;
   const std::string& name = viewer_.feed().name();
   try {
     const std::string socket =
         viewer_.feed().is_here() ? name.substr(kSocketScheme.size()) : DefaultSocketPath();
-    if (!IsServed(socket)) daemon_.Start(socket, PreferencesFile().parent_path());
+    if (!IsServed(socket)) daemon_.Start(socket, PreferencesFile().parent_path(), fresh);
     viewer_.Connect({.address = {.socket_path = socket}});
   } catch (const Error& error) {
     problem_ = error.what();
@@ -244,7 +251,7 @@ void Files::StartHere() {
 }
 
 void Files::StartHereFromPage() {
-  StartHere();
+  StartHere(/*fresh=*/true);
   page_kept_ = daemon_.runs();
 }
 

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -101,7 +102,8 @@ class Files {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void StartHere();
+  // `fresh`: as LocalDaemon::Start.
+  void StartHere(bool fresh);
   void TakeAnswer(const FileDialog::Answer& answer);
   void TakeOutcome(const VolumeLoader::Outcome& outcome);
   void FollowPending();
@@ -117,6 +119,7 @@ class Files {
   Ask ask_ = Ask::kNothing;
   VolumeLoader::Outcome asked_;
   std::string problem_;
+  std::set<std::string> warned_;  // of this volume
   std::vector<std::string> warnings_;
   std::string warned_of_;  // the volume whose warnings were taken
   bool page_kept_ = false;

@@ -88,7 +88,7 @@ void DrawSeriesBar(Viewer& viewer, const Area& area) {
   if (!feed.series()) return;
   client::SeriesState series = *feed.series();
   BeginPanel("series", area);
-  ImGui::BeginDisabled(!feed.May(client::Role::kEditor));
+  ImGui::BeginDisabled(!WhyNot(viewer, client::Role::kEditor).empty());
   if (ImGui::Button(series.playing ? "Pause" : "Play",
                     {ImGui::CalcTextSize("Pause").x + 16.0f, 0.0f})) {
     feed.ControlSeries({.playing = !series.playing});

@@ -274,7 +274,11 @@ void Viewer::FollowSettings() {
   // Somebody has answered where the patient faces.
   if (aimed_ && aimed_axes_ != feed_.volume().patient_axes() && state_.camera == aimed_camera_)
     Aim();
-  state_.surface.isovalue = held_.Shown(kIsovalueControl, feed_.settings()->isovalue);
+  // What is shown in a replay was never set here.
+  if (feed_.settings()->replayed) own_layers_.reset();
+  state_.surface.isovalue = feed_.settings()->replayed
+                                ? feed_.settings()->isovalue
+                                : held_.Shown(kIsovalueControl, feed_.settings()->isovalue);
   state_.surface.free_above = feed_.settings()->free_side == client::FreeSide::kAbove;
   FollowLayers();
 }
@@ -406,7 +410,11 @@ void Viewer::DrawAt(const ImageSize& size, const ImageSize& view) {
     scene.max_torque_n_mm = device->device.max_torque_n_mm;
   }
   // While another one is made, that of before is felt.
-  if (feed_.settings() && !feed_.settings()->ball.is_awaited) tool_ = feed_.settings()->tool;
+  if (const auto& settings = feed_.settings()) {
+    const bool is_other =
+        std::exchange(tool_is_replayed_, settings->replayed) != settings->replayed;
+    if (is_other || !settings->ball.is_awaited) tool_ = settings->tool;
+  }
   scene.tool = tool_;
   scene.hand_target_D = hand_.target_D();
   Overlay overlay = BuildOverlay(scene, state_.overlay, state_.camera, view);

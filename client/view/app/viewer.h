@@ -272,6 +272,7 @@ class Viewer {
 
   std::optional<Felt> felt_;
   HeldTool tool_;  // that is felt
+  bool tool_is_replayed_ = false;
   std::vector<Vec3> haptic_lines_I_;
 
   std::optional<Seen> seen_;

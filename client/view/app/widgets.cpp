@@ -201,6 +201,9 @@ bool HeldChoice(Viewer& viewer, const char* label, double& value,
 
 std::string WhyNot(const Viewer& viewer, client::Role least) {
   if (viewer.feed().is_disconnected()) return "not connected";
+  if (least == client::Role::kEditor && viewer.feed().is_replay()) {
+    return "these are the replay's until it ends";
+  }
   if (viewer.feed().May(least)) return {};
   return "needs the role " + std::string(NameOf(least)) + "; yours is " +
          std::string(NameOf(viewer.feed().role()));

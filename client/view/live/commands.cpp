@@ -5,6 +5,8 @@
 #include <utility>
 #include <variant>
 
+#include "common/error/error.h"
+
 namespace palpate::view {
 namespace {
 
@@ -36,6 +38,7 @@ void Merge(const client::SettingsUpdate& newer, client::SettingsUpdate& waiting)
     std::visit(MergeOne{newer, waiting}, setting.kind);
   }
   if (newer.layers) waiting.layers = newer.layers;
+  if (newer.tool) waiting.tool = newer.tool;
   if (newer.expected_revision) waiting.expected_revision = newer.expected_revision;
 }
 
@@ -90,7 +93,12 @@ std::optional<Commands::Command> Commands::Next(const std::stop_token& stop) {
   if (settings_were_last_) {
     for (Command& command : waiting_) command.after_settings = false;
     const client::SettingsUpdate update = *std::exchange(settings_, std::nullopt);
-    return Command{"settings", [update](client::Client& client) { client.Set(update); }};
+    return Command{"settings", [update](client::Client& client) {
+                     const std::string not_kept = client.Set(update).not_kept;
+                     if (not_kept.empty()) return;
+                     throw Error(ErrorKind::kUnavailable,
+                                 "set, but not kept for palpated's next start: " + not_kept);
+                   }};
   }
   Command command = std::move(waiting_.front());
   waiting_.pop_front();

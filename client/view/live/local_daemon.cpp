@@ -75,7 +75,8 @@ LocalDaemon::~LocalDaemon() {
   }
 }
 
-void LocalDaemon::Start(const std::string& socket, const std::filesystem::path& log_folder) {
+void LocalDaemon::Start(const std::string& socket, const std::filesystem::path& log_folder,
+                        bool fresh) {
   Poll();
   if (program_) return;
   problem_.clear();
@@ -90,9 +91,10 @@ void LocalDaemon::Start(const std::string& socket, const std::filesystem::path& 
     log_ = log_folder / "palpated.log";
     const std::string home = VariableOf("HOME");
     const std::string folder = home.empty() ? "/" : home;
-    const std::vector<std::string> command = {
+    std::vector<std::string> command = {
         palpated, "--volume",      "builtin:bumps", "--device",      "simulated", "--socket",
         socket,   "--load-folder", folder,          "--save-folder", folder};
+    if (fresh) command.emplace_back("--fresh");
     program_ = std::make_unique<ChildProgram>(command, log_);
     address_ = "unix:" + socket;
     unsaved_edits_ = 0;

@@ -30,7 +30,8 @@ class LocalDaemon {
   ~LocalDaemon();
 
   // Starts it, unless it runs. A problem is then in problem(). `log_folder`: made if it is missing.
-  void Start(const std::string& socket, const std::filesystem::path& log_folder);
+  // `fresh`: with the sample. Otherwise with what was felt last.
+  void Start(const std::string& socket, const std::filesystem::path& log_folder, bool fresh);
   // Takes note of its end. Call it once per frame.
   void Poll();
   bool runs() const { return program_ != nullptr; }

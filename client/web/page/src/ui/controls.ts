@@ -82,6 +82,8 @@ function addControl(body: HTMLElement, setting: SettingInfo, state: State, room:
 export function showControls(state: State, room: Room): void {
   const section = find("steer-section");
   const body = find("steer");
+  const note = make("p", { class: "note", hidden: "" }, "these are the replay's until it ends");
+  body.before(note);
   let updates: (() => void)[] = [];
   let shown = "";
   state.on("hello", () => {
@@ -94,5 +96,9 @@ export function showControls(state: State, room: Room): void {
     body.replaceChildren();
     updates = mine.map((setting) => addControl(body, setting, state, room));
   });
-  state.on(["settings", "steering"], () => updates.forEach((update) => update()));
+  state.on(["settings", "steering"], () => {
+    updates.forEach((update) => update());
+    body.inert = state.settings?.replayed ?? false;
+    note.hidden = !body.inert;
+  });
 }

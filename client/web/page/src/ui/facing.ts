@@ -33,7 +33,7 @@ export function showFacing(state: State, room: Room): void {
     find("facing-fields").hidden = !may;
     find("facing-may-not").hidden = may;
     const [f, h] = chosen();
-    keep.disabled = f < 0 || h < 0 || f >> 1 === h >> 1;
+    keep.disabled = state.settings?.replayed || f < 0 || h < 0 || f >> 1 === h >> 1;
   };
   line.addEventListener("click", () => {
     face.value = head.value = "";
@@ -46,6 +46,6 @@ export function showFacing(state: State, room: Room): void {
     const [f, h] = chosen();
     room.steer(kFacingKey, kDirections.length * f + h).then(() => dialog.close(), (refusal: Error) => setText(error, refusal.message));
   });
-  state.watch(["volume", "placement", "hello"], update);
+  state.watch(["volume", "placement", "settings", "hello"], update);
   state.on("volume", () => dialog.close()); // it asked about the one before
 }

@@ -8,7 +8,7 @@ import type { Room } from "../wire/room";
 import { make, makeSvg, setAttribute, setText } from "./dom";
 import { niceStep } from "./plots";
 import { Steered } from "./steered";
-import { lastChangeText, valueText } from "./words";
+import { kOfReplay, lastChangeText, valueText } from "./words";
 
 interface Scale {
   low: number;
@@ -92,7 +92,7 @@ export function toggleVeil(state: State): void {
 }
 
 export function showHistogram(body: HTMLElement, state: State, room: Room): void {
-  const maySteer = () => state.hello?.may_steer.includes("isovalue") ?? false;
+  const maySteer = () => !state.settings?.replayed && (state.hello?.may_steer.includes("isovalue") ?? false);
   const setVeil = (veil: number) => state.setView({ veil });
   const steered = new Steered(room, "isovalue", () => update());
 
@@ -135,12 +135,12 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     empty.hidden = scale !== null;
     for (const part of Array.from(body.children).slice(1)) (part as HTMLElement).hidden = scale === null;
     if (!scale) return;
-    const isovalue = steered.own ?? state.isovalue();
+    const isovalue = state.settings?.replayed ? state.isovalue() : (steered.own ?? state.isovalue());
     const { veil, veilOpacity } = state.view;
     isovalueMark.show(scale, maySteer() ? isovalue : null);
     veilMark.show(scale, veil);
     setText(value, maySteer() ? scale.unit : isovalue === null ? "–" : valueText(isovalue, scale.unit));
-    setText(who, steered.own !== null ? "setting…" : lastChangeText(state.steering, "isovalue"));
+    setText(who, state.settings?.replayed ? kOfReplay : steered.own !== null ? "setting…" : lastChangeText(state.steering, "isovalue"));
     typed.hidden = !maySteer();
     if (document.activeElement !== typed && isovalue !== null) typed.value = String(isovalue);
     veilOn.checked = veil !== null;
@@ -180,10 +180,9 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
     Object.assign(band.style, { left: `${low}%`, width: `${high - low}%` });
   };
   // Guests put the veil at a suggestion, users who may steer the isovalue. Layers have their own.
-  let wasLayered = false;
+  let steers = false;
   const updateVolume = () => {
-    wasLayered = layersOf(state).length > 0;
-    const steers = maySteer() && !wasLayered;
+    steers = maySteer() && layersOf(state).length === 0;
     const unit = state.volume?.unit ?? "";
     const suggestion = ({ name, isovalue, reason }: SuggestedIsovalue) => {
       const title = `${steers ? "Isovalue" : "Veil"} at ${name}, ${valueText(isovalue, unit)}`;
@@ -214,7 +213,7 @@ export function showHistogram(body: HTMLElement, state: State, room: Room): void
   });
   state.on(["settings", "steering", "view"], update);
   state.on("settings", () => {
-    if (wasLayered !== layersOf(state).length > 0) updateVolume();
+    if (steers !== (maySteer() && layersOf(state).length === 0)) updateVolume();
   });
   state.watch(["volume", "hello"], updateVolume);
 }

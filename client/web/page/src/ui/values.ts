@@ -9,7 +9,7 @@ import { nameOf } from "../wire/contract";
 import type { Pose } from "../wire/contract";
 import { badgeOf } from "./badge";
 import { find, make, setText } from "./dom";
-import { bytesText, fixed, forcesText, grouped, kReplay, kTicksPerS, valueText } from "./words";
+import { bytesText, fixed, forcesText, grouped, kOfReplay, kReplay, kTicksPerS, valueText } from "./words";
 
 function seriesText(state: State): string {
   const { series } = state;
@@ -17,6 +17,11 @@ function seriesText(state: State): string {
   const frame = Math.min(series.frames, Math.floor(series.positionFrames) + 1);
   const motion = series.playing ? `playing at ${fixed(series.rateHz, 1, "Hz")}` : "paused";
   return `frame ${frame} of ${series.frames}, ${motion}`;
+}
+
+function settingsText({ settings }: State): string {
+  if (settings?.replayed) return kOfReplay;
+  return settings?.notKept ? "not kept for palpated's next start" : "";
 }
 
 function recordingText(state: State): string {
@@ -66,6 +71,7 @@ const kRows: [string, string, (pose: Pose | null, state: State, copy: VolumeCopy
   ["Value at the proxy", "The volume's value at SCP_H", (pose, state) => pose && valueText(pose.density, state.volume?.unit)],
   ["Missed ticks", "Ticks that the haptic loop missed since palpated started", (pose) => pose && grouped(pose.missedTicks)],
   ["Haptic update", "Time that the newest tick took", (pose) => pose && fixed(1e-3 * pose.updateNs, 1, "µs")],
+  ["Settings", "Whether a replay shows them, and whether palpated keeps them for its next start", (_, state) => settingsText(state)],
   ["Series", "Volumes that follow each other in time", (_, state) => seriesText(state)],
   ["Recording", "palpated records what happens", (_, state) => recordingText(state)],
   ["Volume here", "How much memory of this page and of its graphics card the volume takes",

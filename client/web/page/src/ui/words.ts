@@ -33,6 +33,8 @@ export function bytesText(bytes: number): string {
 
 // The sentence that everybody is told in a replay; guests do not learn who replays what.
 export const kReplay = "replay: forces are off";
+// Beside what is recorded, which nobody can set.
+export const kOfReplay = "of the replay";
 
 export function forcesText(pose: Pose): string {
   const [state, reason] = [nameOf(kForceState, pose.forces.state), nameOf(kForceReason, pose.forces.reason)];

@@ -43,6 +43,7 @@ export class Viewport {
   aimedAt = ""; // the volume that the camera was aimed at, and its sides; "": none yet
 
   private tool: Tool | null = null; // while another one is made, that of before is felt
+  private isReplay: boolean | undefined;
   private readonly gl: WebGL2RenderingContext;
   private readonly renderer: WebGLRenderer;
   private readonly first = document.querySelector<HTMLCanvasElement>("#glance")!.getContext("2d")!;
@@ -265,7 +266,9 @@ export class Viewport {
     const camera = cameraOf(this.state);
     const size: Size = [canvas.width, canvas.height];
     const { settings } = this.state;
-    if (!settings?.ball?.isAwaited) this.tool = settings?.settings.tool ?? null;
+    const isOther = settings?.replayed !== this.isReplay; // the tool of before is of the other
+    if (!settings?.ball?.isAwaited || isOther) this.tool = settings?.settings.tool ?? null;
+    this.isReplay = settings?.replayed;
     scene.update(this.state.pose, this.tool, camera, size, size[0] / Math.max(canvas.clientWidth, 1));
     // While a picture is being cast, the objects are drawn as the picture that is shown sees them.
     const bounds = this.volumeBounds(1) ?? { min: [-50, -50, -50], max: [50, 50, 50] };
