@@ -126,12 +126,16 @@ class Calls {
       return call;
     }
     threads_.Run(method, [this, method, call, &response, work = std::move(work)] {
-      const Access::Work measured(access_, call->admission);
-      const grpc::Status status = StatusOf(call->admission, [&] {
-        measured.Begin();
-        RequireNow(method);
-        work(std::as_const(call->admission));
-      });
+      grpc::Status status;
+      {
+        // Counted before the client can ask again.
+        const Access::Work measured(access_, call->admission);
+        status = StatusOf(call->admission, [&] {
+          measured.Begin();
+          RequireNow(method);
+          work(std::as_const(call->admission));
+        });
+      }
       call->Finish(call->admission.Answered(status, response.ByteSizeLong()));
     });
     return call;
