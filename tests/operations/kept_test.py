@@ -100,6 +100,9 @@ class EachAnswer(unittest.TestCase):
                 self.daemon.start()
                 with self.daemon.connect() as conn:
                     if is_full:
+                        # The session as it was at the start comes first.
+                        sessions = self.folder / "state" / "sessions"
+                        self.assertTrue(wait_until(lambda: list(sessions.glob("*.toml"))))
                         fill_disk(self.daemon)
                     said = told(lambda: call(conn))
                     if not said.startswith("refused"):
