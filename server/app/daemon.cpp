@@ -74,6 +74,7 @@ void RunDaemon(const LoadedConfig& loaded, const ConfigReader& read) {
   ServerParts server(loaded, paths, instrument, parts);
   RemoveAbandonedUploads(loaded.config.uploads);
   instrument.Start();
+  parts.TakeLeft();
   server.Start();
   const auto on_progress = [&](const std::string& line) { manager.Status(line); };
   if (!parts.LoadFirst(on_progress, [&] { return EndRequested(!read); })) return;

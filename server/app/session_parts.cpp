@@ -48,7 +48,6 @@ SessionParts::SessionParts(const LoadedConfig& loaded, const DaemonPaths& paths,
   session.SetRegistrationStore(registrations_);
   session.SetKeeper(keeper_);
   session.SetInitial(ConfiguredSettings(loaded.config));
-  left_ = TakeLeft(loaded.config, session, keeper_);
   instrument.pump.Subscribe(tools_);
   if (session.device().kind != SimulatedDeviceSpec().kind) return;
   hand_guide_.emplace(session, instrument.hand.plans);
@@ -62,6 +61,8 @@ SessionParts::~SessionParts() {
   series.Stop();
   instrument_.pump.Stop();
 }
+
+void SessionParts::TakeLeft() { left_ = palpate::TakeLeft(loaded_.config, session, keeper_); }
 
 bool SessionParts::LoadFirst(const std::function<void(const std::string&)>& on_progress,
                              const LoadCancelled& end_requested) {

@@ -30,9 +30,12 @@ class SessionParts {
   // Stops the servo and the pump first: the parts here take their samples.
   ~SessionParts();
 
-  // Loads the first volume, with a running servo, and starts what needs one. `on_progress`: called
-  // with a line for people. Returns false if `end_requested` was true before the end. Throws the
-  // reason why there is no volume; clients get it, too.
+  // Takes what the previous daemon has left. Call it once the socket is claimed, because a running
+  // daemon's session is its own, and before a client can set anything.
+  void TakeLeft();
+  // Call it after TakeLeft. Loads the first volume, with a running servo, and starts what needs
+  // one. `on_progress`: called with a line for people. Returns false if `end_requested` was true
+  // before the end. Throws the reason why there is no volume; clients get it, too.
   bool LoadFirst(const std::function<void(const std::string&)>& on_progress,
                  const LoadCancelled& end_requested);
   // A clean end, once nobody can change anything any more.

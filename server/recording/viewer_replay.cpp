@@ -190,7 +190,7 @@ class ViewerReplay {
   // False at the end.
   bool ReadOne() {
     CheckWanted();
-    // Bricks count themselves.
+    // The voxels count against the budget by themselves (brick_memory.h).
     const MemoryClaim claim = session_.loader().budget->Claim("the replay", kMostItemBytes);
     std::optional<RecordedItem> item = reader_.Next();
     if (!item) return false;

@@ -94,13 +94,6 @@ VolumeState Session::VolumeLocked() const {
           {}};
 }
 
-std::string Session::AwaitSettingsKept() { return keeper_ ? keeper_->Await() : std::string(); }
-
-std::string Session::AwaitPlaceKept() {
-  if (!registration_store_) return {};
-  return registration_store_->Await();
-}
-
 bool Session::SetInitial(const RenderSettings& settings) {
   HapticSettings haptics = settings.haptics;
   CheckHaptics({}, haptics);

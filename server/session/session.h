@@ -147,8 +147,10 @@ class Session {
 
   // Wait, for about a second at most, until the settings, or the place and the answer, are on the
   // disk. Return why they are not; empty: they are, or nothing is kept.
-  std::string AwaitSettingsKept();
-  std::string AwaitPlaceKept();
+  std::string AwaitSettingsKept() { return keeper_ ? keeper_->Await() : std::string(); }
+  std::string AwaitPlaceKept() {
+    return registration_store_ ? registration_store_->Await() : std::string();
+  }
 
   // Sets the settings to start with, except for the isovalue. Call it before the first Load. Does
   // nothing, and returns false, if somebody has changed settings. Throws kInvalidArgument.
