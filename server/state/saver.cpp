@@ -28,7 +28,9 @@ std::string Saver::Await() {
       saved_.wait_for(lock, kPatience, [&] { return ended_ >= own || (stop_ && begun_ < own); });
   if (begun_ < own) --waiting_;
   if (is_saved && ended_ >= own) return failure_;
-  return is_saved ? "palpated is ending" : kSlow;
+  if (is_saved) return "palpated is ending";
+  was_slow_ = true;
+  return kSlow;
 }
 
 std::string Saver::failure() const {
@@ -37,7 +39,8 @@ std::string Saver::failure() const {
 }
 
 bool Saver::IsSlow() const {
-  return begun_ > ended_ && std::chrono::steady_clock::now() - began_ > kPatience;
+  const bool is_saving = begun_ > ended_;
+  return was_slow_ || (is_saving && std::chrono::steady_clock::now() - began_ > kPatience);
 }
 
 void Saver::Stop() noexcept {
@@ -62,6 +65,7 @@ void Saver::Run(const std::string& name) {
     lock.lock();
     failure_ = std::move(failure);
     ended_ = begun_;
+    was_slow_ = false;
     saved_.notify_all();
     wake_.wait_for(lock, period_, [this] { return stop_ || waiting_ > 0; });
     if (stop_) return;
