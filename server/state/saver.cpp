@@ -22,11 +22,10 @@ std::string Saver::Await() {
   if (IsSlow()) return kSlow;
   // What a save that has begun takes along may be older than the caller's change.
   const std::uint64_t own = begun_ + 1;
-  ++waiting_;
+  is_wanted_ = true;
   wake_.notify_all();
   const bool is_saved =
       saved_.wait_for(lock, kPatience, [&] { return ended_ >= own || (stop_ && begun_ < own); });
-  if (begun_ < own) --waiting_;
   if (is_saved && ended_ >= own) return failure_;
   if (is_saved) return "palpated is ending";
   was_slow_ = true;
@@ -57,7 +56,7 @@ void Saver::Run(const std::string& name) {
   pthread_setname_np(pthread_self(), name.c_str());
   std::unique_lock lock(mutex_);
   while (true) {
-    const bool at_once = std::exchange(waiting_, 0) > 0;
+    const bool at_once = std::exchange(is_wanted_, false);
     ++begun_;
     began_ = std::chrono::steady_clock::now();
     lock.unlock();
@@ -67,7 +66,7 @@ void Saver::Run(const std::string& name) {
     ended_ = begun_;
     was_slow_ = false;
     saved_.notify_all();
-    wake_.wait_for(lock, period_, [this] { return stop_ || waiting_ > 0; });
+    wake_.wait_for(lock, period_, [this] { return stop_ || is_wanted_; });
     if (stop_) return;
   }
 }

@@ -45,8 +45,8 @@ class Saver {
   std::condition_variable wake_, saved_;
   std::uint64_t begun_ = 0, ended_ = 0;  // saves
   std::chrono::steady_clock::time_point began_{};
-  int waiting_ = 0;        // callers whose save has not begun
-  bool was_slow_ = false;  // a caller was told so, and no save has ended since
+  bool is_wanted_ = false;  // by a caller, and has not begun
+  bool was_slow_ = false;   // a caller was told so, and no save has ended since
   std::string failure_;
   bool stop_ = false;
   std::thread thread_;
