@@ -388,8 +388,8 @@ TEST_F(UsbDeviceTest, CorruptFramesAreCountedAndReportedAtMostOnceASecond) {
     ASSERT_TRUE(
         Eventually([&] { return device_->health().corrupt_frames > before.corrupt_frames; }));
     stylus_.SetFaults({});
-    ASSERT_TRUE(Eventually([&] { return device_->health().readings > before.readings + 5; }));
-    EXPECT_GT(device_->health().lost_readings, before.lost_readings);
+    // The first good frame shows the gap in the numbers.
+    ASSERT_TRUE(Eventually([&] { return device_->health().lost_readings > before.lost_readings; }));
     reports += TakeLines("dropped");
   }
   EXPECT_GE(reports, 1u);
