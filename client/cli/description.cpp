@@ -10,6 +10,7 @@
 #include "client/cli/setting.h"
 #include "client/sdk/words.h"
 #include "common/error/error.h"
+#include "common/error/number_text.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
@@ -25,10 +26,12 @@ std::string WorldBox(const client::VolumeInfo& volume) {
   const Vec3 half = volume.world_from_index.linear.cwiseAbs() * middle_I;
   const Vec3 low = center - half, high = center + half;
   const bool is_lps = volume.patient_axes == "LPS" && !volume.patient_axes_answered;
-  return fmt::format(
-      "world{} x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} mm, centre {:g},{:g},{:g}",
-      is_lps ? " (LPS)" : "", low.x(), high.x(), low.y(), high.y(), low.z(), high.z(), center.x(),
-      center.y(), center.z());
+  const auto range = [&](int axis) {
+    return NumberText(low[axis]) + " to " + NumberText(high[axis]);
+  };
+  return fmt::format("world{} x {}, y {}, z {} mm, centre {},{},{}", is_lps ? " (LPS)" : "",
+                     range(0), range(1), range(2), NumberText(center.x()), NumberText(center.y()),
+                     NumberText(center.z()));
 }
 
 std::string Orientation(const client::VolumeInfo& volume) {
@@ -90,17 +93,18 @@ std::string Describe(const client::VolumeInfo& volume) {
   AppendLine(text, "volume",
              fmt::format("{}, revision {}{}", volume.source, volume.volume_revision,
                          OfReplay(volume.replayed)));
-  AppendLine(
-      text, "",
-      fmt::format("{} x {} x {} voxels of {:g} x {:g} x {:g} mm{}", volume.size.x(),
-                  volume.size.y(), volume.size.z(), spacing.x(), spacing.y(), spacing.z(), type));
   AppendLine(text, "",
-             fmt::format("values {:g} to {:g}{}", volume.value_min, volume.value_max, unit));
+             fmt::format("{} x {} x {} voxels of {} x {} x {} mm{}", volume.size.x(),
+                         volume.size.y(), volume.size.z(), NumberText(spacing.x()),
+                         NumberText(spacing.y()), NumberText(spacing.z()), type));
+  AppendLine(text, "",
+             fmt::format("values {} to {}{}", NumberText(volume.value_min),
+                         NumberText(volume.value_max), unit));
   AppendLine(text, "", WorldBox(volume));
   AppendLine(text, "", Orientation(volume));
   AppendLine(text, "",
-             fmt::format("scale {:g} mm of the device per mm of the volume; {:.1f} MiB",
-                         volume.device_mm_per_volume_mm,
+             fmt::format("scale {} mm of the device per mm of the volume; {:.1f} MiB",
+                         NumberText(volume.device_mm_per_volume_mm),
                          static_cast<double>(volume.memory_bytes) / (1024.0 * 1024.0)));
   if (volume.unsaved_edits > 0) {
     AppendLine(text, "", client::UnsavedInWords(volume.unsaved_edits));
@@ -133,9 +137,9 @@ std::string Describe(const client::Settings& settings) {
              fmt::format("revision {}{}", settings.revision, OfReplay(settings.replayed)));
   const std::string normalized =
       client::IsKnown(settings, client::kNormalizedIsovalue)
-          ? fmt::format(" (normalised {:g})", settings.normalized_isovalue)
+          ? " (normalised " + NumberText(settings.normalized_isovalue) + ")"
           : "";
-  AppendLine(text, "", fmt::format("isovalue {:g}{}", settings.isovalue, normalized));
+  AppendLine(text, "", "isovalue " + NumberText(settings.isovalue) + normalized);
   if (!settings.layers.layer.empty()) {
     AppendLine(text, "", "felt in place of isovalue, stiffness, damping, friction and pop_force:");
   }

@@ -9,6 +9,7 @@
 
 #include "client/cli/description.h"
 #include "common/error/error.h"
+#include "common/error/number_text.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
@@ -19,7 +20,7 @@ constexpr int kRows = 3;
 constexpr std::array<const char*, 9> kEighths = {" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
 
 std::string WithUnit(const client::VolumeInfo& volume, double value) {
-  return fmt::format("{:.6g}{}{}", value, volume.unit.empty() ? "" : " ", volume.unit);
+  return NumberText(value) + (volume.unit.empty() ? "" : " ") + volume.unit;
 }
 
 // Logarithmic: a thin skin is then as visible as the air around it.
@@ -73,15 +74,14 @@ std::string DescribeIsovalues(const client::VolumeInfo& volume, double isovalue)
     AppendLine(text, row == kRows - 1 ? "histogram" : "", RowOf(heights, row));
   }
   AppendLine(text, "", MarkAt(histogram, heights.size(), isovalue));
-  AppendLine(
-      text, "",
-      fmt::format("{:.6g} to {}, logarithmic; ^ {}", std::max(histogram.low, volume.value_min),
-                  WithUnit(volume, std::min(histogram.high, volume.value_max)),
-                  DescribeIsovalue(volume, isovalue)));
+  AppendLine(text, "",
+             fmt::format("{} to {}, logarithmic; ^ {}",
+                         NumberText(std::max(histogram.low, volume.value_min)),
+                         WithUnit(volume, std::min(histogram.high, volume.value_max)),
+                         DescribeIsovalue(volume, isovalue)));
   std::string named;
   for (const client::SuggestedIsovalue& suggested : volume.suggested_isovalues) {
-    named +=
-        fmt::format("{}{} {:.6g}", named.empty() ? "" : ", ", suggested.name, suggested.isovalue);
+    named += (named.empty() ? "" : ", ") + suggested.name + " " + NumberText(suggested.isovalue);
   }
   std::string peaks;
   for (const double peak : histogram.peaks) {

@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "common/error/error.h"
+#include "common/error/number_text.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {
@@ -78,8 +79,8 @@ SurfaceLayers LayersOfList(const std::string& list,
 
 std::string Describe(const SurfaceLayer& layer) {
   std::string text =
-      fmt::format("{} {}: isovalue {:.9g}, {:g} N/mm, {}", layer.id, OneLine(layer.name),
-                  layer.isovalue, layer.stiffness_n_per_mm, PopsAt(layer));
+      fmt::format("{} {}: isovalue {}, {:g} N/mm, {}", layer.id, OneLine(layer.name),
+                  NumberText(layer.isovalue), layer.stiffness_n_per_mm, PopsAt(layer));
   const auto add = [&](std::string_view what, double value, std::string_view unit) {
     if (value > 0.0) text += fmt::format(", {} {:g}{}", what, value, unit);
   };

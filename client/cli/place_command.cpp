@@ -11,6 +11,7 @@
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
+#include "common/error/number_text.h"
 
 namespace palpate::cli {
 namespace {
@@ -173,12 +174,11 @@ void AddPlace(arguments::Command& app, Invocation& invocation) {
 std::string Describe(const client::Placement& placement) {
   const Vec3& center = placement.center_mm;
   return fmt::format(
-      "place     centre at {:.6g}, {:.6g}, {:.6g} mm of the device; {}\n"
-      "          {:.6g} mm of the device per mm of the volume, {:.6g} per voxel: 1 mm is {:.6g} "
-      "cells\n",
-      center.x(), center.y(), center.z(), DescribeTurn(placement.rotation),
-      placement.device_mm_per_volume_mm, placement.device_mm_per_voxel,
-      1.0 / placement.device_mm_per_voxel);
+      "place     centre at {}, {}, {} mm of the device; {}\n"
+      "          {} mm of the device per mm of the volume, {} per voxel: 1 mm is {:.6g} cells\n",
+      NumberText(center.x()), NumberText(center.y()), NumberText(center.z()),
+      DescribeTurn(placement.rotation), NumberText(placement.device_mm_per_volume_mm),
+      NumberText(placement.device_mm_per_voxel), 1.0 / placement.device_mm_per_voxel);
 }
 
 Json PlacementJson(const client::Placement& placement) {

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <variant>
+#include "common/error/number_text.h"
 
 namespace palpate::cli {
 namespace {
@@ -121,7 +122,7 @@ nlohmann::ordered_json SettingJson(const Setting& setting, const client::Setting
 std::string DescribeSetting(const Setting& setting, const client::Settings& settings) {
   const nlohmann::ordered_json value = SettingJson(setting, settings);
   std::string text = "unknown";
-  if (value.is_number()) text = WithUnit(fmt::format("{:.9g}", value.get<double>()), setting);
+  if (value.is_number()) text = WithUnit(NumberText(value.get<double>()), setting);
   if (value.is_boolean()) text = value.get<bool>() ? "on" : "off";
   if (value.is_string()) text = value.get<std::string>();
   return fmt::format("{} {}", setting.name, text);

@@ -7,6 +7,7 @@
 
 #include "client/cli/device_description.h"
 #include "client/sdk/words.h"
+#include "common/error/number_text.h"
 
 namespace palpate::cli {
 namespace {
@@ -22,6 +23,11 @@ std::string Compact(const std::optional<Vec3>& v) {
   return v ? fmt::format("({:.3f} {:.3f} {:.3f})", v->x(), v->y(), v->z()) : "-";
 }
 
+// To a nanometre: volumes of microscopes are as small.
+std::string World(const std::optional<Vec3>& v) {
+  return v ? fmt::format("({:.6f} {:.6f} {:.6f})", v->x(), v->y(), v->z()) : "-";
+}
+
 std::string ForceBar(double force_n, double max_force_n) {
   if (!(max_force_n > 0.0)) {
     return "";
@@ -33,9 +39,9 @@ std::string ForceBar(double force_n, double max_force_n) {
 
 std::string Isovalue(const WatchStatus& status) {
   return status.normalized_isovalue
-             ? fmt::format("{:.6g} (normalised {:.4f})", status.pose->isovalue,
+             ? fmt::format("{} (normalised {:.4f})", NumberText(status.pose->isovalue),
                            *status.normalized_isovalue)
-             : fmt::format("{:.6g}", status.pose->isovalue);
+             : NumberText(status.pose->isovalue);
 }
 
 // A daemon of another version may not send the state of the forces.
@@ -104,7 +110,7 @@ std::vector<std::string> LiveView(const WatchStatus& status, int columns, int ro
     lines.push_back("HIP       " + Aligned(s.hip_mm));
     lines.push_back("SCP_H     " + Aligned(s.scp_h_mm));
     lines.push_back("SCP_V     " + Aligned(s.scp_v_mm));
-    lines.push_back("in world  " + Aligned(status.scp_h_world_mm) + " (SCP_H, mm)");
+    lines.push_back("in world  " + World(status.scp_h_world_mm) + " (SCP_H, mm)");
     lines.push_back(
         fmt::format("force     {:>7.3f} N {}", force_n, ForceBar(force_n, status.max_force_n)));
     if (LacksForces(s)) lines.push_back("forces    " + InWords(s.forces));
@@ -132,7 +138,7 @@ std::string LogLine(const WatchStatus& status) {
       f.seconds, WhatIsShown(status), f.recent_samples_per_s, f.recent_ticks_per_s,
       f.recent_missed_per_s, f.total_missed_ticks, f.total_missed_percent, f.recent_update.mean_us,
       f.recent_update.p99_us, ProxyInWords(s), Compact(s.hip_mm), Compact(s.scp_h_mm),
-      Compact(s.scp_v_mm), Compact(status.scp_h_world_mm), s.force_n.norm(),
+      Compact(s.scp_v_mm), World(status.scp_h_world_mm), s.force_n.norm(),
       LacksForces(s) ? "forces " + NameOf(s.forces) + ", " : "", s.density, Isovalue(status),
       s.settings_revision, s.volume_revision, Age(status), f.dropped_samples);
 }

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "common/error/error.h"
+#include "common/error/number_text.h"
 
 namespace palpate {
 
@@ -26,8 +27,8 @@ class RangeError : public Error {
 inline void CheckRange(std::string_view name, double value, double low, double high,
                        std::string_view unit) {
   if (value >= low && value <= high) return;
-  throw RangeError(name,
-                   fmt::format("{} {} is not within {:g} to {:g}{}", name, value, low, high, unit));
+  throw RangeError(name, fmt::format("{} {} is not within {} to {}{}", name, value, NumberText(low),
+                                     NumberText(high), unit));
 }
 
 }  // namespace palpate

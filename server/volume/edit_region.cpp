@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "common/error/error.h"
+#include "common/error/number_text.h"
 
 namespace palpate {
 namespace {
@@ -64,8 +65,8 @@ void CheckValue(const VolumeMetadata& metadata, double value) {
   const auto stored = static_cast<float>(value);
   const auto [least, greatest] = metadata.EditRange();
   if (stored >= static_cast<float>(least) && stored <= static_cast<float>(greatest)) return;
-  Refuse(fmt::format("value {} is not within {:g} to {:g}{}", value, least, greatest,
-                     metadata.unit.empty() ? "" : " " + metadata.unit));
+  Refuse(fmt::format("value {} is not within {} to {}{}", value, NumberText(least),
+                     NumberText(greatest), metadata.unit.empty() ? "" : " " + metadata.unit));
 }
 
 void CheckBlock(const VolumeMetadata& metadata, const VolumeEdit& edit, const DenseBlock& block) {

@@ -188,7 +188,7 @@ TEST(WatchViewTest, LiveViewShowsAllThatIsKnown) {
   for (const char* part :
        {"constrained, in contact", "5.000 N [###############               ] of 10 N",
         "isovalue -200 (normalised 0.2500)", "settings 7", "volume 3", "11 in all", "SCP_V",
-        "-12.500     80.000   1234.000 mm"}) {
+        "in world  (-12.500000 80.000000 1234.000000)"}) {
     EXPECT_TRUE(Shows(text, part)) << part << "\n" << text;
   }
 }
@@ -211,7 +211,7 @@ TEST(WatchViewTest, TheLogHasALineForEachStatus) {
   WatchStatus status = FullStatus();
   EXPECT_FALSE(Shows(LogLine(status), "\n"));
   EXPECT_TRUE(Shows(LogLine(status), "HIP (0.100 0.333 -2.500)"));
-  EXPECT_TRUE(Shows(LogLine(status), "in world (-12.500 80.000 1234.000) mm"));
+  EXPECT_TRUE(Shows(LogLine(status), "in world (-12.500000 80.000000 1234.000000) mm"));
   status.pose->scp_v_mm.reset();
   status.normalized_isovalue.reset();
   EXPECT_TRUE(Shows(LogLine(status), "SCP_V - mm")) << LogLine(status);

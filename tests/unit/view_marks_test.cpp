@@ -39,10 +39,10 @@ TEST(ViewScaleBar, HasWordsAndNothingOfNothing) {
 }
 
 TEST(ViewReadout, PlacesHaveTheLettersOfTheirSides) {
-  EXPECT_EQ(PlaceText({12.34, 4.5, 60.06}, true), "L 12.3 P 4.5 S 60.1 mm");
-  EXPECT_EQ(PlaceText({-12.34, -4.5, -60.06}, true), "R 12.3 A 4.5 I 60.1 mm");
-  EXPECT_EQ(PlaceText({-0.04, 0.0, 0.0}, true), "L 0.0 P 0.0 S 0.0 mm");
-  EXPECT_EQ(PlaceText({-0.04, -1.0, 2.0}, false), "x 0.0 y -1.0 z 2.0 mm");
+  EXPECT_EQ(PlaceText({12.34, 4.5, 60.06}, true, {}), "L 12.3 P 4.5 S 60.1 mm");
+  EXPECT_EQ(PlaceText({-12.34, -4.5, -60.06}, true, {}), "R 12.3 A 4.5 I 60.1 mm");
+  EXPECT_EQ(PlaceText({-0.04, 0.0, 0.0}, true, {}), "L 0.0 P 0.0 S 0.0 mm");
+  EXPECT_EQ(PlaceText({-0.04, -1.0, 2.0}, false, {}), "x 0.0 y -1.0 z 2.0 mm");
 }
 
 TEST(ViewReadout, ValuesHaveTheirUnit) {

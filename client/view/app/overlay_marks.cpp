@@ -128,7 +128,7 @@ std::string Readout(const Viewer& viewer, const Vec3& p_I, const char* between) 
   const ViewVolume& volume = viewer.feed().volume();
   const PatientFrame frame = PatientFrameOf(volume);
   return ValueText(volume.Interpolate(p_I), *volume.lattice()) + between +
-         PlaceText(frame.X_PI.Apply(p_I), frame.is_known);
+         PlaceText(frame.X_PI.Apply(p_I), frame.is_known, PlaceDigitsOf(volume.lattice()->X_WI));
 }
 
 void DrawMeasures(const MeasureState& measure, const MeasurePicture& picture,

@@ -189,10 +189,13 @@ void DrawCaption(const Pane& pane, const ViewState& state, float scale) {
   const std::string plane = pane.frame.is_known ? PlaneName(pane.world_axis, X_PI.linear)
                                                 : fmt::format("across {}", "xyz"[pane.world_axis]);
   // Rounded first, so that the middle is not "A 0.0".
-  const double at_mm = std::round(10.0 * X_PI.Apply(state.cross_I)[pane.world_axis]) / 10.0 + 0.0;
+  const PlaceDigits digits = PlaceDigitsOf(pane.X_WI);
+  const double at_mm = digits.Rounded(X_PI.Apply(state.cross_I)[pane.world_axis]);
   const char letter = LetterOf({pane.world_axis, at_mm < 0.0 ? -1 : 1});
-  const std::string place =
-      has_letter ? fmt::format("{} {:.1f}", letter, std::abs(at_mm)) : fmt::format("{:.1f}", at_mm);
+  const int after_point = digits.after_point();
+  const std::string place = has_letter
+                                ? fmt::format("{} {:.{}f}", letter, std::abs(at_mm), after_point)
+                                : fmt::format("{:.{}f}", at_mm, after_point);
   // In one line, off the anatomy, where that has room beside the letter.
   const auto lines = [&](const char* between) {
     return fmt::format("{}{}{} mm{}{} = {:.1f}", plane, between, place, between, "xyz"[across.axis],

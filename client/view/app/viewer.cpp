@@ -14,6 +14,7 @@
 #include "client/view/scene/surface_bounds.h"
 #include "client/view/scene/value_window.h"
 #include "common/error/error.h"
+#include "common/error/number_text.h"
 #include "common/isosurface/sub_cell.h"
 
 namespace palpate::view {
@@ -190,9 +191,9 @@ void Viewer::CheckOptions(const VolumeLattice& lattice) {
   Veil& veil = options_.surface.veil;
   if (veil.shown && !(veil.isovalue >= lattice.value_min && veil.isovalue <= lattice.value_max)) {
     veil.shown = false;
-    option_problem_ =
-        fmt::format("--veil {:.6g} is not within {:.6g} to {:.6g}, the volume's range",
-                    veil.isovalue, lattice.value_min, lattice.value_max);
+    option_problem_ = fmt::format("--veil {} is not within {} to {}, the volume's range",
+                                  NumberText(veil.isovalue), NumberText(lattice.value_min),
+                                  NumberText(lattice.value_max));
     Say(option_problem_ + ": the veil is not shown");
   }
   if (options_.camera && options_.camera->of_patient && !PatientFrameOf(feed_.volume()).is_known) {

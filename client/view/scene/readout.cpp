@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "client/view/scene/patient_axes.h"
@@ -21,14 +22,26 @@ std::string WindowText(double value, double width) {
                         : fmt::format("{:.4g}", value);
 }
 
-std::string PlaceText(const Vec3& p_P, bool of_patient) {
+int PlaceDigits::after_point() const {
+  return std::clamp(static_cast<int>(std::ceil(-std::log10(voxel_mm))), 1, 9);
+}
+
+double PlaceDigits::Rounded(double at_mm) const {
+  const double power = std::pow(10.0, after_point());
+  return std::round(power * at_mm) / power + 0.0;
+}
+
+PlaceDigits PlaceDigitsOf(const AffineMap& X_WI) {
+  return {X_WI.linear.colwise().norm().minCoeff()};
+}
+
+std::string PlaceText(const Vec3& p_P, bool of_patient, const PlaceDigits& digits) {
   std::string text;
   for (int axis = 0; axis < 3; ++axis) {
     // Rounded first: "R 0.0" and "-0.0" would puzzle.
-    const double at = std::round(10.0 * p_P[axis]) / 10.0 + 0.0;
-    text += of_patient
-                ? fmt::format("{} {:.1f} ", LetterOf({axis, at < 0.0 ? -1 : 1}), std::abs(at))
-                : fmt::format("{} {:.1f} ", "xyz"[axis], at);
+    const double at = digits.Rounded(p_P[axis]);
+    const char name = of_patient ? LetterOf({axis, at < 0.0 ? -1 : 1}) : "xyz"[axis];
+    text += fmt::format("{} {:.{}f} ", name, of_patient ? std::abs(at) : at, digits.after_point());
   }
   return text + "mm";
 }
