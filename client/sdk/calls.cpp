@@ -182,6 +182,7 @@ ReplayState Calls::Replay(const std::string& path, const ReplayOptions& options,
   request.set_first_tick(options.first_tick);
   ReplayState state;
   link_->Stream<Recording, v1::ReplayResponse>(
+      request,
       [&](Recording::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncReplay(context, request, queue);
       },

@@ -21,12 +21,12 @@ constexpr int kMostLosses = 5;
 
 // Runs a call that streams progress messages and, at the end, one result.
 template <class Service, class Response, class Prepare>
-auto RunToResult(Link& link, const Prepare& prepare, const ProgressFunction& progress,
-                 const char* cancelled) {
+auto RunToResult(Link& link, const google::protobuf::Message& request, const Prepare& prepare,
+                 const ProgressFunction& progress, const char* cancelled) {
   std::optional<std::decay_t<decltype(std::declval<Response>().result())>> result;
   Progress state;
   link.Stream<Service, Response>(
-      prepare,
+      request, prepare,
       [&](const Response& event) {
         if (event.has_result()) result = event.result();
         if (!event.has_progress()) return;
@@ -43,7 +43,7 @@ auto RunToResult(Link& link, const Prepare& prepare, const ProgressFunction& pro
 v1::EditVolumeResponse RunFilterCall(Link& link, const v1::FilterVolumeRequest& request,
                                      const ProgressFunction& progress, const char* cancelled) {
   return RunToResult<Volume, v1::FilterVolumeResponse>(
-      link,
+      link, request,
       [&](Volume::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncFilterVolume(context, request, queue);
       },
@@ -69,7 +69,7 @@ LoadResult Calls::LoadVolume(const std::string& source, const LoadOptions& optio
   v1::LoadVolumeRequest request = ToProto(options);
   request.set_source(source);
   return FromProto(RunToResult<Volume, v1::LoadVolumeResponse>(
-      *link_,
+      *link_, request,
       [&](Volume::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncLoadVolume(context, request, queue);
       },
@@ -113,7 +113,7 @@ SaveResult Calls::SaveVolume(const std::string& path, bool overwrite,
   request.set_path(path);
   request.set_overwrite(overwrite);
   return FromProto(RunToResult<Volume, v1::SaveVolumeResponse>(
-      *link_,
+      *link_, request,
       [&](Volume::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncSaveVolume(context, request, queue);
       },
@@ -161,7 +161,7 @@ SeriesResult Calls::LoadSeries(const std::vector<std::string>& sources, const Lo
   for (const std::string& source : sources) request.add_sources(source);
   *request.mutable_options() = ToProto(options);
   return FromProto(RunToResult<v1::SeriesService, v1::LoadSeriesResponse>(
-      *link_,
+      *link_, request,
       [&](v1::SeriesService::Stub& stub, auto* context, auto* queue) {
         return stub.PrepareAsyncLoadSeries(context, request, queue);
       },

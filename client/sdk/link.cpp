@@ -1,10 +1,14 @@
 #include "client/sdk/link.h"
 
+#include <google/protobuf/message.h>
+
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "client/sdk/backoff.h"
+#include "common/error/utf8.h"
 #include "common/wire/status.h"
 #include "palpate/v1/device.grpc.pb.h"
 
@@ -79,6 +83,34 @@ bool Link::WaitForLoading(const Error& error) const {
   std::this_thread::sleep_for(kPause);
   ThrowIfCancelled();
   return true;
+}
+
+void CheckText(const google::protobuf::Message& request) {
+  using google::protobuf::FieldDescriptor;
+  const google::protobuf::Reflection& reflection = *request.GetReflection();
+  std::vector<const FieldDescriptor*> fields;
+  reflection.ListFields(request, &fields);
+  std::string held;
+  for (const FieldDescriptor* field : fields) {
+    const bool is_text = field->type() == FieldDescriptor::TYPE_STRING;
+    if (!is_text && field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
+    const int count = field->is_repeated() ? reflection.FieldSize(request, field) : 1;
+    for (int n = 0; n < count; ++n) {
+      if (!is_text) {
+        CheckText(field->is_repeated() ? reflection.GetRepeatedMessage(request, field, n)
+                                       : reflection.GetMessage(request, field));
+        continue;
+      }
+      const std::string& text =
+          field->is_repeated() ? reflection.GetRepeatedStringReference(request, field, n, &held)
+                               : reflection.GetStringReference(request, field, &held);
+      if (Utf8(text) == text) continue;
+      throw Error(ErrorKind::kInvalidArgument,
+                  "'" + Utf8(text) +
+                      "' is not in UTF-8, but perhaps in Latin-1; palpated takes UTF-8 alone: "
+                      "rename the file, or set the terminal to UTF-8");
+    }
+  }
 }
 
 Error Link::ErrorOf(const grpc::Status& status) const {

@@ -24,6 +24,9 @@ namespace palpate::client {
 inline constexpr std::chrono::seconds kCallTimeout{5};
 inline constexpr std::size_t kSmallBytes = 32 << 10;
 
+// Refuses a request with text that is not UTF-8, which palpated could not read.
+void CheckText(const google::protobuf::Message& request);
+
 class Link {
  public:
   // Does not connect. Errors: as Client's.
@@ -68,6 +71,7 @@ class Link {
                                                       Response*),
                 const Request& request, std::chrono::milliseconds timeout = kCallTimeout,
                 const std::shared_ptr<grpc::Channel>& own_channel = nullptr) {
+    CheckText(request);
     // palpated takes only a small first call of a connection.
     if (request.ByteSizeLong() > kSmallBytes) WaitUntilReached(timeout);
     return WhenLoaded([&] {
@@ -105,7 +109,7 @@ class Link {
   // See Calls::SetOnLoading.
   void SetOnLoading(std::function<bool(const std::string&)> call) { on_loading_ = std::move(call); }
 
-  // Calls a method that streams its answer, without a deadline.
+  // Calls a method that streams its answer to `request`, without a deadline.
   // prepare(stub, context, queue) starts the call, for example with
   // stub.PrepareAsyncLoadVolume(context, request, queue).
   // take(message) gets each message.
@@ -113,8 +117,9 @@ class Link {
   // Errors: the status as ErrorOfEnd returns it; kCancelled with the text `cancelled` if goes_on()
   // returned false.
   template <typename Service, typename Message, typename Prepare, typename Take>
-  void Stream(const Prepare& prepare, const Take& take, const std::function<bool()>& goes_on,
-              const std::string& cancelled) {
+  void Stream(const google::protobuf::Message& request, const Prepare& prepare, const Take& take,
+              const std::function<bool()>& goes_on, const std::string& cancelled) {
+    CheckText(request);
     WhenLoaded([&] { StreamOnce<Service, Message>(prepare, take, goes_on, cancelled); });
   }
 

@@ -119,6 +119,7 @@ class Sending {
       writer.Write(message, &polled);
       return polled.Wait();
     };
+    CheckText(start);
     if (!write(start)) return;
     v1::UploadVolumeRequest message;
     std::uint64_t sent = 0;

@@ -158,8 +158,8 @@ class Link:
                                              has_tls=self._credentials.has_tls,
                                              ca_file=self._credentials.ca_file))
         if failed.code() == grpc.StatusCode.DEADLINE_EXCEEDED:
-            return Unavailable(f"no answer from {self.name} within {_CONNECT_TIMEOUT_S:g} s, so it "
-                               "is not palpated")
+            return Unavailable(f"no answer from {self.name} within {_CONNECT_TIMEOUT_S:g} s: palpated "
+                               "hangs, or another program listens there")
         return error_of(self.name, failed)
 
     def call(self, method: typing.Any, request: typing.Any,

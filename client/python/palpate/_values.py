@@ -73,6 +73,11 @@ def path_text(path: str | os.PathLike[str]) -> str:
         raise InvalidArgument(f"a path is text or a pathlib.Path, not {path!r}")
     if not held:
         raise InvalidArgument("the path is empty: name a file")
+    try:
+        held.encode()
+    except UnicodeEncodeError:
+        raise InvalidArgument(f"{held!r} is not in UTF-8, but perhaps in Latin-1; palpated takes "
+                              "UTF-8 alone: rename the file") from None
     return held
 
 
