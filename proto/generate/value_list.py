@@ -23,6 +23,7 @@ class Field:
     type: str  # of an enum or a message: its name in the contract
     repeated: bool
     optional: bool  # absent is something else than the default
+    unit: str  # empty: none, or data units
     details: str  # the comment above it
 
 
@@ -42,13 +43,14 @@ class File:
 def read(request: typing.Any) -> list[File]:
     """Of the files to generate, in their order; only those with values. Errors: Fault."""
     is_value = option(request, "MessageOptions", "is_value")
+    unit_of = option(request, "FieldOptions", "unit")
     files = []
     for file in request.proto_file:
         if file.name not in request.file_to_generate:
             continue
         details = comments(file)
         values = [Value(message.name, details.get((4, index), ""),
-                        tuple(_fields(message, index, details)))
+                        tuple(_fields(message, index, details, unit_of)))
                   for index, message in enumerate(file.message_type) if is_value(message)]
         if values:
             name = file.name.rsplit("/", 1)[-1].removesuffix(".proto")
@@ -58,7 +60,8 @@ def read(request: typing.Any) -> list[File]:
 
 
 def _fields(message: typing.Any, index: int,
-            details: dict[tuple[int, ...], str]) -> typing.Iterator[Field]:
+            details: dict[tuple[int, ...], str],
+            unit_of: typing.Callable[[typing.Any], typing.Any]) -> typing.Iterator[Field]:
     voxel = ""  # the rest of NAME_x, NAME_y, NAME_z: whole numbers
     for n, field in enumerate(message.field):
         about = details.get((4, index, 2, n), "")
@@ -66,7 +69,7 @@ def _fields(message: typing.Any, index: int,
         parts = [(part.name, part.type) for part in message.field[n:n + 3]]
         if parts == [(f"{stem}_{one}", Kind.TYPE_UINT32) for one in "xyz"]:
             voxel = stem
-            yield Field(field.number, stem, "voxel", "", False, False, about)
+            yield Field(field.number, stem, "voxel", "", False, False, "", about)
         elif stem == voxel and axis in ("_y", "_z"):
             continue
         else:
@@ -77,7 +80,7 @@ def _fields(message: typing.Any, index: int,
             # Of a oneof at most one is there.
             optional = field.proto3_optional or field.HasField("oneof_index")
             yield Field(field.number, field.name, kind, field.type_name.rsplit(".", 1)[-1],
-                        field.label == Kind.LABEL_REPEATED, optional, about)
+                        field.label == Kind.LABEL_REPEATED, optional, unit_of(field) or "", about)
 
 
 def _ordered(values: list[Value]) -> list[Value]:

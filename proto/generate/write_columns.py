@@ -4,6 +4,7 @@ import re
 import textwrap
 import typing
 
+from contract import Fault
 from value_list import Field, File
 
 HEAD = '''"""The columns of poses and of recorded ticks. Written by proto/generate from palpate/v1/pose.proto
@@ -17,6 +18,7 @@ import numpy.typing as npt
 TYPES = {"double": "float64", "bool": "bool_", "int64": "int64", "uint64": "uint64",
          "uint32": "uint32", "enum": "uint8"}
 PARTS = {"Vector3": "xyz", "Quaternion": "wxyz"}
+UNIT_NAMES = ("mm", "n", "ns")  # at the end of names
 
 
 def columns(files: list[File]) -> dict[str, str]:
@@ -24,6 +26,7 @@ def columns(files: list[File]) -> dict[str, str]:
     values = {value.name: value.fields for file in files for value in file.values}
     listed = list(_listed(values["PoseSample"], values))
     recorded = list(_listed(values["RecordedTick"][1:], values))  # behind the pose
+    units = "".join(_units(listed + recorded))
     sources = "".join(f'    "{name}": ("{path}", {_kind(field)}),\n'
                       for name, path, field in listed)
     within = [(name, f"pose.{path}", field) for name, path, field in listed]
@@ -34,6 +37,7 @@ def columns(files: list[File]) -> dict[str, str]:
             f"{_class('RecordedColumns(PoseColumns)', 'recorded tick', 'RECORDED_ABOUT', recorded)}"
             "\n\n# Where a column comes from, and its type, or the parts of what it has.\n"
             f"SOURCES: dict[str, tuple[str, type | str]] = {{\n{sources}}}\n"
+            f"# Those that have one.\nUNITS: dict[str, str] = {{\n{units}}}\n"
             "# The same in a RecordedTick; and whether it is NaN where it is absent.\n"
             f"RECORDED: dict[str, tuple[str, type | str, bool]] = {{\n{recorded_sources}}}\n")
     return {"palpate/_pose_columns.py": text}
@@ -56,6 +60,15 @@ def _listed(fields: typing.Iterable[Field], values: dict[str, typing.Any]
                 yield f"{stem}_{name}", f"{field.name}.{path}", part
         else:
             yield field.name, field.name, field
+
+
+def _units(listed: list[tuple[str, str, Field]]) -> typing.Iterator[str]:
+    for name, _, field in listed:
+        suffix = "_" + field.unit.lower().replace(" ", "_") if field.unit else ""
+        if not name.endswith(suffix) or (not suffix and name.rpartition("_")[2] in UNIT_NAMES):
+            raise Fault(f"{name} is declared in the unit {field.unit!r}, not in that of its name")
+        if suffix:
+            yield f'    "{name}": "{field.unit}",\n'
 
 
 def _type(field: Field) -> str:

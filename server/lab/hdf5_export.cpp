@@ -54,6 +54,7 @@ hid_t TypeOf() {
 }
 
 std::string UnitOf(std::string_view name) {
+  if (name.ends_with("_n_mm")) return "N mm";
   const std::string_view end = name.substr(name.rfind('_') + 1);
   if (end == "n") return "N";
   return end == "mm" || end == "ns" ? std::string(end) : "";

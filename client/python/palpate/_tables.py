@@ -12,12 +12,12 @@ from palpate._enums import (DeviceStatus, ForceCommand, ForceReason, ForceState,
                             ProxyMode)
 from palpate._errors import FailedPrecondition, InvalidArgument
 from palpate._html import table
+from palpate._pose_columns import UNITS
 from palpate._word import Word
 
 WORDS: dict[str, type[Word]] = {
     "mode": ProxyMode, "free_side": FreeSide, "force_state": ForceState,
     "force_reason": ForceReason, "force_command": ForceCommand, "device_status": DeviceStatus}
-_UNITS = ("mm", "n", "ns")
 
 
 def package(name: str) -> typing.Any:
@@ -29,24 +29,16 @@ def package(name: str) -> typing.Any:
                                  f"pip install {name}") from None
 
 
-def unit_of(name: str) -> str:
-    """Returns the unit of a field, from its name; empty: none, or data units."""
-    if name.endswith("_n_mm"):
-        return "N mm"
-    last = name.rpartition("_")[2]
-    return {"n": "N"}.get(last, last) if last in _UNITS else ""
+# With what is not in the contract: computed, or of a group of its own.
+_UNIT_OF = {**UNITS, "unix_ns": "ns"}
 
 
 def _parts(name: str) -> list[str]:
     """Returns the column names of a vector, as in `palpate-lab export`."""
     if name.endswith("_orientation"):
         return [f"{name.removesuffix('_orientation')}_{axis}" for axis in "wxyz"]
-    stem, _, unit = name.rpartition("_")
-    if name.endswith("_n_mm"):
-        stem, unit = name[:-len("_n_mm")], "n_mm"
-    if unit.rpartition("_")[2] in _UNITS:
-        return [f"{stem}_{axis}_{unit}" for axis in "xyz"]
-    return [f"{name}_{axis}" for axis in "xyz"]
+    unit = f"_{UNITS[name].lower().replace(' ', '_')}" if name in UNITS else ""
+    return [f"{name.removesuffix(unit)}_{axis}{unit}" for axis in "xyz"]
 
 
 def words_of(name: str) -> str:
@@ -64,7 +56,7 @@ def write_hdf5(path: str | os.PathLike[str],
                 plain = array.astype(np.uint8) if array.dtype == np.bool_ else array
                 held = file.create_dataset(f"{group}/{name}", data=plain, maxshape=(
                     None, *plain.shape[1:]), compression="gzip" if len(plain) else None)
-                for attribute, text in (("unit", unit_of(name)), ("words", words_of(name))):
+                for attribute, text in (("unit", _UNIT_OF.get(name, "")), ("words", words_of(name))):
                     if text:
                         held.attrs[attribute] = np.bytes_(text)
 
@@ -151,7 +143,7 @@ class Table:
         for name, array in self._arrays().items():
             more = () if array.ndim == 1 else ("axis" if array.shape[1] == 3 else "part",)
             attributes: dict[str, typing.Any] = {}
-            if unit := unit_of(name):
+            if unit := _UNIT_OF.get(name):
                 attributes["units"] = unit
             if words := words_of(name):
                 attributes["words"] = words
