@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <iterator>
 #include <string>
 #include <string_view>
@@ -25,6 +26,8 @@ constexpr std::uint32_t kTable = Tag(0x0028, 0x3000);
 constexpr std::uint32_t kTableDescriptor = Tag(0x0028, 0x3002);
 constexpr std::uint32_t kTableType = Tag(0x0028, 0x3004);
 constexpr std::uint32_t kTableEntries = Tag(0x0028, 0x3006);
+constexpr std::uint32_t kSharedGroups = Tag(0x5200, 0x9229);
+constexpr std::uint32_t kFrameGroups = Tag(0x5200, 0x9230);
 constexpr std::uint32_t kFloatPixels = Tag(0x7fe0, 0x0008);
 constexpr std::uint32_t kDoublePixels = Tag(0x7fe0, 0x0009);
 constexpr std::uint32_t kPixels = Tag(0x7fe0, 0x0010);
@@ -32,15 +35,24 @@ constexpr std::uint32_t kItem = Tag(0xfffe, 0xe000);
 constexpr std::uint32_t kItemEnd = Tag(0xfffe, 0xe00d);
 constexpr std::uint32_t kSequenceEnd = Tag(0xfffe, 0xe0dd);
 
-// Whatever type these have in the file: numbers of two bytes, and text.
-constexpr DicomTag kNumbers[] = {dicom::kSamples,    dicom::kRows,    dicom::kColumns, dicom::kBits,
-                                 dicom::kBitsStored, dicom::kHighBit, dicom::kSign};
-constexpr DicomTag kTexts[] = {dicom::kInstance,    dicom::kModality,         dicom::kDescription,
-                               dicom::kStudy,       dicom::kSeries,           dicom::kPosition,
-                               dicom::kOrientation, dicom::kFrameOfReference, dicom::kSeriesNumber,
-                               dicom::kPhotometric, dicom::kFrames,           dicom::kPixelSpacing,
-                               dicom::kWindowLevel, dicom::kWindowWidth,      dicom::kIntercept,
-                               dicom::kSlope,       dicom::kRescaleType};
+// Whatever type these have in the file: numbers of two or four bytes, of eight, and text.
+constexpr DicomTag kNumbers[] = {
+    dicom::kSamples, dicom::kRows,    dicom::kColumns,      dicom::kBits,      dicom::kBitsStored,
+    dicom::kHighBit, dicom::kPadding, dicom::kPaddingLimit, dicom::kTimeIndex, dicom::kSign};
+constexpr DicomTag kReals[] = {dicom::kBValue, dicom::kTriggerDelay, dicom::kCardiacPhase};
+constexpr DicomTag kTexts[] = {
+    dicom::kImageType,    dicom::kInstance,      dicom::kAcquisitionDateTime,
+    dicom::kModality,     dicom::kDescription,   dicom::kAcquisitionTime,
+    dicom::kStudy,        dicom::kSeries,        dicom::kPosition,
+    dicom::kOrientation,  dicom::kSeriesNumber,  dicom::kFrameOfReference,
+    dicom::kPhotometric,  dicom::kFrames,        dicom::kPixelSpacing,
+    dicom::kWindowLevel,  dicom::kWindowWidth,   dicom::kIntercept,
+    dicom::kSlope,        dicom::kRescaleType,   dicom::kKvp,
+    dicom::kEchoTime,     dicom::kInversionTime, dicom::kEcho,
+    dicom::kSlicePitch,   dicom::kTriggerTime,   dicom::kKernel,
+    dicom::kFlipAngle,    dicom::kAcquisition,   dicom::kInstanceNumber,
+    dicom::kTimePosition, dicom::kSliceLocation, dicom::kThickness,
+    dicom::kContentTime};
 
 template <std::size_t count>
 bool Holds(const DicomTag (&tags)[count], std::uint32_t number) {
@@ -67,6 +79,30 @@ struct PixelShape {
   std::int64_t bits = 0;
 };
 
+bool IsCapital(char c) { return c >= 'A' && c <= 'Z'; }
+
+// The head of a compressed stream: JPEG 2000's SIZ, or the frame header of JPEG and JPEG-LS.
+DicomStream DescribeStream(std::string_view head) {
+  const auto byte = [head](std::size_t at) {
+    return at < head.size() ? static_cast<unsigned char>(head[at]) : 0;
+  };
+  constexpr std::string_view kSiz("\xff\x4f\xff\x51");
+  constexpr std::size_t kDepthInSiz = 42;
+  if (const std::size_t at = head.find(kSiz); at != head.npos) {
+    const int depth = byte(at + kDepthInSiz);
+    return {.bits = (depth & 0x7f) + 1, .is_jpeg_2000 = true, .is_signed = (depth & 0x80) != 0};
+  }
+  for (std::size_t at = 2; byte(at) == 0xff;) {
+    const int marker = byte(at + 1);
+    const bool is_table = marker == 0xc4 || marker == 0xc8 || marker == 0xcc;
+    if (marker == 0xf7 || (marker >= 0xc0 && marker <= 0xcf && !is_table)) {
+      return {.bits = byte(at + 4)};
+    }
+    at += marker == 0xff ? 1u : 2u + static_cast<unsigned>(byte(at + 2) << 8 | byte(at + 3));
+  }
+  return {};
+}
+
 class Walker {
  public:
   Walker(std::istream* in, std::int64_t length) : in_(in), length_(length) {}
@@ -79,6 +115,7 @@ class Walker {
     while (at_ < length_) {
       const Element element = ReadElement(encoding);
       if (element.tag == kPixels) {
+        file_.has_bytes = element.vr == "OB";
         file_.pixels_begin = at_;
         CheckPixels(element);
         file_.has_pixels = true;
@@ -137,8 +174,13 @@ class Walker {
       return element;
     }
     element.vr = Read(2);
-    for (const char c : element.vr) {
-      if (c < 'A' || c > 'Z') RefuseCut();
+    if (!IsCapital(element.vr[0]) || !IsCapital(element.vr[1])) {
+      // As pydicom: an element of implicit type among others.
+      element.vr.clear();
+      at_ -= 2;
+      element.length = ReadNumber(4, big);
+      file_.is_encoded_otherwise = true;
+      return element;
     }
     static constexpr std::array<std::string_view, 13> kLong = {
         "OB", "OD", "OF", "OL", "OV", "OW", "SQ", "SV", "UC", "UN", "UR", "UT", "UV"};
@@ -164,15 +206,15 @@ class Walker {
     return (group == 2 && number <= 0x10) || (group == 8 && number <= 0x18);
   }
 
-  // Every element begins with its tag. An explicit type is two capitals, which as part of a length
-  // would be far more than the first elements have.
-  bool IsExplicit() {
+  // Every element begins with its tag, and the groups of the first elements are below 256. An
+  // explicit type is two capitals, which as part of a length would be far more than the first
+  // elements have.
+  Encoding EncodingOfNext(const Encoding& stated) {
     const std::int64_t start = at_;
-    if (length_ - at_ < 6) return true;
-    at_ += 4;
-    const std::string type = Read(2);
+    if (length_ - at_ < 6) return stated;
+    const std::string head = Read(6);
     at_ = start;
-    return std::ranges::all_of(type, [](char c) { return c >= 'A' && c <= 'Z'; });
+    return {IsCapital(head[4]) && IsCapital(head[5]), head[0] == 0 && head[1] != 0};
   }
 
   // Reads the file meta information, which says how the rest is encoded.
@@ -185,19 +227,23 @@ class Walker {
         break;
       }
       at_ = start;
-      const Element element = ReadElement(Encoding{});
+      const Encoding encoding{EncodingOfNext({}).explicit_vr, false};
+      const Element element = ReadElement(encoding);
       if (element.tag == kTransferSyntax) {
         if (element.length > kLongestText) RefuseCut();
         syntax = Read(element.length);
         while (!syntax.empty() && (syntax.back() == '\0' || syntax.back() == ' '))
           syntax.pop_back();
       } else {
-        SkipValue(element, Encoding{}, 0);
+        SkipValue(element, encoding, 0);
       }
     }
     CheckDicomSyntax(syntax);
-    if (syntax.empty()) return {IsExplicit(), false};
-    return {syntax != "1.2.840.10008.1.2", syntax == "1.2.840.10008.1.2.2"};
+    const Encoding stated{syntax != "1.2.840.10008.1.2", syntax == "1.2.840.10008.1.2.2"};
+    const Encoding seen = EncodingOfNext(stated);
+    file_.is_encoded_otherwise |= !syntax.empty() && (seen.explicit_vr != stated.explicit_vr ||
+                                                      seen.big_endian != stated.big_endian);
+    return seen;
   }
 
   void SkipValue(const Element& element, const Encoding& encoding, int depth) {
@@ -223,8 +269,9 @@ class Walker {
   // Reads the value and returns to its start.
   void Note(const Element& element, const Encoding& encoding) {
     const std::int64_t start = at_;
-    if (Holds(kNumbers, element.tag)) {
-      if (element.length != 2 && element.length != 4) RefuseCut();
+    const bool is_number = element.length == 2 || element.length == 4;
+    if (element.tag == kSharedGroups || element.tag == kFrameGroups) file_.has_frame_groups = true;
+    if (Holds(kNumbers, element.tag) && is_number) {
       const std::uint32_t number =
           ReadNumber(static_cast<int>(element.length), encoding.big_endian);
       file_.values[element.tag] = std::to_string(number);
@@ -239,6 +286,12 @@ class Walker {
       if (element.tag == dicom::kFrames.number && !value.empty()) {
         shape_.frames = ParseInteger(value, dicom::kFrames.name);
       }
+    } else if (Holds(kReals, element.tag) && element.length == sizeof(double)) {
+      const std::uint32_t first = ReadNumber(4, encoding.big_endian);
+      const std::uint32_t second = ReadNumber(4, encoding.big_endian);
+      const std::uint64_t high = encoding.big_endian ? first : second;
+      const std::uint64_t low = encoding.big_endian ? second : first;
+      file_.values[element.tag] = std::to_string(std::bit_cast<double>(high << 32 | low));
     } else if (element.tag == kTable) {
       ReadTable(element, encoding);
     }
@@ -308,12 +361,17 @@ class Walker {
     Skip(element.length);
   }
 
-  // Compressed pixels: items until a delimiter.
+  // Compressed pixels: a table of offsets and items until a delimiter.
   void SkipFragments() {
-    while (at_ < length_) {
+    constexpr std::int64_t kLongestHead = 1 << 16;
+    for (int n = 0; at_ < length_; ++n) {
       const Element item = ReadElement(Encoding{});
       if (item.tag == kSequenceEnd) return;
       if (item.tag != kItem || item.length == kUndefined) RefuseCut();
+      const std::int64_t start = at_;
+      if (n == 1)
+        file_.stream = DescribeStream(Read(std::min<std::int64_t>(item.length, kLongestHead)));
+      at_ = start;
       Skip(item.length);
     }
     RefuseCut();

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "server/import/data_check.h"
+#include "server/import/dicom_pass.h"
 
 namespace palpate {
 namespace {
@@ -18,6 +19,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMostFiles = 100'000;
 constexpr int kDeepestFolder = 8;
+constexpr char kAllPasses[] = "all";
 
 struct Found {
   std::vector<DicomSlice> slices;
@@ -83,7 +85,8 @@ Found Find(const fs::path& folder, bool below, const ImportLimits& limits) {
 }
 
 bool Fit(const DicomSlice& one, const DicomSlice& other) {
-  return one.size == other.size && (one.row_W - other.row_W).norm() <= kParallelSlices &&
+  return one.size == other.size && one.order == other.order &&
+         (one.row_W - other.row_W).norm() <= kParallelSlices &&
          (one.column_W - other.column_W).norm() <= kParallelSlices &&
          std::abs(one.spacing_mm[0] / other.spacing_mm[0] - 1.0) <= kParallelSlices &&
          std::abs(one.spacing_mm[1] / other.spacing_mm[1] - 1.0) <= kParallelSlices;
@@ -101,13 +104,17 @@ std::string PixelBytes(const DicomSlice& slice) {
 bool IsCopy(const DicomSlice& one, const DicomSlice& other) {
   const std::string instance = one.content.Text(dicom::kInstance);
   return (!instance.empty() && instance == other.content.Text(dicom::kInstance)) ||
-         PixelBytes(one) == PixelBytes(other);
+         (IsOfOnePass(one, other) && PixelBytes(one) == PixelBytes(other));
 }
 
 // Slices of one series that fit, without copies.
 class Stack {
  public:
   explicit Stack(DicomSlice first) { Put(std::move(first)); }
+  explicit Stack(DicomPass pass)
+      : slices_(std::move(pass.slices)),
+        number_(std::move(pass.number)),
+        description_(std::move(pass.description)) {}
 
   bool Takes(const DicomSlice& slice) const { return Fit(slices_.front(), slice); }
   void Add(DicomSlice slice, FileNotes* left_out) {
@@ -121,6 +128,9 @@ class Stack {
   }
   std::vector<DicomSlice>& slices() { return slices_; }
   std::size_t size() const { return slices_.size(); }
+  // Of a pass, else empty.
+  const std::string& number() const { return number_; }
+  const std::string& description() const { return description_; }
 
  private:
   static std::tuple<double, double, double> Place(const DicomSlice& slice) {
@@ -133,6 +143,7 @@ class Stack {
   }
 
   std::vector<DicomSlice> slices_;
+  std::string number_, description_;
   std::multimap<std::tuple<double, double, double>, std::size_t> places_;
 };
 
@@ -166,6 +177,19 @@ Series Grouped(std::vector<DicomSlice> slices, std::string (*key)(const DicomSli
   return series;
 }
 
+Series SplitByPass(Series series) {
+  for (auto& [key, stacks] : series) {
+    std::vector<Stack> passes;
+    for (Stack& stack : stacks) {
+      for (DicomPass& pass : PassesOf(std::move(stack.slices()))) {
+        passes.emplace_back(std::move(pass));
+      }
+    }
+    stacks = std::move(passes);
+  }
+  return series;
+}
+
 Stack* LargestOf(Series* series) {
   Stack* largest = nullptr;
   for (auto& [key, stacks] : *series) {
@@ -192,27 +216,65 @@ void KeepSeries(const std::string& wanted, bool is_last_try, std::vector<DicomSl
   std::erase_if(*slices, [&](const DicomSlice& slice) { return SeriesOf(slice) != wanted; });
 }
 
+// Leaves out all other passes.
+void KeepPass(const std::string& wanted, Series* series) {
+  std::set<std::string> present;
+  for (auto& [key, stacks] : *series) {
+    for (const Stack& stack : stacks) present.insert(stack.number());
+  }
+  present.erase("");
+  if (!present.contains(wanted)) {
+    std::string list;
+    for (const std::string& number : present) list += (list.empty() ? "" : ", ") + number;
+    Refuse("there is no pass " + Quoted(wanted) +
+           (list.empty() ? ", and only one; leave --acquisition out" : "; there are: " + list));
+  }
+  for (auto& [key, stacks] : *series) {
+    std::erase_if(stacks, [&](const Stack& stack) { return stack.number() != wanted; });
+  }
+}
+
 std::string Named(const std::string& series, const std::string& description) {
   return "the series " + series + (description.empty() ? "" : " " + Quoted(description));
 }
 
-// Returns the slices of the largest stack, and notes the others.
-std::vector<DicomSlice> Choose(Series series, FileNotes* left_out) {
+// Lists the passes of the series.
+std::string PassesIn(const std::vector<Stack>& stacks) {
+  std::string list;
+  for (const Stack& stack : stacks) {
+    if (stack.number().empty()) continue;
+    list += (list.empty() ? "" : "; ") + stack.number() + ": " + stack.description() + ", " +
+            std::to_string(stack.size()) + " slices";
+  }
+  return list;
+}
+
+// Takes the slices of the largest stack, and notes the others.
+void Choose(Series series, FileNotes* left_out, DicomFolder* result) {
   Stack* const largest = LargestOf(&series);
   const std::string chosen = SeriesOf(largest->slices().front());
   for (auto& [key, stacks] : series) {
+    const bool has_chosen = std::ranges::any_of(stacks, [&](Stack& s) { return &s == largest; });
+    if (has_chosen && stacks.size() > 1 && !largest->number().empty()) {
+      result->warnings.push_back("the series has several passes over the same range (" +
+                                 PassesIn(stacks) + "); pass " + largest->number() +
+                                 " is taken, palpate-import --acquisition chooses another" +
+                                 kReadOtherwise);
+    }
     for (Stack& stack : stacks) {
       if (&stack == largest) continue;
       for (const DicomSlice& slice : stack.slices()) {
         const bool is_other = SeriesOf(slice) != chosen;
         left_out->Add(
             is_other ? "it is of " + Named(SeriesOf(slice), slice.content.Text(dicom::kDescription))
-                     : "it differs from the stack in size, spacing or orientation",
+            : has_chosen && stack.Takes(largest->slices().front())
+                ? "it is of pass " + stack.number()
+                : "it differs from the stack in size, spacing or orientation",
             slice.file);
       }
     }
   }
-  return std::move(largest->slices());
+  result->slices = std::move(largest->slices());
 }
 
 constexpr char kLooseSeries[] =
@@ -245,6 +307,7 @@ DicomFolder ScanDicomFolder(const fs::path& folder, const ImportLimits& limits) 
   const auto group = [&](std::string (*key)(const DicomSlice&)) {
     left_out = found.left_out;
     series = Grouped(found.slices, key, &left_out);
+    if (limits.acquisition != kAllPasses) series = SplitByPass(std::move(series));
   };
   for (const bool below : {false, true}) {
     found = Find(folder, below, limits);
@@ -256,7 +319,10 @@ DicomFolder ScanDicomFolder(const fs::path& folder, const ImportLimits& limits) 
       if (HasStack(&series)) result.warnings.push_back(kLooseSeries);
     }
     if (!HasStack(&series)) continue;
-    result.slices = Choose(std::move(series), &left_out);
+    if (!limits.acquisition.empty() && limits.acquisition != kAllPasses) {
+      KeepPass(limits.acquisition, &series);
+    }
+    Choose(std::move(series), &left_out, &result);
     result.left_out = left_out.Text();
     Describe(folder, below, count > 1, &result);
     if (!found.repairs.empty()) result.warnings.push_back(found.repairs.Text());
@@ -265,7 +331,7 @@ DicomFolder ScanDicomFolder(const fs::path& folder, const ImportLimits& limits) 
   if (found.slices.empty() && found.left_out.empty()) {
     Refuse("neither the folder nor those below hold DICOM slices; give the one with the series");
   }
-  if (!found.slices.empty()) Choose(std::move(series), &left_out);
+  if (!found.slices.empty()) Choose(std::move(series), &left_out, &result);
   Refuse((found.slices.empty() ? "no DICOM slice can be used"
                                : "there is a single slice; a volume needs at least two") +
          (left_out.empty() ? std::string() : ": " + left_out.Text()));

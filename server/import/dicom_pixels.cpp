@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <sstream>
 #include <string>
 
@@ -64,6 +65,8 @@ std::string FileHead(const DicomFile& file) {
   return head.text();
 }
 
+// Pixels that are not compressed, or by RLE, are described to GDCM as unsigned numbers of all bits,
+// which it gives back as they are.
 std::string PixelsOnly(const DicomSlice& slice) {
   const DicomFile& file = slice.content;
   const auto number = [&](const DicomTag& tag, std::uint32_t absent) {
@@ -71,7 +74,9 @@ std::string PixelsOnly(const DicomSlice& slice) {
     return text.empty() ? absent : static_cast<std::uint32_t>(ParseInteger(text, tag.name));
   };
   const std::uint32_t bits = number(dicom::kBits, 16);
-  const std::uint32_t stored = number(dicom::kBitsStored, bits);
+  const bool is_packed = bits == 12;
+  const bool as_stated = file.stream.bits > 0 || is_packed;
+  const std::uint32_t stored = as_stated ? number(dicom::kBitsStored, bits) : bits;
   ElementWriter out(file.big_endian);
   out.Text(0x00080016, "UI", kCt);
   out.Text(0x00080018, "UI", "1.2.3");
@@ -81,80 +86,120 @@ std::string PixelsOnly(const DicomSlice& slice) {
   out.Short(dicom::kColumns.number, static_cast<std::uint32_t>(slice.size[0]));
   out.Short(dicom::kBits.number, bits);
   out.Short(dicom::kBitsStored.number, stored);
-  out.Short(dicom::kHighBit.number, number(dicom::kHighBit, stored - 1));
-  out.Short(dicom::kSign.number, number(dicom::kSign, 0));
+  out.Short(dicom::kHighBit.number, as_stated ? number(dicom::kHighBit, stored - 1) : stored - 1);
+  out.Short(dicom::kSign.number, as_stated ? number(dicom::kSign, 0) : 0);
   std::string pixels(static_cast<std::size_t>(file.pixels_end - file.pixels_begin), '\0');
   std::ifstream in(slice.file, std::ios::binary);
   in.seekg(file.pixels_begin);
   if (!in.read(pixels.data(), std::ssize(pixels))) Refuse("the file changed while it was read");
-  out.Head(0x7fe00010, file.has_fragments ? "OB" : "OW");
+  out.Head(0x7fe00010, file.has_fragments || (file.has_bytes && bits == 8) ? "OB" : "OW");
   out.Number(0, 2);
   out.Number(file.has_fragments ? 0xffffffff : static_cast<std::uint32_t>(pixels.size()), 4);
   out.Raw(pixels);
   return FileHead(file) + out.text();
 }
 
-template <class Stored>
-std::vector<float> Values(const std::string& bytes, const DicomSlice& slice) {
-  std::vector<float> values(bytes.size() / sizeof(Stored));
-  const DicomTable* const table = slice.content.table.get();
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    Stored stored;
-    std::memcpy(&stored, bytes.data() + k * sizeof(Stored), sizeof(Stored));
-    if (table) {
-      const std::int64_t last = std::ssize(table->entries) - 1;
-      const std::int64_t entry =
-          std::clamp<std::int64_t>(std::int64_t{stored} - table->first, 0, last);
-      values[k] = table->entries[static_cast<std::size_t>(entry)];
-    } else {
-      values[k] = static_cast<float>(slice.intercept + slice.slope * static_cast<double>(stored));
-    }
-  }
-  return values;
+// The number in a pixel's bits, least first.
+std::int64_t NumberIn(std::uint64_t pattern, int bits, bool is_signed) {
+  const std::uint64_t mask = ~std::uint64_t{0} >> (64 - bits);
+  const bool is_negative = is_signed && (pattern >> (bits - 1) & 1) != 0;
+  return static_cast<std::int64_t>(is_negative ? pattern | ~mask : pattern & mask);
 }
 
-std::vector<float> ValuesOf(gdcm::PixelFormat::ScalarType type, const std::string& bytes,
-                            const DicomSlice& slice) {
-  switch (type) {
-    case gdcm::PixelFormat::UINT8:
-      return Values<std::uint8_t>(bytes, slice);
-    case gdcm::PixelFormat::INT8:
-      return Values<std::int8_t>(bytes, slice);
-    case gdcm::PixelFormat::UINT12:
-    case gdcm::PixelFormat::UINT16:
-      return Values<std::uint16_t>(bytes, slice);
-    case gdcm::PixelFormat::INT12:
-    case gdcm::PixelFormat::INT16:
-      return Values<std::int16_t>(bytes, slice);
-    case gdcm::PixelFormat::UINT32:
-      return Values<std::uint32_t>(bytes, slice);
-    case gdcm::PixelFormat::INT32:
-      return Values<std::int32_t>(bytes, slice);
-    default:
-      return {};
+// Pixels of `width` bits each.
+class Pixels {
+ public:
+  Pixels(const std::string& bytes, int width, const DicomSlice& slice)
+      : bytes_(bytes), width_(width), slice_(slice), low_(slice.low_bit) {
+    bits_ = std::min(slice.bits, width - low_);
   }
-}
+
+  DicomPixels Values() {
+    DicomPixels pixels;
+    for (std::size_t n = 0; n < Count(); ++n) {
+      const std::uint64_t pattern = PatternAt(n);
+      pixels.has_more_bits |= !Fits(pattern);
+      pixels.has_short_signs |= IsEmptyAbove(pattern) && Stored(pattern) < 0;
+    }
+    // What is not compressed may have an overlay in them.
+    if (pixels.has_more_bits && slice_.content.stream.bits > 0) bits_ = width_;
+    pixels.values.reserve(Count());
+    for (std::size_t n = 0; n < Count(); ++n) {
+      const std::uint64_t pattern = PatternAt(n);
+      const bool is_whole = IsPadding(Whole(pattern));
+      const float value = ValueOf(is_whole ? Whole(pattern) : Stored(pattern));
+      const bool is_padding = is_whole || IsPadding(Stored(pattern));
+      if (is_padding) pixels.least_padding = std::min(pixels.least_padding, value);
+      pixels.values.push_back(is_padding ? std::numeric_limits<float>::quiet_NaN() : value);
+    }
+    return pixels;
+  }
+
+ private:
+  std::size_t Count() const { return 8 * bytes_.size() / static_cast<std::size_t>(width_); }
+  std::uint64_t PatternAt(std::size_t n) const {
+    const auto bytes = static_cast<std::size_t>(width_ / 8);
+    std::uint64_t pattern = 0;
+    std::memcpy(&pattern, bytes_.data() + n * bytes, bytes);
+    return pattern;
+  }
+  std::int64_t Stored(std::uint64_t pattern) const {
+    return NumberIn(pattern >> low_, bits_, slice_.is_signed);
+  }
+  std::int64_t Whole(std::uint64_t pattern) const {
+    return NumberIn(pattern, width_, slice_.is_signed);
+  }
+  // Padding may be a number that BitsStored has no room for.
+  bool IsPadding(std::int64_t number) const {
+    return slice_.least_padding <= number && number <= slice_.greatest_padding;
+  }
+  bool IsEmptyAbove(std::uint64_t pattern) const {
+    return low_ + bits_ < width_ && pattern >> (low_ + bits_) == 0;
+  }
+  // The bits above those that are stored are 0, or continue the sign.
+  bool Fits(std::uint64_t pattern) const {
+    return IsEmptyAbove(pattern) || Whole(pattern) >> low_ == Stored(pattern) ||
+           IsPadding(Whole(pattern));
+  }
+  float ValueOf(std::int64_t stored) const {
+    if (const DicomTable* const table = slice_.content.table.get()) {
+      const std::int64_t last = std::ssize(table->entries) - 1;
+      return table->entries[static_cast<std::size_t>(
+          std::clamp<std::int64_t>(stored - table->first, 0, last))];
+    }
+    return static_cast<float>(slice_.intercept + slice_.slope * static_cast<double>(stored));
+  }
+
+  const std::string& bytes_;
+  const int width_;
+  const DicomSlice& slice_;
+  const int low_;
+  int bits_;
+};
 
 }  // namespace
 
-std::vector<float> ReadDicomPixels(const DicomSlice& slice) {
+DicomPixels ReadDicomPixels(const DicomSlice& slice) {
   std::istringstream in(PixelsOnly(slice));
   gdcm::ImageReader reader;
   reader.SetStream(in);
-  std::vector<float> values;
+  DicomPixels pixels;
   if (reader.Read()) {
     const gdcm::Image& image = reader.GetImage();
     std::string bytes(image.GetBufferLength(), '\0');
     if (image.GetBuffer(bytes.data())) {
-      values = ValuesOf(image.GetPixelFormat().GetScalarType(), bytes, slice);
+      const auto width = 8 * std::ssize(bytes) / (slice.size[0] * slice.size[1]);
+      if (width == 8 || width == 16 || width == 32) {
+        pixels = Pixels(bytes, static_cast<int>(width), slice).Values();
+      }
     }
   }
-  if (std::ssize(values) != slice.size[0] * slice.size[1]) {
+  if (std::ssize(pixels.values) != slice.size[0] * slice.size[1]) {
     Refuse("the pixels of the slice " + FileName(slice.file) + " (transfer syntax " +
            Quoted(slice.content.syntax) +
            ") cannot be decoded; export the series uncompressed, as Explicit VR Little Endian");
   }
-  return values;
+  return pixels;
 }
 
 }  // namespace palpate

@@ -4,13 +4,24 @@
 // Threads: one. Reads files. Errors: palpate::Error.
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "server/import/dicom_slice.h"
 
 namespace palpate {
 
-// Returns the values, with rescale or table, x fastest.
-std::vector<float> ReadDicomPixels(const DicomSlice& slice);
+struct DicomPixels {
+  // With rescale or table, x fastest. Padding is not a number.
+  std::vector<float> values;
+  float least_padding = std::numeric_limits<float>::infinity();
+  // Pixels have numbers that need more bits than BitsStored says. Of a compressed slice all bits
+  // are taken, otherwise those that are stored.
+  bool has_more_bits = false;
+  // Pixels have their sign in the highest of the bits that are stored, and none above.
+  bool has_short_signs = false;
+};
+
+DicomPixels ReadDicomPixels(const DicomSlice& slice);
 
 }  // namespace palpate

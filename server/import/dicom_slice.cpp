@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
 #include <utility>
 
 namespace palpate {
@@ -23,7 +24,7 @@ class Fields {
     // No comma belongs into a number, but some programs write one for the point.
     if (text.find(',') != std::string::npos) {
       std::ranges::replace(text, ',', '.');
-      repairs_->Add(std::string("a comma is read as the decimal point in ") + tag.name, file_);
+      Repair(std::string("a comma is read as the decimal point in ") + tag.name);
     }
     std::vector<double> numbers;
     for (const std::string_view word : Words(text)) {
@@ -36,6 +37,11 @@ class Fields {
     const std::vector<double> numbers = Numbers(tag, 1);
     return numbers.empty() ? absent : numbers[0];
   }
+  int Integer(const DicomTag& tag, int absent) const {
+    using Limits = std::numeric_limits<int>;
+    return static_cast<int>(std::clamp<double>(Number(tag, absent), Limits::min(), Limits::max()));
+  }
+  void Repair(const std::string& what) const { repairs_->Add(what, file_); }
 
  private:
   const std::filesystem::path& file_;
@@ -49,6 +55,50 @@ ScalarType ParseType(const Fields& fields) {
   if (bits <= 8) return is_signed ? ScalarType::kInt8 : ScalarType::kUint8;
   if (bits <= 16) return is_signed ? ScalarType::kInt16 : ScalarType::kUint16;
   return is_signed ? ScalarType::kInt32 : ScalarType::kUint32;
+}
+
+// JPEG 2000, JPEG-LS and JPEG say themselves how many bits they hold.
+void ParseBits(const Fields& fields, const DicomStream& stream, DicomSlice* slice) {
+  const int allocated = fields.Integer(dicom::kBits, 16);
+  const int stored = fields.Integer(dicom::kBitsStored, allocated);
+  const int high = fields.Integer(dicom::kHighBit, stored - 1);
+  slice->is_signed = fields.Integer(dicom::kSign, 0) == 1;
+  slice->bits = stored;
+  slice->low_bit = high + 1 - stored;
+  if (stored < 1 || slice->low_bit < 0 || high >= allocated) {
+    slice->bits = allocated;
+    slice->low_bit = 0;
+    fields.Repair("BitsStored and HighBit contradict BitsAllocated, whose bits are all taken");
+  }
+  if (stream.bits == 0) return;
+  slice->low_bit = 0;
+  // Streams of more bits are common, with nothing in those that are not stored.
+  if (stream.bits < slice->bits) {
+    fields.Repair("its compressed pixels are of " + std::to_string(stream.bits) +
+                  " bits, and BitsStored says " + std::to_string(stored) +
+                  "; those of the pixels are taken");
+    slice->bits = stream.bits;
+  }
+  if (stream.is_jpeg_2000 && stream.is_signed != slice->is_signed) {
+    fields.Repair(std::string("its JPEG 2000 says ") + (stream.is_signed ? "signed" : "unsigned") +
+                  " pixels, and PixelRepresentation the contrary, which is taken");
+  }
+}
+
+// Its type may be signed or not, whatever the pixels are: the pattern of its bits counts.
+void ParsePadding(const Fields& fields, DicomSlice* slice) {
+  if (fields.Text(dicom::kPadding).empty()) return;
+  const bool is_wide = fields.Integer(dicom::kBits, 16) > 16;
+  const auto value = [&](const DicomTag& tag) -> std::int64_t {
+    const auto pattern = static_cast<std::uint32_t>(fields.Number(tag, 0));
+    if (!slice->is_signed) return pattern;
+    return is_wide ? static_cast<std::int32_t>(pattern) : static_cast<std::int16_t>(pattern);
+  };
+  const std::int64_t one = value(dicom::kPadding);
+  const bool has_limit = !fields.Text(dicom::kPaddingLimit).empty();
+  const std::int64_t other = has_limit ? value(dicom::kPaddingLimit) : one;
+  slice->least_padding = std::min(one, other);
+  slice->greatest_padding = std::max(one, other);
 }
 
 // The rescale of a CT leads to Hounsfield units unless its type says otherwise. US: unspecified.
@@ -67,6 +117,11 @@ double FirstNumber(const std::string& text) {
 }
 
 void CheckKind(const Fields& fields) {
+  if (fields.Text(dicom::kImageType).find("MOSAIC") != std::string::npos) {
+    Refuse(
+        "it is a mosaic, many slices in one picture, as Siemens writes them, which is not "
+        "supported; convert the series with dcm2niix");
+  }
   if (fields.Number(dicom::kFrames, 1) > 1) {
     Refuse("it has several frames, which is not supported; save one file per slice");
   }
@@ -77,16 +132,43 @@ void CheckKind(const Fields& fields) {
   }
 }
 
-void ParsePlace(const Fields& fields, DicomSlice* slice) {
-  const auto position = fields.Numbers(dicom::kPosition, 3);
-  const auto orientation = fields.Numbers(dicom::kOrientation, 6);
-  if (position.empty() || orientation.empty()) {
-    Refuse("it does not state its position and orientation; export it again");
-  }
-  slice->position_W_mm = {position[0], position[1], position[2]};
-  if (slice->position_W_mm.cwiseAbs().maxCoeff() > kFarthest_mm) {
+void CheckPosition(const DicomSlice& slice) {
+  if (slice.position_W_mm.cwiseAbs().maxCoeff() > kFarthest_mm) {
     Refuse("it states a position that is none; export it again");
   }
+}
+
+// Of a slice that states no place in the patient: its place among the others.
+void ParseOrder(const Fields& fields, const ImportLimits& limits, DicomSlice* slice) {
+  const auto location = fields.Numbers(dicom::kSliceLocation, 1);
+  const auto number = fields.Numbers(dicom::kInstanceNumber, 1);
+  if (location.empty() && number.empty()) {
+    Refuse("it does not state its position and orientation; export it again");
+  }
+  double pitch_mm = 1.0;
+  if (location.empty() && !limits.spacing_is_given) {
+    pitch_mm = fields.Number(dicom::kSlicePitch, 0.0);
+    if (!(pitch_mm > 0.0)) {
+      Refuse(
+          "it states neither its position nor the distance of slices (SpacingBetweenSlices); give "
+          "--spacing-mm X,Y,Z");
+    }
+  }
+  slice->order = location.empty() ? dicom::kInstanceNumber.name : dicom::kSliceLocation.name;
+  slice->position_W_mm = {0.0, 0.0, location.empty() ? pitch_mm * number[0] : location[0]};
+  CheckPosition(*slice);
+  slice->row_W = Vec3::UnitX();
+  slice->column_W = Vec3::UnitY();
+  fields.Repair("it does not state its position and orientation: the slices are in the order of " +
+                std::string(slice->order) + ", and left and right are unknown");
+}
+
+void ParsePlace(const Fields& fields, const ImportLimits& limits, DicomSlice* slice) {
+  const auto position = fields.Numbers(dicom::kPosition, 3);
+  const auto orientation = fields.Numbers(dicom::kOrientation, 6);
+  if (position.empty() || orientation.empty()) return ParseOrder(fields, limits, slice);
+  slice->position_W_mm = {position[0], position[1], position[2]};
+  CheckPosition(*slice);
   slice->row_W = {orientation[0], orientation[1], orientation[2]};
   slice->column_W = {orientation[3], orientation[4], orientation[5]};
   if (std::abs(slice->row_W.norm() - 1.0) > kParallelSlices ||
@@ -131,14 +213,27 @@ DicomSlice ParseSlice(const std::filesystem::path& file, DicomFile content,
   slice.file = file;
   const Fields fields(slice.file, content, repairs);
   CheckKind(fields);
-  ParsePlace(fields, &slice);
+  if (content.has_frame_groups) {
+    Refuse(
+        "it is an enhanced image, which states its places by frame and is not supported; save it "
+        "as classic files, one per slice, or convert it with dcm2niix");
+  }
+  if (content.is_encoded_otherwise) {
+    fields.Repair("it is encoded otherwise than its transfer syntax states; it is read as it is");
+  }
+  ParsePlace(fields, limits, &slice);
   slice.spacing_mm = limits.spacing_is_given ? std::array{1.0, 1.0} : ParseSpacing(fields);
   slice.size = {static_cast<std::int64_t>(fields.Number(dicom::kColumns, 0)),
                 static_cast<std::int64_t>(fields.Number(dicom::kRows, 0))};
   slice.type = ParseType(fields);
+  ParseBits(fields, content.stream, &slice);
+  ParsePadding(fields, &slice);
   slice.intercept = fields.Number(dicom::kIntercept, 0.0);
   slice.slope = fields.Number(dicom::kSlope, 1.0);
-  if (slice.slope == 0.0) slice.slope = 1.0;  // as GDCM
+  if (slice.slope == 0.0) {
+    slice.slope = 1.0;  // as GDCM
+    fields.Repair("its RescaleSlope is 0; 1 is taken");
+  }
   slice.unit = ParseUnit(fields, content);
   slice.window_level = FirstNumber(fields.Text(dicom::kWindowLevel));
   slice.window_width = std::max(0.0, FirstNumber(fields.Text(dicom::kWindowWidth)));

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/geometry/geometry.h"
@@ -23,12 +24,22 @@ inline constexpr double kParallelSlices = 1e-3;
 struct DicomSlice {
   std::filesystem::path file;
   DicomFile content;
+  // What orders the slices; empty: their places. Without a place, position_W_mm is on the z axis.
+  std::string_view order;
   Vec3 position_W_mm;
   Vec3 row_W;     // unit vector along x
   Vec3 column_W;  // unit vector along y
   std::array<double, 2> spacing_mm{};
   std::array<std::int64_t, 2> size{};
   ScalarType type = ScalarType::kInt16;
+  // Where the value lies in the bits of a pixel, which is unsigned or in two's complement.
+  int low_bit = 0;
+  int bits = 16;
+  bool is_signed = false;
+  // The pixels that are no picture, such as the corners around a round one: PixelPaddingValue, up
+  // to PixelPaddingRangeLimit. None: least is above greatest.
+  std::int64_t least_padding = 1;
+  std::int64_t greatest_padding = 0;
   // Of the values, without content.table.
   double slope = 1.0;
   double intercept = 0.0;

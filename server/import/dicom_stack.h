@@ -28,8 +28,8 @@ struct DicomStack {
 };
 
 // `slices`: at least two, of one size, spacing and orientation. Refuses slices that lie beside the
-// line of the others or at one place, or leave a gap. Unevenly spaced slices are to be resampled, if
-// `limits` lets it; warnings say so.
+// line of the others or at one place, or leave a gap. Unevenly spaced slices are to be resampled,
+// if `limits` lets it; warnings say so.
 DicomStack MakeStack(std::vector<DicomSlice> slices, const ImportLimits& limits,
                      Reporter* reporter);
 

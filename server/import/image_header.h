@@ -29,6 +29,10 @@ int ByteCount(ScalarType type);
 const char* Name(ScalarType type);
 ScalarType ParseScalarType(std::string_view name);  // takes the result of Name()
 
+// Ends a warning about a file.
+inline constexpr char kReadOtherwise[] =
+    "; earlier versions read it otherwise: sides answered for it, and recordings of it, do not fit";
+
 // The place of a file's voxels: maps index to W (mm, LPS).
 struct ImageGeometry {
   Vec3 spacing_mm = Vec3::Ones();
@@ -76,6 +80,9 @@ struct ImportLimits {
   // allocated. For a stack of slices it is called again and again while the slices are counted. May
   // be empty.
   std::function<void(const std::array<std::int64_t, 3>& size, int bytes_per_voxel)> on_size{};
+  // Called with the value of pixels that are no picture (padding), which are read as NaN. May be
+  // empty.
+  std::function<void(float value)> on_padding{};
   std::int64_t max_voxels = std::int64_t{1} << 31;
   std::int64_t max_memory_bytes = std::int64_t{16} << 30;
   // Real paths. Files that a source refers to (slices, voxels of a detached header) must lie below
@@ -83,9 +90,12 @@ struct ImportLimits {
   std::vector<std::filesystem::path> folders{};
   // Files that are refused, whatever link leads to them.
   OwnFiles own_files{};
-  bool spacing_is_given = false;    // the file's own does not matter
+  bool spacing_is_given = false;  // the file's own does not matter
+  // What the user says the values are: first + second * the file's.
+  std::optional<std::array<double, 2>> rescale{};
   std::optional<NiftiForm> form{};  // the user's choice; none: as the file says
   std::string series{};             // the SeriesInstanceUID to read; empty: the largest
+  std::string acquisition{};        // the number of the pass to read, or "all"; empty: the largest
   bool may_resample = true;         // unevenly spaced slices; otherwise they are refused
 };
 

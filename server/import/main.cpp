@@ -41,8 +41,10 @@ struct Options {
   std::optional<std::int64_t> descriptor;
   std::optional<std::int64_t> save_descriptor;
   std::vector<double> spacing_mm;
+  std::vector<double> rescale;
   std::string orientation;
   std::string series;
+  std::string acquisition;
   bool no_resample = false;
   std::optional<std::int64_t> frame;
   std::string grid;
@@ -140,6 +142,13 @@ void DefineOptions(arguments::Command* app, Options* options) {
       ->expected(3)
       ->type_name("X,Y,Z");
   app->add_option(
+         "--rescale", options->rescale,
+         "Values are INTERCEPT + SLOPE * what the file says (default slope: 1). Those of a\n"
+         "CT are then taken for Hounsfield units: --rescale -1024")
+      ->delimiter(',')
+      ->expected(1, 2)
+      ->type_name("INTERCEPT[,SLOPE]");
+  app->add_option(
          "--orientation", options->orientation,
          "Place of a NIfTI file's voxels: its qform, its sform (at right angles), or none\n"
          "(default: the sform if its code is not 0, else the qform)")
@@ -149,6 +158,10 @@ void DefineOptions(arguments::Command* app, Options* options) {
                   "SeriesInstanceUID of the DICOM series to read (default: the one with the most\n"
                   "slices that fit together)")
       ->type_name("UID");
+  app->add_option("--acquisition", options->acquisition,
+                  "Pass of the DICOM series to read, as the warning numbers them, if several lie\n"
+                  "over the same range (acquisitions, times, echoes); all: they are one volume")
+      ->type_name("N");
   app->add_flag("--no-resample", options->no_resample,
                 "Refuse unevenly spaced DICOM slices (default: interpolate at their finest\n"
                 "spacing, with a warning)");
@@ -282,10 +295,14 @@ void HandOver(const Options& options, const palpate::ImportLimits& limits,
       (!options.raw_size.empty() || PlainFormat(options.input) != palpate::ImageFormat::kNifti)) {
     palpate::Refuse("only NIfTI files have a qform and a sform; leave --orientation out");
   }
-  if (!options.series.empty() && ReaderName(options) != kDicom) {
-    palpate::Refuse("only folders of DICOM files have series; leave --series out");
+  if ((!options.series.empty() || !options.acquisition.empty()) && ReaderName(options) != kDicom) {
+    palpate::Refuse(
+        "only folders of DICOM files have series and passes; leave --series and --acquisition out");
   }
   if (IsVdb(options)) {
+    if (limits.rescale) {
+      palpate::Refuse("the values of a grid are not rescaled; leave --rescale out");
+    }
     palpate::CheckFrame(options.frame.value_or(0), 1);
     palpate::HandOverVdb(options.input, {source, options.grid, options.component, spacing_mm}, fd,
                          reporter);
@@ -295,10 +312,19 @@ void HandOver(const Options& options, const palpate::ImportLimits& limits,
     palpate::Refuse("only .vdb files have grids and components; leave --grid and --component out");
   }
   palpate::VoxelWriter writer(fd);
-  const auto sink = [&writer](palpate::LeafType type, const void* voxels, std::size_t count) {
-    writer.Add(type, voxels, count);
+  const auto sink = [&](palpate::LeafType type, const void* voxels, std::size_t count) {
+    if (!limits.rescale) return writer.Add(type, voxels, count);
+    const auto& [intercept, slope] = *limits.rescale;
+    std::vector<float> values = palpate::FloatsOf(type, voxels, count);
+    for (float& value : values) value = static_cast<float>(intercept + slope * value);
+    writer.Add(palpate::LeafType::kFloat, values.data(), count);
   };
-  palpate::VolumeMetadata metadata = Read(options, limits, sink, reporter);
+  palpate::ImportLimits with_padding = limits;
+  with_padding.on_padding = [&](float value) {
+    const auto& [intercept, slope] = limits.rescale.value_or(std::array{0.0, 1.0});
+    writer.SetPadding(static_cast<float>(intercept + slope * value));
+  };
+  palpate::VolumeMetadata metadata = Read(options, with_padding, sink, reporter);
   metadata.source = source;
   writer.Finish(std::move(metadata), spacing_mm, reporter);
 }
@@ -312,8 +338,16 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   palpate::ImportLimits limits;
   limits.max_voxels = options.max_voxels;
   limits.spacing_is_given = spacing_mm.has_value();
+  if (!options.rescale.empty()) {
+    const double slope = options.rescale.size() > 1 ? options.rescale[1] : 1.0;
+    if (!std::isfinite(options.rescale[0]) || !std::isfinite(slope) || slope == 0.0) {
+      palpate::Refuse("--rescale takes a number, and a slope that is not 0");
+    }
+    limits.rescale = {options.rescale[0], slope};
+  }
   limits.form = FormNamed(options.orientation);
   limits.series = options.series;
+  limits.acquisition = options.acquisition;
   limits.may_resample = !options.no_resample;
   limits.max_memory_bytes = options.max_memory_mib << 20;
   limits.folders = FoldersToRead(options);

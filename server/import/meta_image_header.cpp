@@ -152,8 +152,13 @@ void ReadElementDataPlace(const Fields& fields, std::int64_t header_end, ImageHe
       Refuse("CompressedDataSize is not positive; correct the header");
   }
   if (lower == "local") {
-    header->begin = header_end;
-    if (skip != 0) Refuse("HeaderSize is only for a data file of its own; correct the header");
+    // As MetaIO: counted from the file's first byte, or -1 for voxels at its end.
+    const bool is_behind = skip == 0 || skip >= header_end;
+    if (header->compressed ? skip != 0 : !is_behind && skip != ImageHeader::kVoxelsAtEnd) {
+      Refuse("HeaderSize " + std::to_string(skip) + " does not fit the data; correct the header");
+    }
+    header->begin = skip > 0 ? skip : header_end;
+    if (skip == ImageHeader::kVoxelsAtEnd) header->skip_bytes = skip;
     return;
   }
   if (lower.starts_with("list") || name.find('%') != std::string::npos || Words(name).size() > 1) {

@@ -119,7 +119,18 @@ ImageGeometry FromSform(const NiftiFields& fields) {
   return geometry;
 }
 
-NiftiForm FormOf(const NiftiFields& fields, const std::optional<NiftiForm>& wanted) {
+// Why the sform is no place; empty: it is one.
+std::string WhyNoSform(const NiftiFields& fields) {
+  const auto& s = fields.srow;
+  for (std::size_t col = 0; col < 3; ++col) {
+    if (Vec3(s[col], s[4 + col], s[8 + col]).isZero(0.0)) return "gives an axis no direction";
+  }
+  const bool is_finite = std::ranges::all_of(s, [](double x) { return std::isfinite(x); });
+  return is_finite ? "" : "is not finite";
+}
+
+NiftiForm FormOf(const NiftiFields& fields, const std::optional<NiftiForm>& wanted,
+                 ImageHeader* header) {
   const bool has_qform = fields.qform_code != 0;
   const bool has_sform = fields.sform_code != 0;
   if ((wanted == NiftiForm::kQform && !has_qform) || (wanted == NiftiForm::kSform && !has_sform)) {
@@ -128,6 +139,11 @@ NiftiForm FormOf(const NiftiFields& fields, const std::optional<NiftiForm>& want
            "_code is 0); choose another --orientation");
   }
   if (wanted) return *wanted;
+  const std::string why_no_sform = has_sform ? WhyNoSform(fields) : "";
+  if (has_qform && !why_no_sform.empty()) {
+    header->warnings.push_back("the sform " + why_no_sform + "; the qform is taken");
+    return NiftiForm::kQform;
+  }
   return has_sform ? NiftiForm::kSform : has_qform ? NiftiForm::kQform : NiftiForm::kNone;
 }
 
@@ -206,7 +222,7 @@ void StraightenSform(const NiftiFields& fields, bool is_wanted, ImageHeader* hea
 void ReadGeometry(NiftiFields fields, const std::optional<NiftiForm>& wanted, bool spacing_is_given,
                   ImageHeader* header) {
   const std::optional<double> mm = MillimetresPerUnit(fields);
-  const NiftiForm form = FormOf(fields, wanted);
+  const NiftiForm form = FormOf(fields, wanted, header);
   if (form != NiftiForm::kSform && !spacing_is_given) RepairPixdim(&fields, header);
   header->geometry = GeometryOf(fields, form);
   ToMillimetres(mm.value_or(1.0), spacing_is_given, &header->geometry);
@@ -251,7 +267,9 @@ ImageHeader ParseNiftiHeader(std::string_view head, const std::optional<NiftiFor
   header.big_endian = fields.big_endian;
   header.type = ParseType(fields.datatype);
   if (fields.bitpix != 8 * ByteCount(header.type)) {
-    Refuse("the NIfTI header's datatype and bitpix disagree; correct it");
+    header.warnings.push_back("the NIfTI header's bitpix, " + std::to_string(fields.bitpix) +
+                              ", is not that of its datatype, " + Name(header.type) +
+                              ", which is taken");
   }
   ReadExtent(fields, &header);
   ReadGeometry(fields, form, spacing_is_given, &header);

@@ -11,6 +11,7 @@
 #include "server/import/dicom_pixels.h"
 #include "server/import/dicom_stack.h"
 #include "server/import/readers.h"
+#include "server/import/value_checks.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
@@ -28,14 +29,45 @@ DicomStack MakeStackOf(DicomFolder folder, const ImportLimits& limits, Reporter*
   }
 }
 
+// Reads slices, and keeps in mind those that hold more than they state.
+class StackReader {
+ public:
+  explicit StackReader(const DicomStack& stack) : stack_(stack) {}
+
+  const std::vector<DicomSlice>& slices() const { return stack_.slices; }
+  double height_mm(std::size_t k) const { return stack_.places_mm[k].z(); }
+  std::vector<float> Read(std::size_t k) {
+    DicomPixels pixels = ReadDicomPixels(stack_.slices[k]);
+    if (pixels.has_more_bits) {
+      notes_.Add(stack_.slices[k].content.stream.bits > 0
+                     ? "its pixels need more bits than BitsStored says; all are taken"
+                     : "there is something in the bits above those of BitsStored; it is left out",
+                 stack_.slices[k].file);
+    }
+    least_padding_ = std::min(least_padding_, pixels.least_padding);
+    if (pixels.has_short_signs) {
+      notes_.Add(std::string("its numbers have their sign in BitsStored") + kReadOtherwise,
+                 stack_.slices[k].file);
+    }
+    return std::move(pixels.values);
+  }
+  const FileNotes& notes() const { return notes_; }
+  float least_padding() const { return least_padding_; }
+
+ private:
+  const DicomStack& stack_;
+  FileNotes notes_;
+  float least_padding_ = std::numeric_limits<float>::infinity();
+};
+
 // Gives the volume's slices one after the other, interpolated between the stack's.
 class Resampler {
  public:
-  explicit Resampler(const DicomStack& stack) : stack_(stack) { Read(0), Read(1); }
+  explicit Resampler(StackReader* stack) : stack_(*stack) { Read(0), Read(1); }
 
   // `height_mm` must not be less than before.
   const std::vector<float>& At(double height_mm) {
-    while (next_ + 1 < stack_.slices.size() && height_mm > Height(next_)) Read(next_ + 1);
+    while (next_ + 1 < stack_.slices().size() && height_mm > Height(next_)) Read(next_ + 1);
     const double share = (height_mm - Height(next_ - 1)) / (Height(next_) - Height(next_ - 1));
     // A slice that lies there stays as it is, whatever was rounded.
     const double rounded = std::round(share);
@@ -50,30 +82,35 @@ class Resampler {
  private:
   static constexpr double kAtSlice = 1e-6;
 
-  double Height(std::size_t k) const { return stack_.places_mm[k].z(); }
+  double Height(std::size_t k) const { return stack_.height_mm(k); }
   void Read(std::size_t k) {
     below_.swap(above_);
     next_ = k;
-    above_ = ReadDicomPixels(stack_.slices[k]);
+    above_ = stack_.Read(k);
     between_.resize(above_.size());
   }
 
-  const DicomStack& stack_;
+  StackReader& stack_;
   std::size_t next_ = 0;  // the slice in above_; the one before is in below_
   std::vector<float> below_, above_, between_;
 };
 
-void ReadStack(const DicomStack& stack, const VoxelSink& sink, Reporter* reporter) {
+void ReadStack(const DicomStack& stack, const ImportLimits& limits, const VoxelSink& sink,
+               HounsfieldCheck* check, Reporter* reporter) {
+  StackReader slices(stack);
   std::optional<Resampler> resampler;
-  if (stack.is_resampled) resampler.emplace(stack);
+  if (stack.is_resampled) resampler.emplace(&slices);
   for (std::int64_t k = 0; k < stack.count; ++k) {
     reporter->Progress(0.1 + 0.7 * static_cast<double>(k) / static_cast<double>(stack.count),
                        "reading");
     const std::vector<float> slice =
         resampler ? resampler->At(stack.first_mm.z() + static_cast<double>(k) * stack.pitch_mm)
-                  : ReadDicomPixels(stack.slices[static_cast<std::size_t>(k)]);
+                  : slices.Read(static_cast<std::size_t>(k));
+    check->Add(slice.data(), slice.size());
     sink(LeafType::kFloat, slice.data(), slice.size());
   }
+  if (limits.on_padding) limits.on_padding(slices.least_padding());
+  if (!slices.notes().empty()) reporter->Warn(slices.notes().Text());
 }
 
 VolumeMetadata MakeMetadata(const DicomStack& stack) {
@@ -84,7 +121,7 @@ VolumeMetadata MakeMetadata(const DicomStack& stack) {
   metadata.spacing_mm = {first.spacing_mm[0], first.spacing_mm[1], stack.pitch_mm};
   metadata.origin_W_mm = stack.direction * stack.first_mm;
   metadata.direction = stack.direction;
-  metadata.patient_axes = "LPS";
+  if (first.order.empty()) metadata.patient_axes = "LPS";
   metadata.original_type = Name(first.type);
   const bool is_one_unit = std::ranges::all_of(
       stack.slices, [&](const DicomSlice& slice) { return slice.unit == first.unit; });
@@ -110,12 +147,13 @@ VolumeMetadata ReadDicomVolume(const fs::path& folder, const ImportLimits& limit
   const DicomSlice& first = stack.slices.front();
   const auto size = VolumeSize({first.size[0], first.size[1], stack.count});
   CheckedVoxelBytes(size, first.type, LeafType::kFloat, limits);
-  ReadStack(stack, sink, reporter);
+  HounsfieldCheck check;
+  ReadStack(stack, limits, sink, &check, reporter);
   VolumeMetadata metadata = MakeMetadata(stack);
-  if (first.is_ct && metadata.unit.empty()) {
-    reporter->Warn(
-        "this CT does not say how its values lead to Hounsfield units: they have no unit, and no "
-        "value stands for bone or skin");
+  if (limits.rescale) {
+    if (first.is_ct) metadata.unit = "HU";
+  } else {
+    check.Judge(first.is_ct, &metadata.unit, reporter);
   }
   return metadata;
 }

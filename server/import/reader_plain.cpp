@@ -2,6 +2,7 @@
 #include "server/import/raw_header.h"
 #include "server/import/readers.h"
 #include "server/import/tiff_stack.h"
+#include "server/import/value_checks.h"
 #include "server/import/voxel_reader.h"
 
 namespace palpate {
@@ -36,10 +37,22 @@ void CheckUnit(const std::string& unit, const ImportLimits& limits, Reporter* re
 }
 
 VolumeMetadata ReadFrame(const std::filesystem::path& path, const ImageHeader& header,
-                         std::int64_t frame, const VoxelSink& sink, Reporter* reporter) {
+                         std::int64_t frame, const ImportLimits& limits, const VoxelSink& sink,
+                         Reporter* reporter) {
   reporter->Progress(kCheckedShare, "reading");
-  ReadVoxels(path, header, frame, sink);
-  return MetadataOf(header);
+  VolumeMetadata metadata = MetadataOf(header);
+  if (header.unit != "HU" || limits.rescale) {
+    ReadVoxels(path, header, frame, sink);
+    return metadata;
+  }
+  HounsfieldCheck check;
+  ReadVoxels(path, header, frame, [&](LeafType type, const void* voxels, std::size_t count) {
+    const std::vector<float> values = FloatsOf(type, voxels, count);
+    check.Add(values.data(), values.size());
+    sink(type, voxels, count);
+  });
+  check.Judge(false, &metadata.unit, reporter);
+  return metadata;
 }
 
 }  // namespace
@@ -56,14 +69,14 @@ VolumeMetadata ReadPlainVolume(const std::filesystem::path& path, ImageFormat fo
     reporter->Warn("there are " + std::to_string(header.frames) +
                    " frames; the first is read, choose another one with --frame");
   }
-  return ReadFrame(path, header, frame.value_or(0), sink, reporter);
+  return ReadFrame(path, header, frame.value_or(0), limits, sink, reporter);
 }
 
 VolumeMetadata ReadRawVolume(const std::filesystem::path& path, const RawVoxels& raw,
                              const ImportLimits& limits, const VoxelSink& sink,
                              Reporter* reporter) {
   reporter->Progress(0.0, "checking");
-  return ReadFrame(path, CheckedRawHeader(path, raw, limits), 0, sink, reporter);
+  return ReadFrame(path, CheckedRawHeader(path, raw, limits), 0, limits, sink, reporter);
 }
 
 VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLimits& limits,
@@ -75,6 +88,7 @@ VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLi
         "the file states no spacing along x, y and z, as only ImageJ and OME do in TIFF; give it: "
         "--spacing-mm X,Y,Z");
   }
+  for (const std::string& warning : stack.header.warnings) reporter->Warn(warning);
   const auto progress = [reporter](double fraction) {
     reporter->Progress(kCheckedShare + (kReadShare - kCheckedShare) * fraction, "reading");
   };

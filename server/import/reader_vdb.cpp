@@ -5,11 +5,13 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "common/error/error.h"
 #include "server/import/readers.h"
 #include "server/import/tree_writer.h"
+#include "server/import/value_checks.h"
 #include "server/import/vdb_grids.h"
 #include "server/volume/handover_layout.h"
 #include "server/volume/openvdb_grids.h"
@@ -148,10 +150,69 @@ std::string OriginalType(std::string_view grid_type) {
   return grid_type == "double" ? "float64" : std::string(grid_type);
 }
 
+// Looks in some leaves at voxels beside which the sign changes.
+template <class Tree>
+DistanceCheck::Verdict LookForDistances(const Tree& tree, const VolumeMetadata& metadata,
+                                        const Vec3i& first) {
+  constexpr openvdb::Index64 kMostLeaves = 2000;
+  constexpr int kMostSteps = 16;
+  DistanceCheck check;
+  openvdb::tree::ValueAccessor<const Tree> at(tree);
+  const auto value = [&at](const openvdb::Coord& voxel) {
+    return static_cast<float>(at.getValue(voxel));
+  };
+  const openvdb::Index64 every = tree.leafCount() / kMostLeaves + 1;
+  openvdb::Index64 number = 0;
+  for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
+    if (number++ % every != 0) continue;
+    for (auto voxel = leaf->cbeginValueAll(); voxel; ++voxel) {
+      const openvdb::Coord c = voxel.getCoord();
+      if ((value(c) < 0.0f) == (value(c.offsetBy(1, 0, 0)) < 0.0f)) continue;
+      check.AddGradient(0.5 * Vec3(value(c.offsetBy(1, 0, 0)) - value(c.offsetBy(-1, 0, 0)),
+                                   value(c.offsetBy(0, 1, 0)) - value(c.offsetBy(0, -1, 0)),
+                                   value(c.offsetBy(0, 0, 1)) - value(c.offsetBy(0, 0, -1))));
+    }
+  }
+  const auto background = static_cast<float>(tree.background());
+  if (background != 0.0f) {
+    check.AddOutside(background);
+    return check.Judge(metadata.spacing_mm);
+  }
+  const Vec3i last = metadata.size - Vec3i::Ones(), step = (last / kMostSteps).cwiseMax(1);
+  for (int x = 0; x <= last.x(); x += step.x()) {
+    for (int y = 0; y <= last.y(); y += step.y()) {
+      for (const int z : {0, last.z()}) {
+        const Vec3i voxel = first + Vec3i(x, y, z);
+        check.AddOutside(value({voxel.x(), voxel.y(), voxel.z()}));
+      }
+    }
+  }
+  return check.Judge(metadata.spacing_mm);
+}
+
+// Does the file say rightly, or not at all, that the values are distances, negative inside?
 template <class Grid>
-bool Write(const openvdb::GridBase::Ptr& grid, const VolumeMetadata& metadata, const GridForm& form,
+bool IsFeltAsLevelSet(const Grid& grid, const VolumeMetadata& metadata, const Vec3i& first,
+                      Reporter* reporter) {
+  if constexpr (!std::is_floating_point_v<typename Grid::ValueType>) return metadata.is_level_set;
+  const openvdb::GridClass is = grid.getGridClass();
+  if (is == openvdb::GRID_UNKNOWN) {
+    return IsLevelSet(LookForDistances(grid.tree(), metadata, first), reporter);
+  }
+  if (is != openvdb::GRID_LEVEL_SET || grid.background() > 0) return metadata.is_level_set;
+  reporter->Warn(
+      std::string("the file calls its values a level set, whose outside is positive, and they are "
+                  "not positive outside: they are felt as other values are, from the lower ones") +
+      kReadOtherwise);
+  return false;
+}
+
+template <class Grid>
+bool Write(const openvdb::GridBase::Ptr& grid, VolumeMetadata metadata, const GridForm& form,
            int fd, Reporter* reporter) {
   if (!grid->isType<Grid>()) return false;
+  metadata.is_level_set =
+      IsFeltAsLevelSet(*openvdb::gridPtrCast<Grid>(grid), metadata, form.first, reporter);
   WriteTree(fd, openvdb::gridPtrCast<Grid>(grid)->tree(), metadata, form, reporter);
   return true;
 }
@@ -188,9 +249,15 @@ void HandOverVdb(const std::filesystem::path& path, const VdbOptions& options, i
   }
   CopyOwnEntries(*grid, &metadata);
   CopyGeometry(grid->transform(), box.first, &metadata);
+  const bool is_own = grid->getMetadata<openvdb::Vec3IMetadata>("palpate_size") != nullptr;
   if (options.spacing_mm) {
     metadata.spacing_mm = *options.spacing_mm;
   } else {
+    if (!is_own) {
+      reporter->Warn("the file states no unit of length; its numbers are taken for mm, voxels of " +
+                     ListOf(metadata.spacing_mm) +
+                     " mm; --spacing-mm states others, 1000 times as large if it is in metres");
+    }
     KeepMap(grid->transform(), &form);
   }
   KeepEntries(*grid, &form, reporter);

@@ -78,8 +78,7 @@ void CheckDataPlaces(TIFF* tiff, const TiffPage& page) {
   if (parts == 0 || (plain && stored_bytes < page_bytes)) Refuse(kDamaged);
 }
 
-void ReadStrips(TIFF* tiff, const TiffPage& page, char* out) {
-  const ImageHeader header = DecodeHeader(page);
+void ReadStrips(TIFF* tiff, const TiffPage& page, const ImageHeader& header, char* out) {
   const auto out_row_bytes = page.width * static_cast<std::int64_t>(VoxelBytes(ReadType(header)));
   std::vector<char> strip(static_cast<std::size_t>(TIFFStripSize64(tiff)));
   const std::int64_t row_bytes = page.width * ByteCount(page.type);
@@ -98,8 +97,7 @@ void ReadStrips(TIFF* tiff, const TiffPage& page, char* out) {
   }
 }
 
-void ReadTiles(TIFF* tiff, const TiffPage& page, char* out) {
-  const ImageHeader header = DecodeHeader(page);
+void ReadTiles(TIFF* tiff, const TiffPage& page, const ImageHeader& header, char* out) {
   const auto out_bytes = static_cast<std::int64_t>(VoxelBytes(ReadType(header)));
   std::vector<char> tile(static_cast<std::size_t>(TIFFTileSize64(tiff)));
   const std::int64_t width = Tag<std::uint32_t>(tiff, TIFFTAG_TILEWIDTH);
@@ -147,9 +145,8 @@ TiffDescription DescribeTiff(TIFF* tiff) {
 
 TiffPage CheckTiffPage(TIFF* tiff) {
   CheckGrey(tiff);
-  if (DescribeTiff(tiff).has_several_channels_or_times) {
-    Refuse("the pages are of several channels or times; extract one volume first");
-  }
+  const TiffDescription description = DescribeTiff(tiff);
+  if (!description.problem.empty()) Refuse(description.problem);
   TiffPage page;
   page.type = ParseType(tiff);
   page.width = Tag<std::uint32_t>(tiff, TIFFTAG_IMAGEWIDTH);
@@ -177,8 +174,8 @@ ImageHeader DecodeHeader(const TiffPage& page) {
   return header;
 }
 
-void ReadTiffPage(TIFF* tiff, const TiffPage& page, char* out) {
-  TIFFIsTiled(tiff) ? ReadTiles(tiff, page, out) : ReadStrips(tiff, page, out);
+void ReadTiffPage(TIFF* tiff, const TiffPage& page, const ImageHeader& header, char* out) {
+  TIFFIsTiled(tiff) ? ReadTiles(tiff, page, header, out) : ReadStrips(tiff, page, header, out);
 }
 
 }  // namespace palpate

@@ -41,7 +41,8 @@ bool IsAuxiliaryPage(TIFF* tiff);
 // libtiff delivers all values in the machine's byte order.
 ImageHeader DecodeHeader(const TiffPage& page);
 
-// Reads the file's current page: width * height voxels of ReadType(DecodeHeader(page)).
-void ReadTiffPage(TIFF* tiff, const TiffPage& page, char* out);
+// Reads the file's current page: width * height voxels of ReadType(header). `header`: that of
+// DecodeHeader(), with the scale of the values.
+void ReadTiffPage(TIFF* tiff, const TiffPage& page, const ImageHeader& header, char* out);
 
 }  // namespace palpate

@@ -1,5 +1,6 @@
 #include "server/import/tiff_stack.h"
 
+#include <algorithm>
 #include <bit>
 #include <string>
 
@@ -66,6 +67,37 @@ void AddPages(TIFF* tiff, StackChecker* checker, TiffStack* stack) {
   }
 }
 
+// Puts the pages into the order that OME states.
+void OrderPages(const TiffDescription& description, TiffStack* stack) {
+  const std::vector<std::int64_t>& order = description.page_of_slice;
+  if (order.empty()) return;
+  std::vector<std::int64_t> stated = order, present(stack->pages.begin(), stack->pages.end());
+  std::ranges::sort(stated);
+  if (!description.file_of_slice.empty() || stated != present) {
+    Refuse(
+        "the OME description states other slices than the pages of this file, or some in other "
+        "files; save it as one file");
+  }
+  if (order == std::vector<std::int64_t>(stack->pages.begin(), stack->pages.end())) return;
+  stack->pages.assign(order.begin(), order.end());
+  stack->header.warnings.push_back(
+      std::string("the slices are in the order that OME states, not in that of the pages") +
+      kReadOtherwise);
+}
+
+// Files that are ordered by the numbers in their names may be ordered otherwise by OME.
+void CheckOrder(const TiffDescription& description, const std::vector<fs::path>& files) {
+  std::vector<std::string> stated = description.file_of_slice, present;
+  for (const fs::path& file : files) present.push_back(file.filename().string());
+  if (stated == present) return;
+  std::ranges::sort(stated);
+  if (stated == present) {
+    Refuse(
+        "the OME description orders the files otherwise than the numbers in their names; number "
+        "them as it does, or save them as one file");
+  }
+}
+
 bool HasSeveralPages(TIFF* tiff) { return TIFFLastDirectory(tiff) == 0; }
 
 void AddFiles(StackChecker* checker, const TiffStack& stack) {
@@ -75,6 +107,10 @@ void AddFiles(StackChecker* checker, const TiffStack& stack) {
       const TiffFile file = OpenTiff(path);
       if (HasSeveralPages(file.get())) {
         Refuse("it has several pages; give the file alone, or save one file per slice");
+      }
+      const TiffDescription own = DescribeTiff(file.get());
+      if (own.slope != stack.header.slope || own.intercept != stack.header.intercept) {
+        Refuse("its values have another calibration than those of the first slice");
       }
       checker->Add(file.get(), "it");
     } catch (const Error& error) {
@@ -122,6 +158,10 @@ TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
   const TiffDescription description = DescribeTiff(first.get());
   if (description.spacing_mm) stack.header.geometry.spacing_mm = *description.spacing_mm;
   stack.states_spacing = description.spacing_mm.has_value();
+  stack.header.slope = description.slope;
+  stack.header.intercept = description.intercept;
+  stack.header.unit = description.unit;
+  stack.header.warnings = description.warnings;
   if (stack.files.size() == 1 && description.images > 1 && !HasSeveralPages(first.get()) &&
       IsOnePlainStrip(first.get())) {
     AddFollowing(first.get(), description.images, limits, &stack);
@@ -129,10 +169,12 @@ TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
   }
   if (stack.files.size() == 1 && HasSeveralPages(first.get())) {
     AddPages(first.get(), &checker, &stack);
+    OrderPages(description, &stack);
   } else {
     if (!folder) stack.files = TiffSeriesSlices(input);
     CheckPlaces(stack.files, limits);
     AddFiles(&checker, stack);
+    CheckOrder(description, stack.files);
   }
   checker.Finish();
   return stack;
@@ -146,7 +188,10 @@ void ReadTiffVoxels(const TiffStack& stack, const std::function<void(double)>& p
   }
   const auto& size = stack.header.size;
   const TiffPage page{size[0], size[1], stack.header.type};
-  const LeafType type = ReadType(DecodeHeader(page));
+  ImageHeader decode = DecodeHeader(page);
+  decode.slope = stack.header.slope;
+  decode.intercept = stack.header.intercept;
+  const LeafType type = ReadType(decode);
   const auto slice_voxels = static_cast<std::size_t>(size[0] * size[1]);
   std::vector<char> slice(slice_voxels * VoxelBytes(type));
   TiffFile file;
@@ -157,12 +202,15 @@ void ReadTiffVoxels(const TiffStack& stack, const std::function<void(double)>& p
     bool there = true;
     if (!stack.pages.empty()) {
       const std::uint32_t wanted = stack.pages[static_cast<std::size_t>(z)];
+      if (TIFFCurrentDirectory(file.get()) > wanted) {
+        there = TIFFSetDirectory(file.get(), static_cast<tdir_t>(wanted)) != 0;
+      }
       while (there && TIFFCurrentDirectory(file.get()) < wanted) {
         there = TIFFReadDirectory(file.get()) != 0;
       }
     }
     if (!there || CheckTiffPage(file.get()) != page) Refuse("the file changed while it was read");
-    ReadTiffPage(file.get(), page, slice.data());
+    ReadTiffPage(file.get(), page, decode, slice.data());
     sink(type, slice.data(), slice_voxels);
     progress(static_cast<double>(z + 1) / static_cast<double>(size[2]));
   }

@@ -16,7 +16,7 @@ namespace palpate {
 
 struct TiffStack {
   std::vector<std::filesystem::path> files;  // files of one page each, or one file with all pages
-  std::vector<std::uint32_t> pages;          // pages of the one file, without reduced images
+  std::vector<std::uint32_t> pages;          // of the one file, in the order of slices
   ImageHeader header;                        // size and type of the whole stack
   bool states_spacing = false;               // in header.geometry
   bool has_one_page = false;  // of ImageJ: the other slices follow the first one's data

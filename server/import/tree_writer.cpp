@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/error/number_text.h"
 #include "server/import/image_header.h"
 #include "server/volume/handover.h"
 #include "server/volume/handover_file.h"
@@ -95,7 +96,7 @@ class TreeWriter {
     Look();
     HandoverHeader header = MakeHandoverHeader(metadata, survey_.type());
     header.form = static_cast<std::uint32_t>(HandoverForm::kTree);
-    FillHeader(metadata, form, header.tree);
+    FillHeader(form, header.tree);
     WriteHandoverAt(fd_, &header, sizeof header, 0);
     WriteParts(form);
     out_.Flush();
@@ -120,8 +121,9 @@ class TreeWriter {
       Refuse("no voxel is a finite number of float range; there is nothing to feel");
     }
     reporter_->Warn(std::to_string(survey_.odd()) +
-                    " voxels are not finite numbers of float range; they got the least value " +
-                    std::to_string(survey_.least()));
+                    " voxels have no value (no finite number of float range); they got the "
+                    "least value, " +
+                    NumberText(survey_.least()));
   }
   void Look(const Node& node) {
     nodes_.push_back(&node);
@@ -132,7 +134,7 @@ class TreeWriter {
     }
   }
 
-  void FillHeader(const VolumeMetadata& metadata, const GridForm& form, HandoverTree& tree) {
+  void FillHeader(const GridForm& form, HandoverTree& tree) {
     FindTiles();
     const auto number = [](const auto& list, std::string_view item) {
       return static_cast<std::uint32_t>(std::find(std::begin(list), std::end(list), item) -
@@ -143,7 +145,6 @@ class TreeWriter {
     tree.grid_type = number(kGridTypes, form.type);
     tree.map = number(kGridMaps, form.map);
     std::copy(form.matrix.begin(), form.matrix.end(), std::begin(tree.matrix));
-    tree.is_level_set = metadata.is_level_set;
     for (const GridEntry& entry : form.entries) {
       tree.entry_bytes += sizeof(HandoverEntry) + entry.name.size() + entry.bytes.size();
     }

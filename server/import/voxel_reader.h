@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <functional>
+#include <vector>
 
 #include "server/import/image_header.h"
 
@@ -14,6 +15,14 @@ namespace palpate {
 // Takes a volume's voxels part by part, x fastest. All parts are of one type. `voxels` is aligned
 // for the type and valid during the call.
 using VoxelSink = std::function<void(LeafType type, const void* voxels, std::size_t count)>;
+
+// What a VoxelSink gets, as floats.
+inline std::vector<float> FloatsOf(LeafType type, const void* voxels, std::size_t count) {
+  return VisitType(type, [&](auto voxel) {
+    const auto* const first = static_cast<const decltype(voxel)*>(voxels);
+    return std::vector<float>(first, first + count);
+  });
+}
 
 // Converts `count` voxels at `bytes` to voxels of ReadType(header) at `out`, with the header's
 // type, byte order, slope and intercept.

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "common/error/number_text.h"
+#include "server/import/voxel_reader.h"
 #include "server/volume/handover.h"
 #include "server/volume/handover_file.h"
 #include "server/volume/value_range.h"
@@ -60,15 +62,53 @@ void VoxelWriter::Finish(VolumeMetadata metadata, const std::optional<Vec3>& spa
                          Reporter* reporter) {
   reporter->Progress(0.8, "converting");
   if (spacing_mm) metadata.spacing_mm = *spacing_mm;
-  CheckOdd(reporter);
+  FillOdd(reporter);
   metadata.value_min = least_;
   metadata.value_max = greatest_;
   CheckVolumeMetadata(metadata);
+  metadata.is_level_set = IsLevelSet(LookForDistances(metadata), reporter);
   WarnOfRounding(metadata, reporter);
   const LeafType type = HeldType(metadata);
   if (type != type_ || odd_ > 0) Rewrite(type);
   const HandoverHeader header = MakeHandoverHeader(metadata, type);
   WriteHandoverAt(fd_, &header, sizeof header, 0);
+}
+
+// Looks along some rows at voxels beside which the sign changes.
+DistanceCheck::Verdict VoxelWriter::LookForDistances(const VolumeMetadata& metadata) const {
+  constexpr int kMostRows = 64;  // along y and z
+  constexpr std::size_t kMostCrossings = 4000;
+  DistanceCheck check;
+  if (!(least_ < 0.0f && greatest_ > 0.0f)) return check.Judge(metadata.spacing_mm);
+  const Vec3i& size = metadata.size;
+  const auto read = [&](const Vec3i& at, std::size_t count) {
+    const std::int64_t voxel =
+        at.x() + std::int64_t{size.x()} * (at.y() + std::int64_t{size.y()} * at.z());
+    std::vector<char> bytes(count * VoxelBytes(type_));
+    ReadHandoverAt(fd_, bytes.data(), bytes.size(), PlaceOf(voxel, type_));
+    return FloatsOf(type_, bytes.data(), count);
+  };
+  const Vec3i step = ((size - Vec3i::Ones()) / kMostRows).cwiseMax(1);
+  std::size_t crossings = 0;
+  for (int z = 0; z < size.z(); z += step.z()) {
+    for (int y = 0; y < size.y(); y += step.y()) {
+      const std::vector<float> row = read({0, y, z}, static_cast<std::size_t>(size.x()));
+      const bool is_border = y == 0 || z == 0;
+      for (std::size_t x = 0; x < row.size(); x += is_border ? 1 : row.size() - 1) {
+        check.AddOutside(row[x]);
+      }
+      if (is_border || y + 1 == size.y() || z + 1 == size.z()) continue;
+      for (int x = 1; x + 1 < size.x() && crossings < kMostCrossings; ++x) {
+        const auto n = static_cast<std::size_t>(x);
+        if ((row[n] < 0.0f) == (row[n + 1] < 0.0f)) continue;
+        ++crossings;
+        check.AddGradient(0.5 * Vec3(row[n + 1] - row[n - 1],
+                                     read({x, y + 1, z}, 1)[0] - read({x, y - 1, z}, 1)[0],
+                                     read({x, y, z + 1}, 1)[0] - read({x, y, z - 1}, 1)[0]));
+      }
+    }
+  }
+  return check.Judge(metadata.spacing_mm);
 }
 
 LeafType VoxelWriter::HeldType(const VolumeMetadata& metadata) const {
@@ -82,15 +122,21 @@ LeafType VoxelWriter::HeldType(const VolumeMetadata& metadata) const {
   return *std::find_if(std::begin(kLeafTypes), std::end(kLeafTypes), holds);
 }
 
-void VoxelWriter::CheckOdd(Reporter* reporter) const {
+void VoxelWriter::FillOdd(Reporter* reporter) {
   if (odd_ == count_) {
     throw Error(ErrorKind::kInvalidArgument,
                 "no voxel is a finite number of float range; there is nothing to feel");
   }
-  if (odd_ > 0) {
-    reporter->Warn(std::to_string(odd_) +
-                   " voxels are not finite numbers of float range; they got the least value " +
-                   std::to_string(least_));
+  // Such as the 0 around a picture. Far below, it would be a class of its own.
+  constexpr float kNear = 0.1f;
+  if (padding_ <= least_ && padding_ >= least_ - kNear * (greatest_ - least_)) {
+    Survey(&padding_, 1);
+  } else if (odd_ > 0) {
+    reporter->Warn(
+        std::to_string(odd_) +
+        " voxels have no value (padding, or no finite number of float range); they got the "
+        "least value, " +
+        NumberText(least_));
   }
 }
 

@@ -13,6 +13,7 @@
 
 #include "common/bricks/leaf_type.h"
 #include "server/import/reporter.h"
+#include "server/import/value_checks.h"
 #include "server/volume/volume_metadata.h"
 
 namespace palpate {
@@ -24,18 +25,22 @@ class VoxelWriter {
   // A VoxelSink (voxel_reader.h). Voxels of another type than float must be of the file's own type.
   void Add(LeafType type, const void* voxels, std::size_t count);
 
+  // Voxels that are not finite get this value, if it is just below all others.
+  void SetPadding(float value) { padding_ = value; }
+
   // Call it after all voxels. `metadata`: complete except for the value range. Replaces voxels that
-  // are not finite by the least finite value. Holds the voxels in the file's own type, or in the
-  // smallest type that holds each voxel exactly. Warns of replaced voxels, and where 32 bit floats
-  // do not hold what the file has. Throws kInvalidArgument for a constant volume or an unsupported
-  // geometry.
+  // are not finite by the least finite value, or by the padding. Holds the voxels in the file's own
+  // type, or in the smallest type that holds each voxel exactly. Warns of replaced voxels, and
+  // where 32 bit floats do not hold what the file has. Throws kInvalidArgument for a constant
+  // volume or an unsupported geometry.
   void Finish(VolumeMetadata metadata, const std::optional<Vec3>& spacing_mm, Reporter* reporter);
 
  private:
   template <class T>
   void Survey(const T* voxels, std::size_t count);
+  DistanceCheck::Verdict LookForDistances(const VolumeMetadata& metadata) const;
   LeafType HeldType(const VolumeMetadata& metadata) const;
-  void CheckOdd(Reporter* reporter) const;
+  void FillOdd(Reporter* reporter);
   void WarnOfRounding(const VolumeMetadata& metadata, Reporter* reporter) const;
   void Rewrite(LeafType type) const;
 
@@ -45,6 +50,7 @@ class VoxelWriter {
   // Facts about all voxels so far.
   float least_ = std::numeric_limits<float>::infinity();
   float greatest_ = -std::numeric_limits<float>::infinity();
+  float padding_ = std::numeric_limits<float>::infinity();
   std::int64_t odd_ = 0;                                      // not finite
   std::array<bool, 4> holds_finite_{true, true, true, true};  // of each of kLeafTypes, for floats
 };

@@ -170,6 +170,7 @@ HandoverHeader MakeHandoverHeader(const VolumeMetadata& metadata, LeafType type)
   header.value_max = metadata.value_max;
   header.window_level = metadata.window_level;
   header.window_width = metadata.window_width;
+  header.tree.is_level_set = metadata.is_level_set;
   PutText(metadata.patient_axes, header.patient_axes);
   PutText(metadata.unit, header.unit);
   PutText(metadata.original_type, header.original_type);
@@ -191,6 +192,7 @@ VolumeMetadata MetadataOf(const HandoverHeader& header) {
   metadata.value_max = header.value_max;
   metadata.window_level = header.window_level;
   metadata.window_width = header.window_width;
+  metadata.is_level_set = header.tree.is_level_set != 0;
   metadata.patient_axes = TextOf(header.patient_axes);
   metadata.unit = TextOf(header.unit);
   metadata.original_type = TextOf(header.original_type);
@@ -217,7 +219,7 @@ LoadedVolume TakeDense(int fd, const Contents& contents, const TakeOptions& opti
   };
   LoadedVolume volume{
       contents.metadata,
-      MakeBricks(size, contents.type, read, static_cast<float>(contents.metadata.value_min))};
+      MakeBricks(size, contents.type, read, static_cast<float>(contents.metadata.Background()))};
   range.Finish();
   return volume;
 }

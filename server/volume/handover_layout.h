@@ -18,7 +18,7 @@ inline constexpr std::int64_t kHandoverVoxels = 16384;
 
 enum class HandoverForm : std::uint32_t { kDense = 0, kTree = 1 };
 
-// Only for a tree; otherwise all 0.
+// Only for a tree; otherwise all 0, but for is_level_set.
 struct HandoverTree {
   std::int32_t first[3];  // first voxel of the lattice
   float background;

@@ -105,7 +105,10 @@ Spread SpreadOf(const VolumeSnapshot& volume, float least) {
                                  [](const auto& s) { return s.first == std::floor(s.first); });
   const auto most = std::max_element(sample.begin(), sample.end(),
                                      [](auto& a, auto& b) { return a.second < b.second; });
-  if (static_cast<double>(most->second) >= kBackgroundShare * static_cast<double>(total)) {
+  // In Hounsfield units the air is a class of its own, and not what a program has cut away.
+  const bool is_ct = volume.metadata().unit == "HU";
+  if (!is_ct &&
+      static_cast<double>(most->second) >= kBackgroundShare * static_cast<double>(total)) {
     spread.background = most->first;
     total -= most->second;
     sample.erase(most);

@@ -8,7 +8,8 @@
 //                         peak or a background where air is in CT, and no unit, "bone" and "skin"
 //                         follow
 // A preset that the volume has hardly any voxels for is left out. The background is the value that
-// at least a quarter of all voxels have; many volumes have none.
+// at least a quarter of all voxels have; many volumes have none, and CT in Hounsfield units has air
+// instead.
 //
 // Programs fill what a CT scanner does not see with values that no scanner measures, such as -3024.
 // In a CT that has such values at its border, all values below -1024 count as -1024. So does noise

@@ -151,9 +151,7 @@ class TreeTaker {
         tree_(header.tree),
         type_(kLeafTypes[header.type]),
         metadata_(std::move(metadata)),
-        options_(options) {
-    metadata_.is_level_set = tree_.is_level_set != 0;
-  }
+        options_(options) {}
 
   LoadedVolume Take() {
     CheckLattice();

@@ -1,14 +1,19 @@
 #include "server/volume/volume_metadata.h"
 
+#include <fmt/core.h>
+
 #include <cmath>
 #include <limits>
 
 #include "common/error/error.h"
+#include "common/error/number_text.h"
 
 namespace palpate {
 namespace {
 
 constexpr double kFrameTolerance = 1e-3;
+// Map coordinates in mm are up to 1e10.
+constexpr double kFarthest_mm = 1e12;
 
 }  // namespace
 
@@ -28,6 +33,12 @@ std::pair<double, double> VolumeMetadata::EditRange() const {
   return {value_min, value_max};
 }
 
+std::string ShapeText(const Vec3i& size, const Vec3& spacing_mm) {
+  return fmt::format("{} x {} x {} voxels of {} x {} x {} mm", size.x(), size.y(), size.z(),
+                     NumberText(spacing_mm.x()), NumberText(spacing_mm.y()),
+                     NumberText(spacing_mm.z()));
+}
+
 void CheckVolumeMetadata(const VolumeMetadata& metadata) {
   constexpr int kLongestAxis = std::numeric_limits<int>::max() / 2;
   if (metadata.size.minCoeff() < 2 || metadata.size.maxCoeff() > kLongestAxis) {
@@ -39,8 +50,9 @@ void CheckVolumeMetadata(const VolumeMetadata& metadata) {
              " mm is not between 0.0001 and 1000000 mm; state another one (spacing-mm)");
     }
   }
-  if (!metadata.origin_W_mm.allFinite() || metadata.origin_W_mm.cwiseAbs().maxCoeff() > 1e9) {
-    Refuse("the origin is not finite; correct the file");
+  if (!metadata.origin_W_mm.allFinite()) Refuse("the origin is not finite; correct the file");
+  if (metadata.origin_W_mm.cwiseAbs().maxCoeff() > kFarthest_mm) {
+    Refuse("the origin is farther than 1e12 mm from the world's; correct the file");
   }
   const Mat3 gram = metadata.direction.transpose() * metadata.direction;
   if (!gram.allFinite() || !gram.isApprox(Mat3::Identity(), kFrameTolerance)) {

@@ -28,7 +28,7 @@ struct VolumeMetadata {
   // The values are signed distances from a surface at 0, negative inside. All space beyond the
   // lattice is outside.
   bool is_level_set = false;
-  int frames = 1;    // number of frames in the source; the volume is one of them
+  int frames = 1;  // number of frames in the source; the volume is one of them
   // Of a series: which one, from 0 on; in between, two are blended. None: no series.
   std::optional<double> series_position_frames{};
   std::string unit;  // "HU", ...; empty: not stated
@@ -75,5 +75,8 @@ inline bool IsPatientAxes(std::string_view axes) {
 // Throws Error(kInvalidArgument) with one clear line if size, spacing, frame, range or patient axes
 // are invalid for a volume.
 void CheckVolumeMetadata(const VolumeMetadata& metadata);
+
+// "24 x 24 x 8 voxels of 1 x 1 x 5 mm"
+std::string ShapeText(const Vec3i& size, const Vec3& spacing_mm);
 
 }  // namespace palpate

@@ -147,9 +147,10 @@ VolumeSender::VolumeSender(const BrickDirectory& bricks, const VolumeMetadata& m
   const std::string entries = form ? EntriesOf(*form) : "";
   if (form) {
     header.form = static_cast<std::uint32_t>(HandoverForm::kTree);
+    const std::uint32_t is_level_set = header.tree.is_level_set;
     header.tree = TreeOf(*form, entries.size());
+    header.tree.is_level_set = is_level_set;
   }
-  header.tree.is_level_set = metadata.is_level_set;
   header.tree.grid_type = NumberIn(kGridTypes, GridTypeOf(bricks, metadata));
   Put(header, bytes_);
   if (form) PutForm(*form, entries, bytes_);
@@ -171,7 +172,6 @@ ReceivedVolume ReceiveVolume(std::FILE* in) {
                 "palpated is of another version than palpate-import: start it again");
   }
   ReceivedVolume volume{MetadataOf(header), kGridTypes[header.tree.grid_type]};
-  volume.metadata.is_level_set = header.tree.is_level_set != 0;
   if (static_cast<HandoverForm>(header.form) == HandoverForm::kTree) {
     volume.metadata.grid_form = std::make_shared<const GridForm>(ReadForm(in, header.tree));
   }

@@ -46,6 +46,7 @@ struct SliceFile {
   std::string syntax = "1.2.840.10008.1.2.1";
   std::string modality = "CT";
   std::string orientation = "1\\0\\0\\0\\1\\0";
+  bool has_place = true;
   std::string shift = "10\\20\\";     // of the position, before the height
   std::string spacing = "0.75\\0.5";  // of rows, of columns
   std::string spacing_type = "DS";
@@ -95,8 +96,10 @@ inline std::string DicomBytes(const SliceFile& slice) {
   Append(&out, 0x20, 0xe, "UI", slice.series);
   Append(&out, 0x20, 0x11, "IS", "7");
   Append(&out, 0x20, 0x13, "IS", std::to_string(slice.z + 1));
-  Append(&out, 0x20, 0x32, "DS", slice.shift + std::to_string(slice.height_mm));
-  Append(&out, 0x20, 0x37, "DS", slice.orientation);
+  if (slice.has_place) {
+    Append(&out, 0x20, 0x32, "DS", slice.shift + std::to_string(slice.height_mm));
+    Append(&out, 0x20, 0x37, "DS", slice.orientation);
+  }
   Append(&out, 0x28, 2, "US", u16(1));
   Append(&out, 0x28, 4, "CS", slice.photometric);
   if (!slice.frames.empty()) Append(&out, 0x28, 8, "IS", slice.frames);

@@ -1,5 +1,6 @@
 // palpate-import on small files of every format but .vdb and DICOM, and the program itself. What
 // their headers may hold is tested with the parsers, in tests/unit/import_*_test.cpp.
+#include <algorithm>
 #include <functional>
 #include <limits>
 
@@ -50,6 +51,34 @@ void ExpectSpacing(const LoadedVolume& volume) {
 }
 
 // ---------------------------------------------------------------- what is read
+
+// Of a ball, in mm, in voxels, or of one of its halves alone.
+TEST_F(ImportTest, DistancesAreFeltFromOutside) {
+  static constexpr int kEdge = 24;
+  const auto imported = [this](const std::function<double(const Vec3& p_mm)>& value) {
+    std::string voxels;
+    testing::ForEachVoxel(Vec3i::Constant(kEdge), [&](const Vec3i& p) {
+      voxels += BytesOf(static_cast<float>(value(0.5 * (p.cast<double>().array() - 11.3))));
+    });
+    const std::string header =
+        "NRRD0004\ntype: float\ndimension: 3\nsizes: 24 24 24\n"
+        "spacings: 0.5 0.5 0.5\nendian: little\nencoding: raw\n\n";
+    return Imported(Write("a.nrrd", header + voxels)).metadata.is_level_set;
+  };
+  const auto ball = [](const Vec3& p) { return Vec3(p.z(), p.y(), p.x()).norm() - 3.0; };
+  EXPECT_TRUE(imported(ball));
+  EXPECT_EQ(warnings_.size(), 1u);
+  EXPECT_TRUE(imported([&](const Vec3& p) { return 2.0 * ball(p); }));
+  EXPECT_TRUE(imported([&](const Vec3& p) { return std::clamp(ball(p), -1.5, 1.5); }));
+  EXPECT_FALSE(imported([&](const Vec3& p) { return -ball(p); }));
+  EXPECT_NE(warnings_.at(0).find("negative outside"), std::string::npos);
+  EXPECT_FALSE(imported([](const Vec3& p) { return p.z(); }));
+  EXPECT_NE(warnings_.at(0).find("not clear"), std::string::npos);
+  // Densities of either sign.
+  EXPECT_FALSE(imported([&](const Vec3& p) { return 40.0 * ball(p); }));
+  EXPECT_FALSE(imported([&](const Vec3& p) { return ball(p) < 0 ? 1.0 : -1.0; }));
+  EXPECT_TRUE(warnings_.empty());
+}
 
 TEST_F(ImportTest, NrrdFiles) {
   const std::string voxels = PatternBytes<std::int16_t>();

@@ -95,7 +95,7 @@ TEST_F(VdbTest, EveryKindIsLoadedAndSavedAsItWas) {
     const fs::path path = Written({MakeVdbGrid(kind, 40)});
     const auto grid = ReadVdb(path);
     const LoadedVolume volume = Imported(path);
-    EXPECT_TRUE(warnings_.empty());
+    EXPECT_EQ(warnings_.size(), 1u);  // of the unit of length
     const auto saved = Saved(volume);
     EXPECT_EQ(VdbDifference(*grid, *saved), "");
     EXPECT_EQ(volume.metadata.is_level_set, kind == std::string("sphere"));
@@ -116,7 +116,7 @@ TEST_F(VdbTest, WiderValuesAreRoundedWithAWarning) {
     SCOPED_TRACE(kind);
     const auto grid = MakeVdbGrid(kind, 40);
     const LoadedVolume volume = Imported(Written({grid}));
-    EXPECT_EQ(warnings_.size(), 1u);
+    EXPECT_EQ(warnings_.size(), 2u);  // and one of the unit of length
     EXPECT_EQ(VdbDifference(*grid, *Saved(volume), /*rounded=*/true), "");
     EXPECT_NE(VdbDifference(*MakeVdbGrid(kind, 40, 2), *Saved(volume), /*rounded=*/true), "");
   }
@@ -137,6 +137,33 @@ TEST_F(VdbTest, IntegersOfAnySignAndSizeComeBack) {
     EXPECT_EQ(volume.metadata.value_min, std::min({one, other, 0}));
     EXPECT_EQ(volume.metadata.value_max, std::max({one, other, 0}));
   }
+}
+
+// The values say where the outside of distances is, whatever the file claims.
+TEST_F(VdbTest, TheClassIsLookedAtInTheValues) {
+  const auto imported = [this](bool is_inverted, openvdb::GridClass claim) {
+    const auto grid = openvdb::gridPtrCast<FloatGrid>(MakeVdbGrid("sphere", 40));
+    if (is_inverted) {
+      for (auto value = grid->beginValueAll(); value; ++value) value.setValue(-*value);
+      grid->tree().root().setBackground(-grid->background(), /*updateChildNodes=*/false);
+    }
+    grid->setGridClass(claim);
+    return Imported(Written({grid})).metadata.is_level_set;
+  };
+  const auto warns = [this](const std::string& text) {
+    return std::ranges::any_of(
+        warnings_, [&](const auto& warning) { return warning.find(text) != std::string::npos; });
+  };
+  EXPECT_TRUE(imported(false, openvdb::GRID_LEVEL_SET));
+  EXPECT_FALSE(warns("outside"));
+  EXPECT_TRUE(imported(false, openvdb::GRID_UNKNOWN));
+  EXPECT_TRUE(warns("positive outside"));
+  EXPECT_FALSE(imported(true, openvdb::GRID_UNKNOWN));
+  EXPECT_TRUE(warns("negative outside"));
+  EXPECT_FALSE(imported(true, openvdb::GRID_LEVEL_SET));
+  EXPECT_TRUE(warns("not positive outside"));
+  Imported(Written({MakeVdbGrid("cloud", 40)}));
+  EXPECT_FALSE(warns("distances"));
 }
 
 TEST_F(VdbTest, GridsAreChosenByName) {

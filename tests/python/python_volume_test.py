@@ -1,13 +1,15 @@
 """Volumes as arrays: down, up, and from files; which axis is which."""
 
 import json
+import os
+import subprocess
 import unittest
 
 import numpy as np
 
 import palpate
 from dicom_series import dicom_slice
-from support import Daemon, DaemonTest, nrrd, pattern
+from support import PALPATE, Daemon, DaemonTest, nrrd, pattern
 
 # At right angles, with a spacing of its own along each.
 TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
@@ -204,7 +206,7 @@ class Upload(DaemonTest):
 class Warnings(DaemonTest):
     """What an import assumed reaches whoever asked for it, and those who come later."""
 
-    EXPECTED = ("3 voxels are not finite", "no spacing is stated")  # the second of raw voxels
+    EXPECTED = ("3 voxels have no value", "no spacing is stated")  # the second of raw voxels
 
     @classmethod
     def setUpClass(cls):
@@ -233,7 +235,7 @@ class Warnings(DaemonTest):
         self.assertEqual(self.conn.volume.upload(values, discard_edits=True).warnings, ())
         values[0, 0, 0] = np.inf
         (warning,) = self.conn.volume.upload(values).warnings
-        self.assertTrue(warning.startswith("1 voxels are not finite"), warning)
+        self.assertTrue(warning.startswith("1 voxels have no value"), warning)
         self.assertEqual(self.conn.volume.info().warnings, (warning,))
 
     def test_command_line(self):
@@ -249,6 +251,20 @@ class Warnings(DaemonTest):
                 lines = self.daemon.palpate("info").stdout.splitlines()
                 self.check([line.strip().removeprefix("warning: ") for line in lines
                             if any(words in line for words in self.EXPECTED)], count)
+
+    def test_a_name_that_is_not_utf_8_is_called_that(self):
+        name = os.fsencode(self.daemon.folder) + b"/sch\xe4del.nrrd"
+        with open(name, "wb") as file:
+            file.write(nrrd(pattern((8, 8, 8))))
+        for command in (("load", name), ("upload", name), ("record", "start", name),
+                        ("series", "load", name, name)):
+            with self.subTest(command=command[0]):
+                ran = subprocess.run([PALPATE, *command, "--socket", self.daemon.socket],
+                                     capture_output=True, check=False)
+                self.assertEqual(ran.returncode, 3, ran.stderr)
+                self.assertIn(b"Latin-1", ran.stderr)
+        with self.assertRaisesRegex(palpate.InvalidArgument, "Latin-1"):
+            self.conn.volume.load(os.fsdecode(name))
 
     def test_first_volume(self):
         with Daemon(self.path) as daemon, daemon.connect() as conn:

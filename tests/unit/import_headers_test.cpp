@@ -327,6 +327,13 @@ TEST(MetaImageHeader, LocalDetachedAndCompressed) {
       Replaced(kMeta, "CompressedData = False", "CompressedData = True\nCompressedDataSize = 77"));
   EXPECT_TRUE(packed.compressed);
   EXPECT_EQ(packed.compressed_bytes, 77);
+  // As MetaIO: voxels at the file's end, or behind so many bytes of it.
+  const auto with_size = [](const std::string& size) {
+    return ParseMetaImageHeader(
+        Replaced(kMeta, "Offset = 0 0 0", "Offset = 0 0 0\nHeaderSize = " + size));
+  };
+  EXPECT_EQ(with_size("-1").skip_bytes, ImageHeader::kVoxelsAtEnd);
+  EXPECT_EQ(with_size("4096").begin, 4096);
 }
 
 TEST(MetaImageHeader, PlaceAndByteOrder) {

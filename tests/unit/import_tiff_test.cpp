@@ -156,17 +156,72 @@ TEST_F(TiffStackTest, TheSpacingOfImageJAndOme) {
   }
   EXPECT_TRUE(spacing(image_j + "unit=cm\n").isApprox(Vec3(2.5, 2.5, 20)));
   const std::string ome =
-      "<OME><Pixels SizeX=\"7\" SizeC=\"1\" PhysicalSizeX=\"3\" PhysicalSizeY=\"4\" ";
-  EXPECT_TRUE(spacing(ome + "PhysicalSizeZ=\"5\"/></OME>").isApprox(Vec3(3e-3, 4e-3, 5e-3)));
-  EXPECT_TRUE(spacing(ome + "PhysicalSizeZ=\"5\" PhysicalSizeZUnit=\"mm\"/></OME>")
+      "<OME><Image><Pixels SizeX=\"7\" SizeC=\"1\" PhysicalSizeX=\"3\" PhysicalSizeY='4' ";
+  const std::string end = "/></Image></OME>";
+  EXPECT_TRUE(spacing(ome + "PhysicalSizeZ=\"5\"" + end).isApprox(Vec3(3e-3, 4e-3, 5e-3)));
+  EXPECT_TRUE(spacing(ome + "PhysicalSizeZ=\n'5' PhysicalSizeZUnit=\"mm\"" + end)
                   .isApprox(Vec3(3e-3, 4e-3, 5)));
   // A part of it is none.
   for (const std::string& none :
-       {image_j, image_j + "unit=pixel\n", ome + "/></OME>", std::string("ImageJ=1\nunit=um\n"),
-        ome + "PhysicalSizeZ=\"x\"/>", ome + "PhysicalSizeZ=\"-5\"/>"}) {
+       {image_j, image_j + "unit=pixel\n", ome + end, std::string("ImageJ=1\nunit=um\n"),
+        ome + "PhysicalSizeZ=\"x\"" + end, ome + "PhysicalSizeZ=\"-5\"" + end,
+        ome + "PhysicalSizeZ=\"5\"/>",
+        "<!-- " + ome + "PhysicalSizeZ=\"5\"" + end + " --><OME/>"}) {
     EXPECT_TRUE(spacing(none).isZero()) << none;
   }
   EXPECT_TRUE(spacing(image_j + "unit=um\n", 0.0f).isZero());
+}
+
+TEST_F(TiffStackTest, TheCalibrationOfImageJGivesTheValues) {
+  const auto read = [this](const std::string& calibration, bool is_given) {
+    const std::string text = "ImageJ=1.53t\nimages=4\nslices=4\n" + calibration;
+    const TiffStack stack = OpenTiffStack(Stack("a.tif", {.description = text}), {});
+    EXPECT_EQ(stack.header.warnings.size(), is_given) << calibration;
+    CollectedVoxels voxels;
+    ReadTiffVoxels(
+        stack, [](double) {}, voxels.Sink());
+    return std::pair(stack.header.unit, voxels.values.at(37) - Value(2, 0, 1));
+  };
+  const auto is = [](const char* unit, float shift) { return std::pair(std::string(unit), shift); };
+  EXPECT_EQ(read("c0=-32768\nc1=1\nvunit=HU\n", true), is("HU", -32768.0f));
+  EXPECT_EQ(read("cf=0\nc0=7\nc1=1.0E0\nvunit=Gray Value\n", true), is("", 7.0f));
+  EXPECT_EQ(read("cf=0\nc0=0.0\nc1=1.0\n", false), is("", 0.0f));
+  EXPECT_EQ(read("cf=20\nc0=7\nc1=1\n", false), is("", 0.0f));
+  EXPECT_EQ(read("cf=4\nc0=7\nc1=1\n", true), is("", 0.0f));  // no straight line
+  // Files of one slice each, of which one is calibrated otherwise.
+  Slice("s/a1.tif", 0);
+  Slice("s/a2.tif", 1, {.description = "ImageJ=1.53t\nc0=-32768\nc1=1\n"});
+  ExpectRefused("s", "calibration");
+}
+
+TEST_F(TiffStackTest, OmeOrdersThePages) {
+  const auto ome = [](const std::string& planes, const std::string& after = "") {
+    return "<?xml version='1.0'?><o:OME xmlns:o='x'><o:Image><o:Pixels SizeZ='4' SizeC='1' "
+           "SizeT='1'>" +
+           planes + "</o:Pixels></o:Image>" + after + "</o:OME>";
+  };
+  const std::string planes =
+      "<o:TiffData FirstZ='2' IFD='0' PlaneCount='2'/><o:TiffData FirstZ='0' IFD='2'/>"
+      "<o:TiffData FirstZ='1' IFD='3'/>";
+  const auto stack = OpenTiffStack(Stack("a.tif", {.description = ome(planes)}), {});
+  EXPECT_EQ(stack.pages, (std::vector<std::uint32_t>{2, 3, 0, 1}));
+  EXPECT_EQ(stack.header.warnings.size(), 1u);
+  CollectedVoxels voxels;
+  ReadTiffVoxels(
+      stack, [](double) {}, voxels.Sink());
+  for (int z = 0; z < 4; ++z) {
+    EXPECT_EQ(voxels.values.at(static_cast<std::size_t>(35 * z)), Value(0, 0, (z + 2) % 4));
+  }
+  ExpectPattern(Stack("b.tif", {.description = ome("<o:TiffData/>")}));
+  const auto refused = [&](const std::string& description, const std::string& text) {
+    Stack("c.tif", {.description = description});
+    ExpectRefused("c.tif", text);
+  };
+  refused(ome("<o:TiffData IFD='0'/>"), "other slices");
+  refused(
+      ome("<o:TiffData><o:UUID FileName='d.tif'/></o:TiffData><o:TiffData IFD='3' FirstZ='3'/>"),
+      "other files");
+  refused(ome(planes, "<o:Image><o:Pixels/></o:Image>"), "2 images");
 }
 
 // The pages of files above 4 GB have no directories of their own.
@@ -248,7 +303,7 @@ TEST_F(TiffStackTest, ColourAndOddTypes) {
   refused({.bits = 16, .format = SAMPLEFORMAT_COMPLEXINT}, "16 bits");
   refused({.description = "ImageJ=1.53t\nimages=4\nchannels=2\nslices=2\n"}, "channels");
   refused({.description = "ImageJ=1.53t\nimages=4\nframes=12\n"}, "times");
-  refused({.description = "<OME><Pixels SizeX=\"7\" SizeC=\"2\" SizeZ=\"2\"/></OME>"}, "channels");
+  refused({.description = "<OME><Image><Pixels SizeC='2' SizeZ='2'/></Image></OME>"}, "channels");
   refused({.pages = 1}, "one slice");
   refused({.width = 1}, "two");
   ExpectPattern(Stack("b.tif", {.description = "ImageJ=1.53t\nimages=4\nchannels=1\nslices=4\n"}));

@@ -140,6 +140,7 @@ LIBRARIES = {
     "OpenVDB": (r"openvdb/", ["server/volume", "server/import", "server/lab", "client/vdb"]),
     "GDCM": (r"gdcm", ["server/import"]),
     "libtiff": (r"tiff", ["server/import"]),
+    "pugixml": (r"pugixml", ["server/import"]),
     "libsystemd": (r"systemd/", ["server/app", "client/web/app"]),
     "libusb": (r"libusb", ["server/device/usb"]),
     "toml++": (r"toml\+\+/", ["common/tool", "server/security", "server/state", "server/app",

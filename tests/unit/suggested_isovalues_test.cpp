@@ -155,6 +155,14 @@ TEST(SuggestedIsovalues, PaddingOfCtCountsAsItsLeastValue) {
   EXPECT_FALSE(inside(-9000.0).has_padding);
 }
 
+// Air of one value is no background that a program has cut away.
+TEST(SuggestedIsovalues, AirOfCtIsAClass) {
+  const VolumeValues values = ValuesOf(Made(
+      [](int i, int j, int k) { return IsInBall(i, j, k) ? 30.0 + (i + k) % 40 : -1000.0; }, "HU"));
+  EXPECT_EQ(values.suggested.back().name, "otsu");
+  EXPECT_NEAR(values.suggested.back().isovalue, -480.0, 100.0);
+}
+
 TEST(SuggestedIsovalues, SurfacesThatAreKnown) {
   const auto distance = [](int i, int j, int k) {
     return std::clamp((Vec3(i, j, k) - Vec3::Constant(21.5)).norm() - 15.0, -3.0, 3.0);

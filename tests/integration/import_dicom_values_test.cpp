@@ -1,0 +1,217 @@
+// Which slices of a DICOM series make one volume, and what the bits of their pixels mean.
+#include <chrono>
+
+#include "tests/integration/dicom_support.h"
+#include "tests/support/process.h"
+
+namespace palpate {
+namespace {
+
+class DicomValuesTest : public DicomTest {
+ protected:
+  bool Warns(const std::string& text) const {
+    for (const std::string& warning : warnings_) {
+      if (warning.find(text) != std::string::npos) return true;
+    }
+    return false;
+  }
+  // The series, whose values are 2 v - 1024, with the pixels that `stored` gives.
+  LoadedVolume WithPixels(const std::function<int(int v)>& stored, const std::string& elements,
+                          bool has_rescale = true) {
+    return Imported(WriteSeries([&](SliceFile* s) {
+      s->elements = elements;
+      s->has_rescale = has_rescale;
+      for (int n = 0; n < 35; ++n) {
+        const int v = PatternValue(n % 7, n / 7, s->z);
+        s->pixels += BytesOf(static_cast<std::uint16_t>(stored(v)));
+      }
+    }));
+  }
+  // Twice the series, the second with its slices the other way round. `mark`: of each slice, in the
+  // first pass and in the second.
+  void WriteTwoPasses(double shift_mm, const std::function<std::string(int pass, int z)>& mark) {
+    WriteSeries([&](SliceFile* s) { s->elements = mark(0, s->z); });
+    for (int z = 0; z < 4; ++z) {
+      SliceFile slice = PatternSlice(3 - z);
+      slice.instance = "1.2.4." + std::to_string(z);
+      slice.height_mm = 30.0 + 2.0 * z + shift_mm;
+      slice.elements = mark(1, z);
+      Write("series/second" + std::to_string(z), PatternDicom(slice));
+    }
+  }
+  test::ProcessResult Run(const std::string& option, const std::string& value) const {
+    return test::Process(
+               {test::kPalpateImport, Path("series"), Path("o.vdb"), "--overwrite", option, value},
+               std::chrono::seconds(120))
+        .Wait();
+  }
+  LoadedVolume Chosen(const std::string& option, const std::string& value) {
+    const test::ProcessResult result = Run(option, value);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    return Imported(Path("o.vdb"));
+  }
+};
+
+std::string Element(std::uint16_t group, std::uint16_t element, const char* vr,
+                    const std::string& value) {
+  std::string out;
+  Append(&out, group, element, vr, value);
+  return out;
+}
+
+std::string Bits(int stored, int high, bool is_signed) {
+  const auto u16 = [](int number) { return BytesOf(static_cast<std::uint16_t>(number)); };
+  return Element(0x28, 0x101, "US", u16(stored)) + Element(0x28, 0x102, "US", u16(high)) +
+         Element(0x28, 0x103, "US", u16(is_signed));
+}
+
+TEST_F(DicomValuesTest, PassesOverTheSameRangeAreToldApart) {
+  struct Mark {
+    std::uint16_t group, element;
+    const char* vr;
+    std::string first, second;
+  };
+  const std::string one = BytesOf(1.0), two = BytesOf(1000.0);
+  for (const Mark& mark : {Mark{0x20, 0x12, "IS", "3", "4"},
+                           {0x20, 0x100, "IS", "9", "10"},
+                           {0x18, 0x81, "DS", "4.6", "9.2"},
+                           {0x18, 0x86, "IS", "1", "2"},
+                           {0x18, 0x1060, "DS", "0", "400"},
+                           {0x18, 0x9087, "FD", one, two},
+                           {0x08, 0x32, "TM", "101500", "101730"},
+                           {0x18, 0x1210, "SH", "B30f", "B70s"}}) {
+    SCOPED_TRACE(mark.element);
+    for (const double shift_mm : {1.0, 0.0}) {
+      WriteTwoPasses(shift_mm, [&](int pass, int) {
+        return Element(mark.group, mark.element, mark.vr, pass == 0 ? mark.first : mark.second);
+      });
+      ExpectSlices(Imported(Path("series")));
+      EXPECT_TRUE(Warns("--acquisition"));
+      const std::string number = mark.element == 0x12 ? "4" : "2";
+      const LoadedVolume second = Chosen("--acquisition", number);
+      EXPECT_EQ(At(second, 3, 2, 0), 2 * PatternValue(3, 2, 3) - 1024);
+      EXPECT_EQ(second.metadata.size.z(), 4);
+    }
+  }
+  WriteTwoPasses(1.0,
+                 [](int pass, int) { return Element(0x20, 0x12, "IS", pass == 0 ? "3" : "4"); });
+  EXPECT_EQ(Chosen("--acquisition", "all").metadata.size.z(), 8);
+  EXPECT_NE(Run("--acquisition", "5").error.find("3, 4"), std::string::npos);
+}
+
+// A scanner that steps, or measures every other slice first.
+TEST_F(DicomValuesTest, StepsAndTurnsAreNoPasses) {
+  const auto whole = [this](const std::function<void(SliceFile*)>& change, int slices) {
+    EXPECT_EQ(Imported(WriteSeries(change)).metadata.size.z(), slices);
+    EXPECT_FALSE(Warns("--acquisition"));
+  };
+  whole([](SliceFile* s) { s->elements = Element(0x20, 0x12, "IS", s->z < 2 ? "1" : "2"); }, 4);
+  whole([](SliceFile* s) { s->elements = Element(0x20, 0x12, "IS", std::to_string(s->z)); }, 4);
+  for (const int pitch : {0x50, 0x88}) {  // SliceThickness, SpacingBetweenSlices
+    whole(
+        [&](SliceFile* s) {
+          s->elements = Element(0x18, static_cast<std::uint16_t>(pitch), "DS", "2.0") +
+                        Element(0x08, 0x32, "TM", s->z % 2 == 0 ? "1015" : "1017");
+        },
+        4);
+  }
+}
+
+TEST_F(DicomValuesTest, TheBitsThatAreStoredHaveTheSign) {
+  const auto expect = [](const LoadedVolume& volume, int least) {
+    EXPECT_EQ(volume.metadata.value_min, 2.0 * least - 1024);
+    EXPECT_EQ(At(volume, 3, 2, 1), 2 * (PatternValue(3, 2, 1) - 60) - 1024);
+  };
+  const auto value = [](int v) { return v - 60; };
+  expect(WithPixels(value, Bits(12, 11, true)), -60);
+  EXPECT_TRUE(warnings_.empty());
+  expect(WithPixels([&](int v) { return value(v) & 0xfff; }, Bits(12, 11, true)), -60);
+  EXPECT_TRUE(Warns("earlier versions"));
+  expect(WithPixels([&](int v) { return value(v) * 16; }, Bits(12, 15, true)), -60);
+  // An overlay above.
+  expect(WithPixels([&](int v) { return (value(v) & 0xfff) | 0x5000; }, Bits(12, 11, true)), -60);
+  EXPECT_TRUE(Warns("left out"));
+  const LoadedVolume all = WithPixels([](int v) { return v + 40000; }, Bits(16, 15, false));
+  EXPECT_EQ(At(all, 3, 2, 1), 2 * (PatternValue(3, 2, 1) + 40000) - 1024);
+  WithPixels(value, Bits(12, 5, true));
+  EXPECT_TRUE(Warns("contradict"));
+}
+
+TEST_F(DicomValuesTest, PaddingIsOutside) {
+  const auto padding = [](const char* vr, int from, int to) {
+    return Element(0x28, 0x120, vr, BytesOf(static_cast<std::uint16_t>(from))) +
+           Element(0x28, 0x121, vr, BytesOf(static_cast<std::uint16_t>(to)));
+  };
+  for (const auto& [first, last, bits, vr] : {std::tuple(63536, 63536, Bits(16, 15, false), "US"),
+                                              std::tuple(63536, 63600, Bits(12, 11, false), "US"),
+                                              std::tuple(-2000, -2010, Bits(16, 15, true), "SS")}) {
+    const LoadedVolume volume = WithPixels(
+        [&, first = first, last = last](int v) { return v == 0   ? first
+                                                        : v == 1 ? last
+                                                                 : v; },
+        bits + padding(vr, first, last));
+    EXPECT_EQ(volume.metadata.value_min, 2.0 * 3 - 1024);  // no voxel has 2
+    EXPECT_EQ(volume.metadata.value_max, 2.0 * 120 - 1024);
+    EXPECT_EQ(At(volume, 0, 0, 0), 2.0f * 3 - 1024);
+    EXPECT_TRUE(Warns("padding"));
+  }
+  // The black around a picture stays.
+  const LoadedVolume black = WithPixels([](int v) { return v; }, padding("SS", 0, 0));
+  EXPECT_EQ(black.metadata.value_min, -1024.0);
+  EXPECT_TRUE(warnings_.empty());
+}
+
+TEST_F(DicomValuesTest, WhatIsEncodedOtherwiseThanStatedIsRead) {
+  ExpectSlices(Imported(WriteSeries([](SliceFile* s) { s->syntax = "1.2.840.10008.1.2"; })));
+  EXPECT_TRUE(Warns("encoded otherwise"));
+}
+
+TEST_F(DicomValuesTest, SlicesWithoutAPlaceHaveAnOrder) {
+  const auto without = [this](const std::string& elements) {
+    return WriteSeries([&](SliceFile* s) {
+      s->has_place = false;
+      s->elements = elements;
+    });
+  };
+  ExpectSlices(Imported(without(Element(0x18, 0x88, "DS", "2.5"))));
+  EXPECT_TRUE(Warns("InstanceNumber"));
+  ExpectRefused(without(""), ErrorKind::kInvalidArgument, "--spacing-mm");
+  const LoadedVolume given = Imported(Source{.path = without(""), .spacing_mm = Vec3(1, 2, 3)});
+  ExpectSlices(given);
+  EXPECT_EQ(given.metadata.patient_axes, "");
+  const LoadedVolume located = Imported(WriteSeries([](SliceFile* s) {
+    s->has_place = false;
+    s->elements = Element(0x20, 0x1041, "DS", std::to_string(-7 + 3 * s->z));
+  }));
+  ExpectSlices(located);
+  EXPECT_EQ(located.metadata.spacing_mm.z(), 3.0);
+}
+
+TEST_F(DicomValuesTest, MosaicsAndEnhancedImagesAreNamed) {
+  const auto refused = [this](const std::string& elements, const std::string& text) {
+    const auto folder = WriteSeries([&](SliceFile* s) { s->elements = elements; });
+    ExpectRefused(folder, ErrorKind::kInvalidArgument, text);
+    ExpectRefused(folder, ErrorKind::kInvalidArgument, "dcm2niix");
+  };
+  refused(Element(0x8, 0x8, "CS", "ORIGINAL\\PRIMARY\\M\\ND\\MOSAIC"), "mosaic");
+  refused(Element(0x5200, 0x9230, "SQ", ""), "enhanced");
+}
+
+TEST_F(DicomValuesTest, UnitsThatTheValuesDenyAreNone) {
+  const std::string claim =
+      Element(0x28, 0x1052, "DS", "0") + Element(0x28, 0x1053, "DS", "1") + Bits(16, 15, false);
+  const auto shifted = [](int v) { return v < 60 ? v / 10 : 1000 + v / 10; };
+  EXPECT_EQ(WithPixels(shifted, claim, false).metadata.unit, "");
+  EXPECT_TRUE(Warns("--rescale -1024"));
+  const LoadedVolume right = Chosen("--rescale", "-1024");
+  EXPECT_EQ(right.metadata.unit, "HU");
+  EXPECT_EQ(right.metadata.value_min, -1024.0);
+  EXPECT_EQ(WithPixels([](int v) { return 5 * v; }, claim, false).metadata.unit, "");
+  EXPECT_FALSE(Warns("--rescale -1024"));
+  const auto hounsfield = [&](int v) { return shifted(v) - 1024; };
+  EXPECT_EQ(WithPixels(hounsfield, claim + Bits(16, 15, true), false).metadata.unit, "HU");
+  EXPECT_TRUE(warnings_.empty());
+}
+
+}  // namespace
+}  // namespace palpate
