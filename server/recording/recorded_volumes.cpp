@@ -1,10 +1,13 @@
 #include "server/recording/recorded_volumes.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
 
+#include "common/error/number_text.h"
 #include "server/recording/voxel_log.h"
 
 namespace palpate {
@@ -40,6 +43,28 @@ bool IsStoredLattice(const RecordedScene& scene) {
     if (bricks > kMost) return false;
   }
   return std::isfinite(scene.value_max - scene.value_min) && scene.value_min < scene.value_max;
+}
+
+// In what the recorded volume and the loaded one differ, if they are of one source.
+std::string WhatWasRecorded(const RecordedScene& scene, const VolumeMetadata& loaded) {
+  std::string then, now;
+  const auto values = [](double least, double greatest, bool is_level_set) {
+    return fmt::format("{} {} to {}", is_level_set ? "distances" : "values", NumberText(least),
+                       NumberText(greatest));
+  };
+  if (scene.size != loaded.size || scene.spacing_mm != loaded.spacing_mm) {
+    then = ShapeText(scene.size, scene.spacing_mm);
+    now = ShapeText(loaded.size, loaded.spacing_mm);
+  } else {
+    then = values(scene.value_min, scene.value_max, scene.is_level_set);
+    now = values(loaded.value_min, loaded.value_max, loaded.is_level_set);
+  }
+  const std::string source = scene.volume_source;
+  if (source != loaded.source) return "another volume was recorded: load " + source;
+  return fmt::format(
+      "{} is another volume than was recorded: {} then, {} now; the file was "
+      "changed, or an earlier version read it otherwise, of which its warnings tell",
+      source, then, then == now ? "other ones" : now);
 }
 
 }  // namespace
@@ -127,8 +152,7 @@ std::shared_ptr<const VolumeSnapshot> RecordedVolumes::TryFollow(const RecordedS
   } else if (scene.voxels_missing) {
     throw Error(ErrorKind::kConflict, "a change of voxels was too large for the recording");
   } else {
-    throw Error(ErrorKind::kConflict,
-                "another volume was recorded: load " + scene.volume_source + " as it was then");
+    throw Error(ErrorKind::kConflict, WhatWasRecorded(scene, volume_->metadata()));
   }
   return volume_ = AtRevision(std::move(volume_), scene);
 }

@@ -245,10 +245,17 @@ LoadedVolume Session::LoadBricks(const LoadRequest& request, const LoadProgress&
   return loader_.Load(request, tell, cancelled, warnings, size_known);
 }
 
-VolumePlace Session::PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const {
+VolumePlace Session::PlaceLoaded(const LoadRequest& request, VolumeMetadata& metadata) const {
   const std::optional<double>& scale = request.device_mm_per_volume_mm;
   std::optional<VolumePlace> stored;
-  if (registration_store_) stored = registration_store_->Find(metadata);
+  if (registration_store_) {
+    stored = registration_store_->Find(metadata);
+    const std::string other = registration_store_->FindOther(metadata);
+    if (!other.empty()) {
+      metadata.warnings.push_back("the place kept for it was for another volume, " + other +
+                                  ": it is placed anew");
+    }
+  }
   if (!stored) return FitToWorkspace(metadata, device_, scale);
   return Apply({.device_mm_per_volume_mm = scale}, metadata, device_, *stored);
 }

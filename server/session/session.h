@@ -224,7 +224,7 @@ class Session {
   void TellBeforeOtherVolume(const HapticSettings& felt, const AffineMap& X_DI, double isovalue,
                              const std::vector<FeltBall>& fields,
                              std::shared_ptr<const VolumeSnapshot> volume) const;
-  VolumePlace PlaceLoaded(const LoadRequest& request, const VolumeMetadata& metadata) const;
+  VolumePlace PlaceLoaded(const LoadRequest& request, VolumeMetadata& metadata) const;
   FreeSide SideOf(const VolumeMetadata& metadata, const LoadRequest& request,
                   const SettingsUpdate& settings) const;
   void TakeBack(const RenderSettings& before, std::uint64_t revision);

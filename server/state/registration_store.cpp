@@ -94,6 +94,15 @@ std::optional<VolumePlace> RegistrationStore::Find(const VolumeMetadata& volume)
   }
 }
 
+std::string RegistrationStore::FindOther(const VolumeMetadata& volume) const {
+  const std::string key = Key(volume);
+  const std::lock_guard lock(mutex_);
+  for (const StoredRegistration& entry : entries_) {
+    if (entry.source == key && !IsOf(entry, volume)) return ShapeText(entry.size, entry.spacing_mm);
+  }
+  return "";
+}
+
 void RegistrationStore::Keep(const VolumeMetadata& volume, const VolumePlace& registration) {
   const StoredRegistration entry{Key(volume),       volume.size,
                                  volume.spacing_mm, registration.p_DCenter_mm,

@@ -41,6 +41,9 @@ class RegistrationStore {
 
   // Finds the place of a volume with this source, size and spacing.
   std::optional<VolumePlace> Find(const VolumeMetadata& volume) const;
+  // Says of which volume with this source, but another size or spacing, a place is kept; empty: of
+  // none.
+  std::string FindOther(const VolumeMetadata& volume) const;
   void Keep(const VolumeMetadata& volume, const VolumePlace& registration);
 
   // Names voxels by their contents and their directions in W, not by their source: a renamed file

@@ -197,6 +197,28 @@ TEST(RecordedVolumes, TrustsHashesOnly) {
   EXPECT_EQ(loads, 1);
 }
 
+// The same file, read otherwise.
+TEST(RecordedVolumes, SaysInWhatTheVolumeDiffers) {
+  const auto loaded = Gyroid();
+  const auto error = [&](const std::function<void(RecordedScene&)>& change) {
+    RecordedVolumes follower([&](const RecordedScene&) { return loaded; });
+    RecordedScene scene = SceneOf(*loaded);
+    scene.volume_hash.low ^= 1;
+    const VolumeMetadata& metadata = loaded->metadata();
+    std::tie(scene.size, scene.spacing_mm, scene.value_min, scene.value_max, scene.volume_source) =
+        std::tie(metadata.size, metadata.spacing_mm, metadata.value_min, metadata.value_max,
+                 metadata.source);
+    change(scene);
+    EXPECT_EQ(follower.Follow(scene), nullptr);
+    return std::string(follower.error()->what());
+  };
+  EXPECT_NE(error([](RecordedScene& s) { s.value_max = 3072.5; }).find("3072.5"),
+            std::string::npos);
+  EXPECT_NE(error([](RecordedScene& s) { s.size.z() = 77; }).find("77 voxels"), std::string::npos);
+  EXPECT_EQ(error([](RecordedScene& s) { s.volume_source = "/other"; }),
+            "another volume was recorded: load /other");
+}
+
 TEST(RecordedVolumes, AFailedLoadIsNotTriedAgain) {
   int loads = 0;
   RecordedVolumes follower([&](const RecordedScene&) -> std::shared_ptr<const VolumeSnapshot> {

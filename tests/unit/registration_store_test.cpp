@@ -90,6 +90,9 @@ TEST_F(RegistrationStoreTest, AnotherSizeOrSpacingIsAnotherVolume) {
   VolumeMetadata other = volume;
   other.size.z() = 7;
   EXPECT_FALSE(store.Find(other).has_value());
+  EXPECT_NE(store.FindOther(other).find(std::to_string(volume.size.z()) + " voxels"),
+            std::string::npos);
+  EXPECT_EQ(store.FindOther(volume), "");
   other = volume;
   other.spacing_mm.x() = std::nextafter(other.spacing_mm.x(), 1.0);
   EXPECT_FALSE(store.Find(other).has_value());
@@ -311,6 +314,26 @@ TEST_F(RegistrationStoreTest, ASessionUsesIt) {
     scaled.device_mm_per_volume_mm = -1.0;
     EXPECT_THROW(load(scaled), Error);
     EXPECT_EQ(session.volume().registration.device_mm_per_volume_mm, 0.5);
+  }
+}
+
+TEST_F(RegistrationStoreTest, APlaceThatDoesNotFitIsToldAsLost) {
+  RegistrationStore store(state_);
+  testing::EditableSession data;
+  Session& session = data.session();
+  session.SetRegistrationStore(store);
+  for (const int slices : {16, 8}) {
+    VolumeMetadata metadata;
+    metadata.size = {20, 18, slices};
+    metadata.source = "/scan";
+    const VolumeState state = session.PublishVolume(
+        {.source = "/scan", .device_mm_per_volume_mm = 0.5}, metadata,
+        testing::MakeBricks(metadata.size, [](int i, int, int) { return i; }));
+    const auto& warnings = state.volume->metadata().warnings;
+    ASSERT_EQ(warnings.size(), slices == 8 ? 1u : 0u);
+    if (slices == 8) {
+      EXPECT_NE(warnings[0].find("20 x 18 x 16"), std::string::npos);
+    }
   }
 }
 
