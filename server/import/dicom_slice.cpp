@@ -81,7 +81,7 @@ void ParseBits(const Fields& fields, const DicomStream& stream, DicomSlice* slic
   }
   if (stream.is_jpeg_2000 && stream.is_signed != slice->is_signed) {
     fields.Repair(std::string("its JPEG 2000 says ") + (stream.is_signed ? "signed" : "unsigned") +
-                  " pixels, and PixelRepresentation the contrary, which is taken");
+                  " pixels, and PixelRepresentation the contrary, which is taken" + kReadOtherwise);
   }
 }
 
