@@ -41,18 +41,20 @@ constexpr DicomTag kNumbers[] = {
     dicom::kHighBit, dicom::kPadding, dicom::kPaddingLimit, dicom::kTimeIndex, dicom::kSign};
 constexpr DicomTag kReals[] = {dicom::kBValue, dicom::kTriggerDelay, dicom::kCardiacPhase};
 constexpr DicomTag kTexts[] = {
-    dicom::kImageType,    dicom::kInstance,      dicom::kAcquisitionDateTime,
-    dicom::kModality,     dicom::kDescription,   dicom::kAcquisitionTime,
-    dicom::kStudy,        dicom::kSeries,        dicom::kPosition,
-    dicom::kOrientation,  dicom::kSeriesNumber,  dicom::kFrameOfReference,
-    dicom::kPhotometric,  dicom::kFrames,        dicom::kPixelSpacing,
-    dicom::kWindowLevel,  dicom::kWindowWidth,   dicom::kIntercept,
-    dicom::kSlope,        dicom::kRescaleType,   dicom::kKvp,
-    dicom::kEchoTime,     dicom::kInversionTime, dicom::kEcho,
-    dicom::kSlicePitch,   dicom::kTriggerTime,   dicom::kKernel,
-    dicom::kFlipAngle,    dicom::kAcquisition,   dicom::kInstanceNumber,
-    dicom::kTimePosition, dicom::kSliceLocation, dicom::kThickness,
-    dicom::kContentTime};
+    dicom::kImageType,    dicom::kInstance,        dicom::kAcquisitionDateTime,
+    dicom::kModality,     dicom::kDescription,     dicom::kAcquisitionTime,
+    dicom::kStudy,        dicom::kSeries,          dicom::kPosition,
+    dicom::kOrientation,  dicom::kSeriesNumber,    dicom::kFrameOfReference,
+    dicom::kPhotometric,  dicom::kFrames,          dicom::kPixelSpacing,
+    dicom::kWindowLevel,  dicom::kWindowWidth,     dicom::kIntercept,
+    dicom::kSlope,        dicom::kRescaleType,     dicom::kKvp,
+    dicom::kEchoTime,     dicom::kInversionTime,   dicom::kEcho,
+    dicom::kSlicePitch,   dicom::kTriggerTime,     dicom::kKernel,
+    dicom::kFlipAngle,    dicom::kAcquisition,     dicom::kInstanceNumber,
+    dicom::kTimePosition, dicom::kSliceLocation,   dicom::kThickness,
+    dicom::kContentTime,  dicom::kAcquisitionDate, dicom::kComponent,
+    dicom::kContrast,     dicom::kSequence,        dicom::kRepetitionTime,
+    dicom::kFilter};
 
 template <std::size_t count>
 bool Holds(const DicomTag (&tags)[count], std::uint32_t number) {
@@ -82,17 +84,19 @@ struct PixelShape {
 bool IsCapital(char c) { return c >= 'A' && c <= 'Z'; }
 
 // The head of a compressed stream: JPEG 2000's SIZ, or the frame header of JPEG and JPEG-LS.
-DicomStream DescribeStream(std::string_view head) {
+DicomStream DescribeStream(std::string_view head, std::string_view syntax) {
   const auto byte = [head](std::size_t at) {
     return at < head.size() ? static_cast<unsigned char>(head[at]) : 0;
   };
   constexpr std::string_view kSiz("\xff\x4f\xff\x51");
   constexpr std::size_t kDepthInSiz = 42;
-  if (const std::size_t at = head.find(kSiz); at != head.npos) {
-    const int depth = byte(at + kDepthInSiz);
+  constexpr std::string_view kJpeg2000("1.2.840.10008.1.2.4.9");
+  const std::size_t at_siz = syntax.starts_with(kJpeg2000) ? head.find(kSiz) : head.npos;
+  if (at_siz != head.npos) {
+    const int depth = byte(at_siz + kDepthInSiz);
     return {.bits = (depth & 0x7f) + 1, .is_jpeg_2000 = true, .is_signed = (depth & 0x80) != 0};
   }
-  for (std::size_t at = 2; byte(at) == 0xff;) {
+  for (std::size_t at = 2; head.starts_with("\xff\xd8") && byte(at) == 0xff;) {
     const int marker = byte(at + 1);
     const bool is_table = marker == 0xc4 || marker == 0xc8 || marker == 0xcc;
     if (marker == 0xf7 || (marker >= 0xc0 && marker <= 0xcf && !is_table)) {
@@ -284,7 +288,8 @@ class Walker {
       const std::string_view value = Trim(std::string_view(text.c_str()));
       file_.values[element.tag] = value;
       if (element.tag == dicom::kFrames.number && !value.empty()) {
-        shape_.frames = ParseInteger(value, dicom::kFrames.name);
+        const double frames = ParseReal(Trim(value), dicom::kFrames.name);
+        shape_.frames = frames >= 2.0 && frames < 1e9 ? static_cast<std::int64_t>(frames) : 1;
       }
     } else if (Holds(kReals, element.tag) && element.length == sizeof(double)) {
       const std::uint32_t first = ReadNumber(4, encoding.big_endian);
@@ -370,7 +375,8 @@ class Walker {
       if (item.tag != kItem || item.length == kUndefined) RefuseCut();
       const std::int64_t start = at_;
       if (n == 1)
-        file_.stream = DescribeStream(Read(std::min<std::int64_t>(item.length, kLongestHead)));
+        file_.stream =
+            DescribeStream(Read(std::min<std::int64_t>(item.length, kLongestHead)), file_.syntax);
       at_ = start;
       Skip(item.length);
     }

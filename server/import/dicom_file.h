@@ -25,18 +25,24 @@ struct DicomTag {
 namespace dicom {
 inline constexpr DicomTag kImageType{0x00080008, "ImageType"};
 inline constexpr DicomTag kInstance{0x00080018, "SOPInstanceUID"};
+inline constexpr DicomTag kAcquisitionDate{0x00080022, "AcquisitionDate"};
 inline constexpr DicomTag kAcquisitionDateTime{0x0008002a, "AcquisitionDateTime"};
 inline constexpr DicomTag kAcquisitionTime{0x00080032, "AcquisitionTime"};
 inline constexpr DicomTag kContentTime{0x00080033, "ContentTime"};
 inline constexpr DicomTag kModality{0x00080060, "Modality"};
 inline constexpr DicomTag kDescription{0x0008103e, "SeriesDescription"};
+inline constexpr DicomTag kComponent{0x00089208, "ComplexImageComponent"};
+inline constexpr DicomTag kContrast{0x00180010, "ContrastBolusAgent"};
+inline constexpr DicomTag kSequence{0x00180024, "SequenceName"};
 inline constexpr DicomTag kThickness{0x00180050, "SliceThickness"};
 inline constexpr DicomTag kKvp{0x00180060, "KVP"};
+inline constexpr DicomTag kRepetitionTime{0x00180080, "RepetitionTime"};
 inline constexpr DicomTag kEchoTime{0x00180081, "EchoTime"};
 inline constexpr DicomTag kInversionTime{0x00180082, "InversionTime"};
 inline constexpr DicomTag kEcho{0x00180086, "EchoNumbers"};
 inline constexpr DicomTag kSlicePitch{0x00180088, "SpacingBetweenSlices"};
 inline constexpr DicomTag kTriggerTime{0x00181060, "TriggerTime"};
+inline constexpr DicomTag kFilter{0x00181160, "FilterType"};
 inline constexpr DicomTag kKernel{0x00181210, "ConvolutionKernel"};
 inline constexpr DicomTag kFlipAngle{0x00181314, "FlipAngle"};
 inline constexpr DicomTag kBValue{0x00189087, "DiffusionBValue"};

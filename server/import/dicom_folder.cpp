@@ -103,8 +103,9 @@ std::string PixelBytes(const DicomSlice& slice) {
 
 bool IsCopy(const DicomSlice& one, const DicomSlice& other) {
   const std::string instance = one.content.Text(dicom::kInstance);
-  return (!instance.empty() && instance == other.content.Text(dicom::kInstance)) ||
-         (IsOfOnePass(one, other) && PixelBytes(one) == PixelBytes(other));
+  return IsOfOnePass(one, other) &&
+         ((!instance.empty() && instance == other.content.Text(dicom::kInstance)) ||
+          PixelBytes(one) == PixelBytes(other));
 }
 
 // Slices of one series that fit, without copies.
@@ -238,11 +239,13 @@ std::string Named(const std::string& series, const std::string& description) {
   return "the series " + series + (description.empty() ? "" : " " + Quoted(description));
 }
 
-// Lists the passes of the series.
+// Lists the first passes of the series.
 std::string PassesIn(const std::vector<Stack>& stacks) {
+  constexpr std::size_t kMostListed = 8;
   std::string list;
   for (const Stack& stack : stacks) {
     if (stack.number().empty()) continue;
+    if (&stack == &stacks[0] + kMostListed) return list + "; ...";
     list += (list.empty() ? "" : "; ") + stack.number() + ": " + stack.description() + ", " +
             std::to_string(stack.size()) + " slices";
   }
@@ -256,10 +259,10 @@ void Choose(Series series, FileNotes* left_out, DicomFolder* result) {
   for (auto& [key, stacks] : series) {
     const bool has_chosen = std::ranges::any_of(stacks, [&](Stack& s) { return &s == largest; });
     if (has_chosen && stacks.size() > 1 && !largest->number().empty()) {
-      result->warnings.push_back("the series has several passes over the same range (" +
-                                 PassesIn(stacks) + "); pass " + largest->number() +
-                                 " is taken, palpate-import --acquisition chooses another" +
-                                 kReadOtherwise);
+      result->warnings.push_back("pass " + largest->number() +
+                                 " of several over the same range is taken; palpate-import "
+                                 "--acquisition chooses another (" +
+                                 PassesIn(stacks) + ")" + kReadOtherwise);
     }
     for (Stack& stack : stacks) {
       if (&stack == largest) continue;

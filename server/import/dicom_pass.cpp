@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <map>
 #include <set>
@@ -10,101 +11,171 @@
 namespace palpate {
 namespace {
 
-constexpr DicomTag kTags[] = {dicom::kAcquisition,   dicom::kTimePosition, dicom::kTimeIndex,
-                              dicom::kEcho,          dicom::kEchoTime,     dicom::kTriggerTime,
-                              dicom::kCardiacPhase,  dicom::kTriggerDelay, dicom::kFlipAngle,
-                              dicom::kInversionTime, dicom::kBValue,       dicom::kKvp,
-                              dicom::kKernel,        dicom::kImageType};
-// Slices of one pass may have several times, too.
-constexpr DicomTag kTimes[] = {dicom::kAcquisitionTime, dicom::kAcquisitionDateTime,
-                               dicom::kContentTime};
+constexpr DicomTag kStated[] = {dicom::kAcquisition, dicom::kTimePosition,   dicom::kTimeIndex,
+                                dicom::kEcho,        dicom::kKernel,         dicom::kFilter,
+                                dicom::kSequence,    dicom::kContrast,       dicom::kComponent,
+                                dicom::kImageType,   dicom::kAcquisitionDate};
+constexpr DicomTag kMeasured[] = {dicom::kEchoTime,  dicom::kInversionTime,  dicom::kFlipAngle,
+                                  dicom::kBValue,    dicom::kRepetitionTime, dicom::kKvp,
+                                  dicom::kThickness, dicom::kCardiacPhase};
+// Slices of one pass may have several of them, too.
+constexpr DicomTag kTimes[] = {dicom::kTriggerTime, dicom::kTriggerDelay, dicom::kAcquisitionTime,
+                               dicom::kAcquisitionDateTime, dicom::kContentTime};
 
-constexpr double kMostOfIt = 0.6;
+// The number in a text; NaN: it is none.
+double NumberOf(const std::string& text) {
+  char* end = nullptr;
+  const double number = std::strtod(text.c_str(), &end);
+  return end != text.c_str() && *end == 0 ? number : std::nan("");
+}
+
+// Three digits: scanners state what they measured, and not always alike.
+std::string RoundedReal(const std::string& text) {
+  const double number = NumberOf(text);
+  char rounded[32];
+  std::snprintf(rounded, sizeof rounded, "%.3g", number);
+  return std::isfinite(number) ? rounded : text;
+}
 
 // Numbers come before texts, in their order.
 struct ByNumber {
   static std::pair<double, std::string> Rank(const std::string& text) {
-    char* end = nullptr;
-    const double number = std::strtod(text.c_str(), &end);
-    const bool is_number = end != text.c_str() && *end == 0 && std::isfinite(number);
-    return {is_number ? number : HUGE_VAL, text};
+    const double number = NumberOf(text);
+    return {std::isfinite(number) ? number : HUGE_VAL, text};
   }
-  bool operator()(const std::vector<std::string>& a, const std::vector<std::string>& b) const {
-    return std::ranges::lexicographical_compare(a, b, {}, Rank, Rank);
-  }
+  bool operator()(const std::string& a, const std::string& b) const { return Rank(a) < Rank(b); }
 };
 
-using Groups = std::map<std::vector<std::string>, std::vector<std::size_t>, ByNumber>;
-
-Groups GroupedBy(const std::vector<DicomTag>& tags, const std::vector<DicomSlice>& slices) {
-  Groups groups;
-  for (std::size_t n = 0; n < slices.size(); ++n) {
-    std::vector<std::string> key;
-    for (const DicomTag& tag : tags) key.push_back(slices[n].content.Text(tag));
-    groups[key].push_back(n);
+// What may tell passes apart, and the slices of each value. Weak: slices of one pass may differ in
+// it.
+struct Mark {
+  Mark(const char* mark_name, bool weak, const std::vector<std::string>& of_slice)
+      : name(mark_name), is_weak(weak) {
+    for (std::size_t n = 0; n < of_slice.size(); ++n) groups[of_slice[n]].push_back(n);
   }
-  return groups;
-}
 
-// Along the normal.
-std::vector<double> HeightsOf(const std::vector<DicomSlice>& slices) {
-  const Vec3 normal_W = slices.front().row_W.cross(slices.front().column_W);
-  std::vector<double> heights_mm;
-  for (const DicomSlice& slice : slices) heights_mm.push_back(normal_W.dot(slice.position_W_mm));
-  return heights_mm;
-}
+  const char* name;
+  bool is_weak;
+  std::map<std::string, std::vector<std::size_t>, ByNumber> groups;
+};
 
-// `least_share`: of the whole range, which each group reaches over.
-bool AreOverOneRange(const Groups& groups, const std::vector<double>& heights_mm,
-                     double least_share) {
-  std::vector<std::pair<double, double>> ranges_mm;
-  const auto [lowest_mm, highest_mm] = std::ranges::minmax(heights_mm);
-  const double least_mm = least_share * (highest_mm - lowest_mm);
-  for (const auto& [key, members] : groups) {
-    if (members.size() < 2) return false;  // each slice its own: no passes
-    const auto [least, greatest] =
-        std::ranges::minmax(members, {}, [&](std::size_t n) { return heights_mm[n]; });
-    ranges_mm.emplace_back(heights_mm[least], heights_mm[greatest]);
-    if (ranges_mm.back().second - ranges_mm.back().first < least_mm) return false;
+// How a series goes up and down its heights.
+class Heights {
+ public:
+  explicit Heights(const std::vector<DicomSlice>& slices) {
+    const DicomSlice& first = slices.front();
+    const Vec3 normal_W = first.row_W.cross(first.column_W);
+    for (const DicomSlice& slice : slices) mm_.push_back(normal_W.dot(slice.position_W_mm));
+    const auto stated = [&](const DicomTag& tag) {
+      const double mm = std::abs(NumberOf(first.content.Text(tag)));
+      return mm > 0.0 ? mm : 0.0;
+    };
+    pitch_mm_ = stated(dicom::kSlicePitch);
+    if (pitch_mm_ == 0.0) pitch_mm_ = stated(dicom::kThickness);
   }
-  std::ranges::sort(ranges_mm);
-  for (std::size_t n = 1; n < ranges_mm.size(); ++n) {
-    if (ranges_mm[n].first < ranges_mm[n - 1].second) return true;
-  }
-  return false;
-}
 
-// Slices that were measured in turns, every other one first, lie as far apart as they say.
-bool AreInTurns(const std::vector<DicomSlice>& slices, std::vector<double> heights_mm,
-                const DicomTag& pitch) {
-  constexpr double kSamePitch = 0.1;
-  std::ranges::sort(heights_mm);
-  const std::string text = slices.front().content.Text(pitch);
-  const double stated_mm = std::strtod(text.c_str(), nullptr);
-  for (std::size_t n = 1; n < heights_mm.size(); ++n) {
-    const double pitch_mm = heights_mm[n] - heights_mm[n - 1];
-    if (!(std::abs(pitch_mm - stated_mm) < kSamePitch * stated_mm)) return false;
+  // True if slices of other groups lie at places of the largest one, or between them and closer
+  // than slices of one volume lie. Those that fill its gaps are of the same volume.
+  bool AreMixed(const Mark& mark) const {
+    const auto largest = std::ranges::max_element(
+        mark.groups, {}, [](const auto& group) { return group.second.size(); });
+    std::set<double> own_mm;
+    for (const std::size_t n : largest->second) own_mm.insert(mm_[n]);
+    const auto reaches_far = [this](const auto& group) { return Reach(group.second) > 0.75; };
+    const auto far = std::ranges::count_if(mark.groups, reaches_far);
+    if (own_mm.size() < 2 || (mark.is_weak && far < 2)) return false;
+    std::vector<double> steps_mm;
+    for (auto at = std::next(own_mm.begin()); at != own_mm.end(); ++at) {
+      steps_mm.push_back(*at - *std::prev(at));
+    }
+    std::ranges::nth_element(steps_mm, steps_mm.begin() + std::ssize(steps_mm) / 2);
+    const double step_mm = steps_mm[steps_mm.size() / 2];
+    const bool is_whole =
+        pitch_mm_ > 0.0 ? !mark.is_weak || step_mm < 1.1 * pitch_mm_ : !mark.is_weak;
+    const double close_mm =
+        pitch_mm_ > 0.0 ? std::min(0.75 * pitch_mm_, 0.9 * step_mm) : 0.9 * step_mm;
+    int within = 0, mixed = 0;
+    for (const auto& [key, members] : mark.groups) {
+      for (const std::size_t n : members) {
+        const auto above = own_mm.lower_bound(mm_[n]);
+        if (&members == &largest->second || above == own_mm.end()) continue;
+        if (above == own_mm.begin() && *above > mm_[n]) continue;
+        const double below_mm = above == own_mm.begin() ? *above : *std::prev(above);
+        const double away_mm = std::min(*above - mm_[n], std::abs(mm_[n] - below_mm));
+        ++within;
+        mixed += away_mm < 0.1 * step_mm || (is_whole && away_mm < close_mm);
+      }
+    }
+    return mixed > 0 && 2 * mixed >= within;
   }
-  return true;
-}
 
-// The tags that tell passes apart, without those that repeat what others say.
-std::vector<DicomTag> TellingTags(const std::vector<DicomSlice>& slices) {
-  const std::vector<double> heights_mm = HeightsOf(slices);
-  std::vector<DicomTag> telling;
-  if (AreInTurns(slices, heights_mm, dicom::kSlicePitch)) return telling;
-  std::size_t count = 1;
-  const auto add = [&](const DicomTag& tag, double least_share) {
-    if (!AreOverOneRange(GroupedBy({tag}, slices), heights_mm, least_share)) return;
-    telling.push_back(tag);
-    const std::size_t with_tag = GroupedBy(telling, slices).size();
-    if (with_tag == count) telling.pop_back();
-    count = with_tag;
+  // The turns in which the slices go from end to end, in the order of their InstanceNumbers.
+  std::vector<std::string> Turns(const std::vector<DicomSlice>& slices) const {
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t n = 0; n < slices.size(); ++n) {
+      order.emplace_back(NumberOf(slices[n].content.Text(dicom::kInstanceNumber)), n);
+    }
+    std::vector<std::string> turns(slices.size(), "1");
+    if (std::ranges::any_of(order, [](const auto& item) { return std::isnan(item.first); })) {
+      return turns;
+    }
+    std::ranges::sort(order);
+    const bool is_upwards = order.size() > 1 && mm_[order[1].second] > mm_[order[0].second];
+    int turn = 1;
+    for (std::size_t n = 1; n < order.size(); ++n) {
+      const double step_mm = mm_[order[n].second] - mm_[order[n - 1].second];
+      turn += (step_mm > 0.0) != is_upwards;
+      turns[order[n].second] = std::to_string(turn);
+    }
+    return turns;
+  }
+
+ private:
+  // Over which share of the whole range some slices reach.
+  double Reach(const std::vector<std::size_t>& members) const {
+    const auto height_mm = [this](std::size_t n) { return mm_[n]; };
+    const auto [least, greatest] = std::ranges::minmax(members, {}, height_mm);
+    const auto [lowest_mm, highest_mm] = std::ranges::minmax(mm_);
+    return (mm_[greatest] - mm_[least]) / std::max(highest_mm - lowest_mm, 1e-9);
+  }
+
+  std::vector<double> mm_;  // along the normal, of each slice
+  double pitch_mm_ = 0.0;   // as the first slice states it; 0: it does not
+};
+
+std::vector<Mark> MarksOf(const std::vector<DicomSlice>& slices, const Heights& heights) {
+  std::vector<Mark> marks;
+  const auto add = [&](const auto& tags, bool is_weak, const auto& text) {
+    for (const DicomTag& tag : tags) {
+      std::vector<std::string> of_slice;
+      for (const DicomSlice& slice : slices) of_slice.push_back(text(slice.content.Text(tag)));
+      marks.emplace_back(tag.name, is_weak, of_slice);
+    }
   };
-  for (const DicomTag& tag : kTags) add(tag, 0.0);
-  if (AreInTurns(slices, heights_mm, dicom::kThickness)) return telling;
-  for (const DicomTag& tag : kTimes) add(tag, kMostOfIt);
-  return telling;
+  add(kStated, false, [](const std::string& text) { return text; });
+  add(kMeasured, false, RoundedReal);
+  add(kTimes, true, [](const std::string& text) { return text; });
+  marks.emplace_back("turn of InstanceNumber", true, heights.Turns(slices));
+  return marks;
+}
+
+// Splits by the first mark that tells, and each part again.
+void Split(std::vector<DicomSlice> slices, const std::string& description,
+           std::vector<DicomPass>* passes) {
+  const Heights heights(slices);
+  for (const Mark& mark : MarksOf(slices, heights)) {
+    if (mark.groups.size() < 2 || !heights.AreMixed(mark)) continue;
+    for (const auto& [value, members] : mark.groups) {
+      std::vector<DicomSlice> part;
+      for (const std::size_t n : members) part.push_back(std::move(slices[n]));
+      Split(std::move(part),
+            description + (description.empty() ? "" : ", ") + mark.name + " " +
+                (value.empty() ? "not stated" : value),
+            passes);
+    }
+    return;
+  }
+  passes->push_back({"", description, std::move(slices)});
 }
 
 }  // namespace
@@ -113,29 +184,20 @@ bool IsOfOnePass(const DicomSlice& one, const DicomSlice& other) {
   const auto is_same = [&](const DicomTag& tag) {
     return one.content.Text(tag) == other.content.Text(tag);
   };
-  return std::ranges::all_of(kTags, is_same) && std::ranges::all_of(kTimes, is_same);
+  return std::ranges::all_of(kStated, is_same) && std::ranges::all_of(kMeasured, is_same);
 }
 
 std::vector<DicomPass> PassesOf(std::vector<DicomSlice> slices) {
-  const std::vector<DicomTag> telling = TellingTags(slices);
-  const Groups groups = GroupedBy(telling, slices);
   std::vector<DicomPass> passes;
-  std::set<std::string> acquisitions;
-  for (const auto& [key, members] : groups) {
-    DicomPass& pass = passes.emplace_back();
-    for (std::size_t n = 0; n < telling.size(); ++n) {
-      pass.description += (n == 0 ? "" : ", ") + std::string(telling[n].name) + " " +
-                          (key[n].empty() ? "not stated" : key[n]);
-    }
-    pass.number = slices[members.front()].content.Text(dicom::kAcquisition);
-    acquisitions.insert(pass.number);
-    for (const std::size_t n : members) pass.slices.push_back(std::move(slices[n]));
+  Split(std::move(slices), "", &passes);
+  if (passes.size() == 1) return passes;
+  std::set<std::string> numbers;
+  for (DicomPass& pass : passes) {
+    pass.number = pass.slices.front().content.Text(dicom::kAcquisition);
+    numbers.insert(pass.number);
   }
-  const bool have_numbers = acquisitions.size() == passes.size() && !acquisitions.contains("");
-  for (std::size_t n = 0; n < passes.size() && !have_numbers; ++n) {
-    passes[n].number = std::to_string(n + 1);
-  }
-  if (passes.size() == 1) passes[0].number.clear();
+  if (numbers.size() == passes.size() && !numbers.contains("")) return passes;
+  for (std::size_t n = 0; n < passes.size(); ++n) passes[n].number = std::to_string(n + 1);
   return passes;
 }
 

@@ -17,12 +17,13 @@ struct DicomPass {
   std::vector<DicomSlice> slices;
 };
 
-// True if nothing tells the two slices apart as of two passes.
+// True if nothing but their times tells the two slices apart as of two passes.
 bool IsOfOnePass(const DicomSlice& one, const DicomSlice& other);
 
 // `slices`: of one series, size and orientation, not empty. What differs between slices tells
-// passes apart only if they lie over the same range: a scanner that steps from place to place may
-// number its steps. The number is the AcquisitionNumber where each pass has one of its own.
+// passes apart only if some lie between others, or at their places: a scanner that steps from place
+// to place may number its steps, and one that measures in turns has several times. The number is
+// the AcquisitionNumber where each pass has one of its own.
 std::vector<DicomPass> PassesOf(std::vector<DicomSlice> slices);
 
 }  // namespace palpate

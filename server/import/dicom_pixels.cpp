@@ -50,8 +50,8 @@ class ElementWriter {
 
 constexpr char kCt[] = "1.2.840.10008.5.1.4.1.1.2";
 
-std::string FileHead(const DicomFile& file) {
-  const std::string plain = file.big_endian ? "1.2.840.10008.1.2.2" : "1.2.840.10008.1.2.1";
+std::string FileHead(const DicomFile& file, bool is_big_endian) {
+  const std::string plain = is_big_endian ? "1.2.840.10008.1.2.2" : "1.2.840.10008.1.2.1";
   ElementWriter meta(false);
   meta.Text(0x00020002, "UI", kCt);
   meta.Text(0x00020003, "UI", "1.2.3");
@@ -63,6 +63,16 @@ std::string FileHead(const DicomFile& file) {
   head.Number(static_cast<std::uint32_t>(meta.text().size()), 4);
   head.Raw(meta.text());
   return head.text();
+}
+
+// GDCM swaps only bytes of two. Numbers of 8 bits lie in words of two bytes, too, if they are no
+// bytes (OB).
+void ToLittleEndian(std::uint32_t number_bytes, std::string* pixels) {
+  const std::size_t word = number_bytes == 1 ? 2 : number_bytes;
+  for (std::size_t at = 0; at + word <= pixels->size(); at += word) {
+    std::reverse(pixels->begin() + static_cast<std::ptrdiff_t>(at),
+                 pixels->begin() + static_cast<std::ptrdiff_t>(at + word));
+  }
 }
 
 // Pixels that are not compressed, or by RLE, are described to GDCM as unsigned numbers of all bits,
@@ -77,7 +87,8 @@ std::string PixelsOnly(const DicomSlice& slice) {
   const bool is_packed = bits == 12;
   const bool as_stated = file.stream.bits > 0 || is_packed;
   const std::uint32_t stored = as_stated ? number(dicom::kBitsStored, bits) : bits;
-  ElementWriter out(file.big_endian);
+  const bool is_big_endian = file.big_endian && is_packed;
+  ElementWriter out(is_big_endian);
   out.Text(0x00080016, "UI", kCt);
   out.Text(0x00080018, "UI", "1.2.3");
   out.Short(dicom::kSamples.number, 1);
@@ -92,11 +103,14 @@ std::string PixelsOnly(const DicomSlice& slice) {
   std::ifstream in(slice.file, std::ios::binary);
   in.seekg(file.pixels_begin);
   if (!in.read(pixels.data(), std::ssize(pixels))) Refuse("the file changed while it was read");
-  out.Head(0x7fe00010, file.has_fragments || (file.has_bytes && bits == 8) ? "OB" : "OW");
+  if (file.big_endian && !is_packed && !(file.has_bytes && bits == 8)) {
+    ToLittleEndian(bits / 8, &pixels);
+  }
+  out.Head(0x7fe00010, file.has_fragments ? "OB" : "OW");
   out.Number(0, 2);
   out.Number(file.has_fragments ? 0xffffffff : static_cast<std::uint32_t>(pixels.size()), 4);
   out.Raw(pixels);
-  return FileHead(file) + out.text();
+  return FileHead(file, is_big_endian) + out.text();
 }
 
 // The number in a pixel's bits, least first.
@@ -110,19 +124,28 @@ std::int64_t NumberIn(std::uint64_t pattern, int bits, bool is_signed) {
 class Pixels {
  public:
   Pixels(const std::string& bytes, int width, const DicomSlice& slice)
-      : bytes_(bytes), width_(width), slice_(slice), low_(slice.low_bit) {
-    bits_ = std::min(slice.bits, width - low_);
+      : bytes_(bytes), width_(width), slice_(slice), low_(std::min(slice.low_bit, width - 1)) {
+    const int of_stream = slice.content.stream.bits;
+    whole_ = of_stream > 0 ? std::min(of_stream, width) : width;
+    bits_ = std::clamp(slice.bits, 1, width - low_);
   }
 
   DicomPixels Values() {
     DicomPixels pixels;
+    bool has_long_signs = false;
     for (std::size_t n = 0; n < Count(); ++n) {
       const std::uint64_t pattern = PatternAt(n);
       pixels.has_more_bits |= !Fits(pattern);
       pixels.has_short_signs |= IsEmptyAbove(pattern) && Stored(pattern) < 0;
+      has_long_signs |= !IsEmptyAbove(pattern) && Whole(pattern) < 0 && Fits(pattern);
     }
-    // What is not compressed may have an overlay in them.
-    if (pixels.has_more_bits && slice_.content.stream.bits > 0) bits_ = width_;
+    // What is not compressed may have an overlay in them. Long signs are beside no short ones.
+    const bool is_wide = pixels.has_short_signs && has_long_signs && low_ + bits_ < whole_;
+    pixels.takes_all_bits = is_wide || (pixels.has_more_bits && slice_.content.stream.bits > 0);
+    if (pixels.takes_all_bits) {
+      bits_ = whole_;
+      pixels.has_short_signs = false;
+    }
     pixels.values.reserve(Count());
     for (std::size_t n = 0; n < Count(); ++n) {
       const std::uint64_t pattern = PatternAt(n);
@@ -147,7 +170,7 @@ class Pixels {
     return NumberIn(pattern >> low_, bits_, slice_.is_signed);
   }
   std::int64_t Whole(std::uint64_t pattern) const {
-    return NumberIn(pattern, width_, slice_.is_signed);
+    return NumberIn(pattern, whole_, slice_.is_signed);
   }
   // Padding may be a number that BitsStored has no room for.
   bool IsPadding(std::int64_t number) const {
@@ -174,7 +197,7 @@ class Pixels {
   const int width_;
   const DicomSlice& slice_;
   const int low_;
-  int bits_;
+  int bits_, whole_;  // bits that are stored; that a pixel has
 };
 
 }  // namespace

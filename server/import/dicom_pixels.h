@@ -15,9 +15,10 @@ struct DicomPixels {
   // With rescale or table, x fastest. Padding is not a number.
   std::vector<float> values;
   float least_padding = std::numeric_limits<float>::infinity();
-  // Pixels have numbers that need more bits than BitsStored says. Of a compressed slice all bits
-  // are taken, otherwise those that are stored.
+  // Pixels have something in more bits than BitsStored says. These are left out, unless all bits
+  // are taken: of a compressed slice, or if signs show that numbers have them.
   bool has_more_bits = false;
+  bool takes_all_bits = false;
   // Pixels have their sign in the highest of the bits that are stored, and none above.
   bool has_short_signs = false;
 };

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <limits>
 #include <utility>
 
 namespace palpate {
@@ -38,8 +37,8 @@ class Fields {
     return numbers.empty() ? absent : numbers[0];
   }
   int Integer(const DicomTag& tag, int absent) const {
-    using Limits = std::numeric_limits<int>;
-    return static_cast<int>(std::clamp<double>(Number(tag, absent), Limits::min(), Limits::max()));
+    constexpr double kMost = 1e9;
+    return static_cast<int>(std::clamp(Number(tag, absent), -kMost, kMost));
   }
   void Repair(const std::string& what) const { repairs_->Add(what, file_); }
 
@@ -80,8 +79,10 @@ void ParseBits(const Fields& fields, const DicomStream& stream, DicomSlice* slic
     slice->bits = stream.bits;
   }
   if (stream.is_jpeg_2000 && stream.is_signed != slice->is_signed) {
+    slice->is_signed = true;
     fields.Repair(std::string("its JPEG 2000 says ") + (stream.is_signed ? "signed" : "unsigned") +
-                  " pixels, and PixelRepresentation the contrary, which is taken" + kReadOtherwise);
+                  " pixels, and PixelRepresentation the contrary; signed ones are taken" +
+                  kReadOtherwise);
   }
 }
 
@@ -134,7 +135,7 @@ void CheckKind(const Fields& fields) {
 
 void CheckPosition(const DicomSlice& slice) {
   if (slice.position_W_mm.cwiseAbs().maxCoeff() > kFarthest_mm) {
-    Refuse("it states a position that is none; export it again");
+    Refuse("it states a position farther than 1e9 mm; export it again");
   }
 }
 
@@ -150,8 +151,8 @@ void ParseOrder(const Fields& fields, const ImportLimits& limits, DicomSlice* sl
     pitch_mm = fields.Number(dicom::kSlicePitch, 0.0);
     if (!(pitch_mm > 0.0)) {
       Refuse(
-          "it states neither its position nor the distance of slices (SpacingBetweenSlices); give "
-          "--spacing-mm X,Y,Z");
+          "it does not state where it lies, by position and orientation, nor how far slices are "
+          "apart (SpacingBetweenSlices); give --spacing-mm X,Y,Z");
     }
   }
   slice->order = location.empty() ? dicom::kInstanceNumber.name : dicom::kSliceLocation.name;
@@ -166,7 +167,8 @@ void ParseOrder(const Fields& fields, const ImportLimits& limits, DicomSlice* sl
 void ParsePlace(const Fields& fields, const ImportLimits& limits, DicomSlice* slice) {
   const auto position = fields.Numbers(dicom::kPosition, 3);
   const auto orientation = fields.Numbers(dicom::kOrientation, 6);
-  if (position.empty() || orientation.empty()) return ParseOrder(fields, limits, slice);
+  const bool has_directions = std::ranges::any_of(orientation, [](double x) { return x != 0.0; });
+  if (position.empty() || !has_directions) return ParseOrder(fields, limits, slice);
   slice->position_W_mm = {position[0], position[1], position[2]};
   CheckPosition(*slice);
   slice->row_W = {orientation[0], orientation[1], orientation[2]};
@@ -213,7 +215,7 @@ DicomSlice ParseSlice(const std::filesystem::path& file, DicomFile content,
   slice.file = file;
   const Fields fields(slice.file, content, repairs);
   CheckKind(fields);
-  if (content.has_frame_groups) {
+  if (content.has_frame_groups && fields.Text(dicom::kPosition).empty()) {
     Refuse(
         "it is an enhanced image, which states its places by frame and is not supported; save it "
         "as classic files, one per slice, or convert it with dcm2niix");

@@ -31,7 +31,8 @@ ScalarType ParseScalarType(std::string_view name);  // takes the result of Name(
 
 // Ends a warning about a file.
 inline constexpr char kReadOtherwise[] =
-    "; earlier versions read it otherwise: sides answered for it, and recordings of it, do not fit";
+    "; earlier versions read this file otherwise: say again where the patient faces, and do not "
+    "replay old recordings of it";
 
 // The place of a file's voxels: maps index to W (mm, LPS).
 struct ImageGeometry {

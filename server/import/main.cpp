@@ -5,6 +5,7 @@
 #include <signal.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
@@ -41,7 +42,7 @@ struct Options {
   std::optional<std::int64_t> descriptor;
   std::optional<std::int64_t> save_descriptor;
   std::vector<double> spacing_mm;
-  std::vector<double> rescale;
+  std::string rescale;
   std::string orientation;
   std::string series;
   std::string acquisition;
@@ -145,8 +146,6 @@ void DefineOptions(arguments::Command* app, Options* options) {
          "--rescale", options->rescale,
          "Values are INTERCEPT + SLOPE * what the file says (default slope: 1). Those of a\n"
          "CT are then taken for Hounsfield units: --rescale -1024")
-      ->delimiter(',')
-      ->expected(1, 2)
       ->type_name("INTERCEPT[,SLOPE]");
   app->add_option(
          "--orientation", options->orientation,
@@ -329,6 +328,20 @@ void HandOver(const Options& options, const palpate::ImportLimits& limits,
   writer.Finish(std::move(metadata), spacing_mm, reporter);
 }
 
+std::array<double, 2> RescaleOf(std::string text) {
+  std::ranges::replace(text, ',', ' ');
+  const std::vector<std::string_view> words = palpate::Words(text);
+  std::array<double, 2> line = {0.0, 1.0};
+  for (std::size_t n = 0; n < words.size() && n < line.size(); ++n) {
+    line[n] = palpate::ParseReal(words[n], "--rescale");
+  }
+  if (words.empty() || words.size() > line.size() || line[1] == 0.0 ||
+      !std::isfinite(line[0] + line[1])) {
+    palpate::Refuse("--rescale takes a number, and a slope that is not 0: --rescale -1024,1");
+  }
+  return line;
+}
+
 void Import(const Options& options, palpate::Reporter* reporter) {
   std::optional<palpate::Vec3> spacing_mm;
   if (!options.spacing_mm.empty()) {
@@ -338,13 +351,7 @@ void Import(const Options& options, palpate::Reporter* reporter) {
   palpate::ImportLimits limits;
   limits.max_voxels = options.max_voxels;
   limits.spacing_is_given = spacing_mm.has_value();
-  if (!options.rescale.empty()) {
-    const double slope = options.rescale.size() > 1 ? options.rescale[1] : 1.0;
-    if (!std::isfinite(options.rescale[0]) || !std::isfinite(slope) || slope == 0.0) {
-      palpate::Refuse("--rescale takes a number, and a slope that is not 0");
-    }
-    limits.rescale = {options.rescale[0], slope};
-  }
+  if (!options.rescale.empty()) limits.rescale = RescaleOf(options.rescale);
   limits.form = FormNamed(options.orientation);
   limits.series = options.series;
   limits.acquisition = options.acquisition;

@@ -32,7 +32,8 @@ Fields ReadFields(std::string_view head, std::int64_t* end) {
     }
     if (!line.empty()) {
       const std::string name(Trim(line.substr(0, separator)));
-      if (!fields.emplace(name, Trim(line.substr(separator + 1))).second) {
+      const bool is_new = fields.emplace(name, Trim(line.substr(separator + 1))).second;
+      if (!is_new && name != "Comment") {
         Refuse("the MetaImage header states " + Quoted(name) + " twice; correct it");
       }
     }
@@ -148,8 +149,11 @@ void ReadElementDataPlace(const Fields& fields, std::int64_t header_end, ImageHe
   header->compressed = Flag(fields, "CompressedData", false);
   if (header->compressed && fields.contains("CompressedDataSize")) {
     header->compressed_bytes = Integer(fields, "CompressedDataSize", 0);
-    if (header->compressed_bytes < 1)
-      Refuse("CompressedDataSize is not positive; correct the header");
+    if (header->compressed_bytes < 0) {
+      Refuse("CompressedDataSize is negative; correct the header");
+    }
+    // As some write who did not count.
+    if (header->compressed_bytes == 0) header->compressed_bytes = ImageHeader::kToFileEnd;
   }
   if (lower == "local") {
     // As MetaIO: counted from the file's first byte, or -1 for voxels at its end.

@@ -140,9 +140,11 @@ NiftiForm FormOf(const NiftiFields& fields, const std::optional<NiftiForm>& want
   }
   if (wanted) return *wanted;
   const std::string why_no_sform = has_sform ? WhyNoSform(fields) : "";
-  if (has_qform && !why_no_sform.empty()) {
-    header->warnings.push_back("the sform " + why_no_sform + "; the qform is taken");
-    return NiftiForm::kQform;
+  if (!why_no_sform.empty()) {
+    header->warnings.push_back("the sform " + why_no_sform +
+                               (has_qform ? "; the qform is taken"
+                                          : "; only the spacing is taken, and sides are unknown"));
+    return has_qform ? NiftiForm::kQform : NiftiForm::kNone;
   }
   return has_sform ? NiftiForm::kSform : has_qform ? NiftiForm::kQform : NiftiForm::kNone;
 }

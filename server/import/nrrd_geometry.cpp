@@ -136,7 +136,8 @@ ImageGeometry FromSpacings(const NrrdFields& fields, const std::array<std::int64
   const Vec3 mins = mm.cwiseProduct(PerAxis(fields, "axismins", "axis mins"));
   const Vec3 maxs = mm.cwiseProduct(PerAxis(fields, "axismaxs", "axis maxs"));
   const Vec3 spacings = mm.cwiseProduct(PerAxis(fields, "spacings", "spacings"));
-  const std::string text = Lower(FindField(fields, "centers").value_or(""));
+  const std::string text =
+      Lower(FindField(fields, "centers").value_or(FindField(fields, "centerings").value_or("")));
   const auto centers = Words(text);
   bool placed = mins.allFinite();
   Vec3 origin = mins;

@@ -38,8 +38,8 @@ class StackReader {
   double height_mm(std::size_t k) const { return stack_.places_mm[k].z(); }
   std::vector<float> Read(std::size_t k) {
     DicomPixels pixels = ReadDicomPixels(stack_.slices[k]);
-    if (pixels.has_more_bits) {
-      notes_.Add(stack_.slices[k].content.stream.bits > 0
+    if (pixels.takes_all_bits || pixels.has_more_bits) {
+      notes_.Add(pixels.takes_all_bits
                      ? "its pixels need more bits than BitsStored says; all are taken"
                      : "there is something in the bits above those of BitsStored; it is left out",
                  stack_.slices[k].file);
@@ -96,7 +96,7 @@ class Resampler {
 };
 
 void ReadStack(const DicomStack& stack, const ImportLimits& limits, const VoxelSink& sink,
-               HounsfieldCheck* check, Reporter* reporter) {
+               Reporter* reporter) {
   StackReader slices(stack);
   std::optional<Resampler> resampler;
   if (stack.is_resampled) resampler.emplace(&slices);
@@ -106,7 +106,6 @@ void ReadStack(const DicomStack& stack, const ImportLimits& limits, const VoxelS
     const std::vector<float> slice =
         resampler ? resampler->At(stack.first_mm.z() + static_cast<double>(k) * stack.pitch_mm)
                   : slices.Read(static_cast<std::size_t>(k));
-    check->Add(slice.data(), slice.size());
     sink(LeafType::kFloat, slice.data(), slice.size());
   }
   if (limits.on_padding) limits.on_padding(slices.least_padding());
@@ -148,12 +147,12 @@ VolumeMetadata ReadDicomVolume(const fs::path& folder, const ImportLimits& limit
   const auto size = VolumeSize({first.size[0], first.size[1], stack.count});
   CheckedVoxelBytes(size, first.type, LeafType::kFloat, limits);
   HounsfieldCheck check;
-  ReadStack(stack, limits, sink, &check, reporter);
+  ReadStack(stack, limits, check.Watching(sink), reporter);
   VolumeMetadata metadata = MakeMetadata(stack);
   if (limits.rescale) {
     if (first.is_ct) metadata.unit = "HU";
   } else {
-    check.Judge(first.is_ct, &metadata.unit, reporter);
+    check.Judge(first.is_ct, first.intercept != 0.0, &metadata.unit, reporter);
   }
   return metadata;
 }

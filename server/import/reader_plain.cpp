@@ -36,23 +36,27 @@ void CheckUnit(const std::string& unit, const ImportLimits& limits, Reporter* re
                  ", which is no length; mm are taken, give the spacing with --spacing-mm");
 }
 
+// `read` delivers the voxels.
+VolumeMetadata ReadChecked(const ImageHeader& header, const ImportLimits& limits,
+                           const VoxelSink& sink, Reporter* reporter,
+                           const std::function<void(const VoxelSink&)>& read) {
+  VolumeMetadata metadata = MetadataOf(header);
+  if (header.unit != "HU" || limits.rescale) {
+    read(sink);
+    return metadata;
+  }
+  HounsfieldCheck check;
+  read(check.Watching(sink));
+  check.Judge(false, true, &metadata.unit, reporter);
+  return metadata;
+}
+
 VolumeMetadata ReadFrame(const std::filesystem::path& path, const ImageHeader& header,
                          std::int64_t frame, const ImportLimits& limits, const VoxelSink& sink,
                          Reporter* reporter) {
   reporter->Progress(kCheckedShare, "reading");
-  VolumeMetadata metadata = MetadataOf(header);
-  if (header.unit != "HU" || limits.rescale) {
-    ReadVoxels(path, header, frame, sink);
-    return metadata;
-  }
-  HounsfieldCheck check;
-  ReadVoxels(path, header, frame, [&](LeafType type, const void* voxels, std::size_t count) {
-    const std::vector<float> values = FloatsOf(type, voxels, count);
-    check.Add(values.data(), values.size());
-    sink(type, voxels, count);
-  });
-  check.Judge(false, &metadata.unit, reporter);
-  return metadata;
+  return ReadChecked(header, limits, sink, reporter,
+                     [&](const VoxelSink& checked) { ReadVoxels(path, header, frame, checked); });
 }
 
 }  // namespace
@@ -93,8 +97,8 @@ VolumeMetadata ReadTiffVolume(const std::filesystem::path& input, const ImportLi
     reporter->Progress(kCheckedShare + (kReadShare - kCheckedShare) * fraction, "reading");
   };
   progress(0.0);
-  ReadTiffVoxels(stack, progress, sink);
-  return MetadataOf(stack.header);
+  return ReadChecked(stack.header, limits, sink, reporter,
+                     [&](const VoxelSink& checked) { ReadTiffVoxels(stack, progress, checked); });
 }
 
 }  // namespace palpate

@@ -152,10 +152,11 @@ std::string OriginalType(std::string_view grid_type) {
 
 // Looks in some leaves at voxels beside which the sign changes.
 template <class Tree>
-DistanceCheck::Verdict LookForDistances(const Tree& tree, const VolumeMetadata& metadata,
-                                        const Vec3i& first) {
+DistanceCheck::Verdict LookForDistances(const Tree& tree, const Vec3i& size, const Vec3i& first,
+                                        const Vec3& voxel_size) {
   constexpr openvdb::Index64 kMostLeaves = 2000;
   constexpr int kMostSteps = 16;
+  constexpr int kFarthest = 1 << 30;
   DistanceCheck check;
   openvdb::tree::ValueAccessor<const Tree> at(tree);
   const auto value = [&at](const openvdb::Coord& voxel) {
@@ -164,7 +165,9 @@ DistanceCheck::Verdict LookForDistances(const Tree& tree, const VolumeMetadata& 
   const openvdb::Index64 every = tree.leafCount() / kMostLeaves + 1;
   openvdb::Index64 number = 0;
   for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
-    if (number++ % every != 0) continue;
+    const openvdb::Coord& o = leaf->origin();
+    const auto [lowest, highest] = std::minmax({o.x(), o.y(), o.z()});
+    if (number++ % every != 0 || lowest < -kFarthest || highest > kFarthest) continue;
     for (auto voxel = leaf->cbeginValueAll(); voxel; ++voxel) {
       const openvdb::Coord c = voxel.getCoord();
       if ((value(c) < 0.0f) == (value(c.offsetBy(1, 0, 0)) < 0.0f)) continue;
@@ -176,18 +179,19 @@ DistanceCheck::Verdict LookForDistances(const Tree& tree, const VolumeMetadata& 
   const auto background = static_cast<float>(tree.background());
   if (background != 0.0f) {
     check.AddOutside(background);
-    return check.Judge(metadata.spacing_mm);
+    return check.Judge(voxel_size);
   }
-  const Vec3i last = metadata.size - Vec3i::Ones(), step = (last / kMostSteps).cwiseMax(1);
+  const Vec3i last = size - Vec3i::Ones(), step = (last / kMostSteps).cwiseMax(1);
   for (int x = 0; x <= last.x(); x += step.x()) {
     for (int y = 0; y <= last.y(); y += step.y()) {
       for (const int z : {0, last.z()}) {
         const Vec3i voxel = first + Vec3i(x, y, z);
-        check.AddOutside(value({voxel.x(), voxel.y(), voxel.z()}));
+        const openvdb::Coord c(voxel.x(), voxel.y(), voxel.z());
+        if (at.isValueOn(c)) check.AddOutside(value(c));
       }
     }
   }
-  return check.Judge(metadata.spacing_mm);
+  return check.Judge(voxel_size);
 }
 
 // Does the file say rightly, or not at all, that the values are distances, negative inside?
@@ -197,7 +201,9 @@ bool IsFeltAsLevelSet(const Grid& grid, const VolumeMetadata& metadata, const Ve
   if constexpr (!std::is_floating_point_v<typename Grid::ValueType>) return metadata.is_level_set;
   const openvdb::GridClass is = grid.getGridClass();
   if (is == openvdb::GRID_UNKNOWN) {
-    return IsLevelSet(LookForDistances(grid.tree(), metadata, first), reporter);
+    const openvdb::Vec3d v = grid.voxelSize();  // whatever the user says that it is in mm
+    return IsLevelSet(LookForDistances(grid.tree(), metadata.size, first, {v.x(), v.y(), v.z()}),
+                      reporter);
   }
   if (is != openvdb::GRID_LEVEL_SET || grid.background() > 0) return metadata.is_level_set;
   reporter->Warn(

@@ -39,20 +39,20 @@ constexpr char kSeveral[] = "the pages are of several channels or times; extract
 // values back.
 void ReadCalibration(std::string_view text, TiffDescription* description) {
   constexpr int kStraightLine = 0, kNone = 20;
+  const std::string_view unit = Value(text, "\nvunit=", '\n');
+  if (unit != "Gray Value") description->unit = unit;
   const std::string_view c0 = Value(text, "\nc0=", '\n'), c1 = Value(text, "\nc1=", '\n');
   if (c0.empty() || c1.empty()) return;
   const double function = Number(Value(text, "\ncf=", '\n'), kStraightLine);
   const double slope = Number(c1, 0.0), intercept = Number(c0, 0.0);
   if (function == kNone) return;
-  if (function != kStraightLine || slope == 0.0) {
+  if (function != kStraightLine || slope == 0.0 || !std::isfinite(slope + intercept)) {
     description->warnings.push_back(
         "ImageJ's calibration of the values is no straight line, and is not applied");
     return;
   }
   description->slope = slope;
   description->intercept = intercept;
-  const std::string_view unit = Value(text, "\nvunit=", '\n');
-  if (unit != "Gray Value") description->unit = unit;
   if (slope == 1.0 && intercept == 0.0) return;
   description->warnings.push_back("the values are those of ImageJ's calibration, " +
                                   NumberText(intercept) + " + " + NumberText(slope) +
@@ -67,10 +67,16 @@ TiffDescription OfImageJ(std::string_view text, double x_per_unit, double y_per_
   if (number("\nchannels=", 1) != 1 || number("\nframes=", 1) != 1) description.problem = kSeveral;
   const double images = number("\nimages=", 1);
   if (images > 1 && images < 1e9) description.images = static_cast<std::int64_t>(images);
-  const std::optional<double> mm = Millimetres(Value(text, "\nunit=", '\n'));
-  const double z = std::abs(number("\nspacing=", 0));
-  if (mm && x_per_unit > 0.0 && y_per_unit > 0.0 && z > 0.0) {
-    description.spacing_mm = *mm * Vec3(1.0 / x_per_unit, 1.0 / y_per_unit, z);
+  // What ImageJ leaves out is 1, or as along x.
+  const std::string_view unit = Value(text, "\nunit=", '\n');
+  const auto mm = [&](std::string_view key) {
+    const std::string_view own = Value(text, key, '\n');
+    return Millimetres(own.empty() ? unit : own);
+  };
+  const auto x_mm = Millimetres(unit), y_mm = mm("\nyunit="), z_mm = mm("\nzunit=");
+  const double z = std::abs(number("\nspacing=", images > 1 ? 1.0 : 0.0));
+  if (x_mm && y_mm && z_mm && x_per_unit > 0.0 && y_per_unit > 0.0 && z > 0.0) {
+    description.spacing_mm = Vec3(*x_mm / x_per_unit, *y_mm / y_per_unit, *z_mm * z);
   }
   ReadCalibration(text, &description);
   return description;
@@ -92,7 +98,9 @@ std::vector<pugi::xml_node> ChildrenOf(const pugi::xml_node& parent, std::string
 
 // The place of each slice, by OME's TiffData; of a volume with one channel and time.
 void ReadPlanes(const pugi::xml_node& pixels, TiffDescription* description) {
-  constexpr std::int64_t kMostSlices = 1 << 24;
+  // More slices, or longer names, are of no file that anybody has.
+  constexpr std::int64_t kMostSlices = 1 << 16;
+  constexpr std::size_t kLongestName = 255;
   const std::int64_t slices = pixels.attribute("SizeZ").as_llong();
   if (slices < 1 || slices > kMostSlices) return;
   std::vector<std::int64_t> pages(static_cast<std::size_t>(slices), -1);
@@ -105,7 +113,8 @@ void ReadPlanes(const pugi::xml_node& pixels, TiffDescription* description) {
     const std::int64_t all = data.attribute("IFD") ? 1 : slices;
     const std::int64_t count = data.attribute("PlaneCount").as_llong(all);
     const auto uuid = ChildrenOf(data, "UUID");
-    const std::string file = uuid.empty() ? "" : uuid[0].attribute("FileName").as_string();
+    const std::string_view name = uuid.empty() ? "" : uuid[0].attribute("FileName").as_string();
+    const std::string file(name.substr(0, kLongestName));
     are_stated = true;
     if (first < 0 || page < 0 || page > kMostSlices) continue;
     for (std::int64_t n = 0; n < count && first + n < slices && left > 0; ++n, --left) {

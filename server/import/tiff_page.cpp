@@ -145,8 +145,6 @@ TiffDescription DescribeTiff(TIFF* tiff) {
 
 TiffPage CheckTiffPage(TIFF* tiff) {
   CheckGrey(tiff);
-  const TiffDescription description = DescribeTiff(tiff);
-  if (!description.problem.empty()) Refuse(description.problem);
   TiffPage page;
   page.type = ParseType(tiff);
   page.width = Tag<std::uint32_t>(tiff, TIFFTAG_IMAGEWIDTH);

@@ -109,6 +109,7 @@ void AddFiles(StackChecker* checker, const TiffStack& stack) {
         Refuse("it has several pages; give the file alone, or save one file per slice");
       }
       const TiffDescription own = DescribeTiff(file.get());
+      if (!own.problem.empty()) Refuse(own.problem);
       if (own.slope != stack.header.slope || own.intercept != stack.header.intercept) {
         Refuse("its values have another calibration than those of the first slice");
       }
@@ -156,6 +157,7 @@ TiffStack OpenTiffStack(const fs::path& input, const ImportLimits& limits) {
   CheckPlaces(stack.files, limits);
   const TiffFile first = OpenTiff(stack.files.front());
   const TiffDescription description = DescribeTiff(first.get());
+  if (!description.problem.empty()) Refuse(description.problem);
   if (description.spacing_mm) stack.header.geometry.spacing_mm = *description.spacing_mm;
   stack.states_spacing = description.spacing_mm.has_value();
   stack.header.slope = description.slope;
@@ -202,12 +204,10 @@ void ReadTiffVoxels(const TiffStack& stack, const std::function<void(double)>& p
     bool there = true;
     if (!stack.pages.empty()) {
       const std::uint32_t wanted = stack.pages[static_cast<std::size_t>(z)];
-      if (TIFFCurrentDirectory(file.get()) > wanted) {
-        there = TIFFSetDirectory(file.get(), static_cast<tdir_t>(wanted)) != 0;
-      }
-      while (there && TIFFCurrentDirectory(file.get()) < wanted) {
-        there = TIFFReadDirectory(file.get()) != 0;
-      }
+      const auto present = TIFFCurrentDirectory(file.get());
+      there = present == wanted       ? true
+              : present + 1 == wanted ? TIFFReadDirectory(file.get()) != 0
+                                      : TIFFSetDirectory(file.get(), wanted) != 0;
     }
     if (!there || CheckTiffPage(file.get()) != page) Refuse("the file changed while it was read");
     ReadTiffPage(file.get(), page, decode, slice.data());

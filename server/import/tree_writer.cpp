@@ -121,8 +121,8 @@ class TreeWriter {
       Refuse("no voxel is a finite number of float range; there is nothing to feel");
     }
     reporter_->Warn(std::to_string(survey_.odd()) +
-                    " voxels have no value (no finite number of float range); they got the "
-                    "least value, " +
+                    " voxels are not finite numbers of float range; they got the least "
+                    "value, " +
                     NumberText(survey_.least()));
   }
   void Look(const Node& node) {

@@ -2,46 +2,58 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "server/import/image_header.h"
 
 namespace palpate {
 namespace {
 
-// Of values with air at 0: shares of the voxels that are air, and soft tissue.
-constexpr double kLeastAir = 0.02, kLeastTissue = 0.05;
-// Noise of air may lie below 0. Fat and air in Hounsfield units lie lower.
-constexpr float kLeastNoise = -200.0f;
-
-bool IsAir(float value) { return value > -100.0f && value < 150.0f; }
-bool IsTissue(float value) { return value > 900.0f && value < 1150.0f; }
+// Shares of all voxels. Hardly any: noise, or a few odd ones.
+constexpr double kHardlyAny = 1e-3, kLeastAir = 0.02, kLeastTissue = 0.05;
+// Air that is at 0 lies there in the mean; soft tissue in HU, which lies near, does not.
+constexpr double kMostAirMean = 30.0;
 
 }  // namespace
 
-void HounsfieldCheck::Add(const float* values, std::size_t count) {
-  for (const float* value = values; value != values + count; ++value) {
-    if (!std::isfinite(*value)) continue;
-    least_ = std::min(least_, *value);
-    ++count_;
-    air_ += IsAir(*value);
-    tissue_ += IsTissue(*value);
+VoxelSink HounsfieldCheck::Watching(VoxelSink sink) {
+  return [this, sink = std::move(sink)](LeafType type, const void* voxels, std::size_t count) {
+    for (const float value : FloatsOf(type, voxels, count)) Add(value);
+    sink(type, voxels, count);
+  };
+}
+
+void HounsfieldCheck::Add(float value) {
+  if (!std::isfinite(value)) return;
+  ++count_;
+  negative_ += value < 0.0f;
+  low_ += value < -50.0f && value > -1500.0f;  // padding lies lower
+  plausible_ += value > -1100.0f && value < 4100.0f;
+  tissue_ += value > 900.0f && value < 1150.0f;
+  between_ += value > 200.0f && value < 800.0f;
+  if (std::abs(value) < 150.0f) {
+    ++air_;
+    air_sum_ += value;
   }
 }
 
-void HounsfieldCheck::Judge(bool is_ct, std::string* unit, Reporter* reporter) const {
-  const auto share = [this](std::int64_t part) {
-    return static_cast<double>(part) / static_cast<double>(std::max<std::int64_t>(count_, 1));
-  };
-  const bool has_air_at_0 = least_ > kLeastNoise && share(air_) >= kLeastAir;
-  const bool is_shifted = has_air_at_0 && share(tissue_) >= kLeastTissue;
+void HounsfieldCheck::Judge(bool is_ct, bool has_offset, std::string* unit,
+                            Reporter* reporter) const {
+  const double count = std::max(count_, 1.0);
+  const bool has_air_at_0 = air_ > kLeastAir * count && std::abs(air_sum_) < kMostAirMean * air_;
+  const bool is_shifted = has_air_at_0 && low_ < kHardlyAny * count &&
+                          tissue_ > kLeastTissue * count && between_ < 0.5 * tissue_;
+  const bool has_no_fat = is_ct && !has_offset && has_air_at_0 && negative_ < kHardlyAny * count;
+  const bool is_beyond = is_ct && plausible_ < 0.5 * count;
   const std::string how = is_shifted ? "; they look like HU + 1024: palpate-import --rescale -1024"
                                      : "; palpate-import --rescale states how they lead to HU";
-  if (*unit == "HU" && (is_shifted || (is_ct && has_air_at_0 && least_ >= 0.0f))) {
+  if (*unit == "HU" && (is_shifted || has_no_fat || is_beyond)) {
     unit->clear();
-    reporter->Warn(
-        "the values are no Hounsfield units, as the file says, because none is below 0, where air "
-        "and fat are: they have no unit" +
-        how);
+    reporter->Warn(std::string("the file says that its values are Hounsfield units, but ") +
+                   (is_shifted  ? "air is at 0"
+                    : is_beyond ? "most are beyond -1100 to 4100"
+                                : "hardly any is below 0, where air and fat are") +
+                   ": they have no unit" + how);
   } else if (is_ct && unit->empty()) {
     reporter->Warn(
         "this CT does not say how its values lead to Hounsfield units: they have no unit, and no "
@@ -51,12 +63,13 @@ void HounsfieldCheck::Judge(bool is_ct, std::string* unit, Reporter* reporter) c
 }
 
 void DistanceCheck::AddOutside(float value) {
+  if (!std::isfinite(value) || value == 0.0f) return;  // not known, as beyond a narrow band
   ++outside_;
   positive_ += value > 0.0f;
 }
 
 DistanceCheck::Verdict DistanceCheck::Judge(const Vec3& spacing_mm) const {
-  constexpr std::size_t kLeastGradients = 50;
+  constexpr std::size_t kLeastGradients = 20;
   constexpr double kNearlyAll = 0.9, kTolerance = 0.2;
   const auto are_near_1 = [&](const Vec3& unit) {
     const auto near_1 = std::ranges::count_if(gradients_, [&](const Vec3& gradient) {
@@ -65,9 +78,10 @@ DistanceCheck::Verdict DistanceCheck::Judge(const Vec3& spacing_mm) const {
     return static_cast<double>(near_1) > kNearlyAll * static_cast<double>(gradients_.size());
   };
   if (gradients_.size() < kLeastGradients) return Verdict::kNoDistances;
-  if (!are_near_1(spacing_mm) && !are_near_1(Vec3::Ones())) return Verdict::kNoDistances;
-  const double positive =
-      static_cast<double>(positive_) / static_cast<double>(std::max<std::int64_t>(outside_, 1));
+  const Vec3 units[] = {spacing_mm, Vec3::Ones(), 1e-3 * spacing_mm, 1e3 * spacing_mm};
+  if (std::ranges::none_of(units, are_near_1)) return Verdict::kNoDistances;
+  if (outside_ == 0) return Verdict::kBothOutside;
+  const double positive = static_cast<double>(positive_) / static_cast<double>(outside_);
   return positive > kNearlyAll         ? Verdict::kPositiveOutside
          : positive < 1.0 - kNearlyAll ? Verdict::kNegativeOutside
                                        : Verdict::kBothOutside;

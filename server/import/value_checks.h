@@ -3,14 +3,13 @@
 // Threads: one per object. Errors: none.
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <limits>
 #include <string>
 #include <vector>
 
 #include "common/geometry/geometry.h"
 #include "server/import/reporter.h"
+#include "server/import/voxel_reader.h"
 
 namespace palpate {
 
@@ -18,21 +17,26 @@ namespace palpate {
 // 0, and some say so wrongly.
 class HounsfieldCheck {
  public:
-  void Add(const float* values, std::size_t count);
+  // A sink that looks at each voxel and passes it on. Must not outlive this object.
+  VoxelSink Watching(VoxelSink sink);
 
   // Takes the unit HU away, and warns, if the values look like HU + 1024. `is_ct`: a scanner's own
-  // series, whose values are no HU either if many are near 0 and none below; says so, too, if it
-  // has no unit.
-  void Judge(bool is_ct, std::string* unit, Reporter* reporter) const;
+  // series. Its values are no HU either if most are beyond those of HU or, without an offset, if
+  // some are near 0 and none below; if it has no unit, says so, too.
+  void Judge(bool is_ct, bool has_offset, std::string* unit, Reporter* reporter) const;
 
  private:
-  float least_ = std::numeric_limits<float>::infinity();
-  std::int64_t count_ = 0;
-  std::int64_t air_ = 0;     // values near 0
-  std::int64_t tissue_ = 0;  // values near 1024
+  void Add(float value);
+
+  // Numbers of voxels.
+  double count_ = 0.0;
+  double plausible_ = 0.0;               // as of air up to metal
+  double negative_ = 0.0, low_ = 0.0;    // where fat and air are in HU
+  double tissue_ = 0.0, between_ = 0.0;  // near 1024; between it and 0
+  double air_ = 0.0, air_sum_ = 0.0;     // near 0
 };
 
-// Signed distances from a surface change by 1 for each mm, or for each voxel, across it.
+// Signed distances from a surface change by 1 for each mm, m, um or voxel across it.
 class DistanceCheck {
  public:
   // `gradient`: per voxel along each axis, beside the surface at 0.

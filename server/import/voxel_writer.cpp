@@ -61,12 +61,13 @@ void VoxelWriter::Add(LeafType type, const void* voxels, std::size_t count) {
 void VoxelWriter::Finish(VolumeMetadata metadata, const std::optional<Vec3>& spacing_mm,
                          Reporter* reporter) {
   reporter->Progress(0.8, "converting");
+  const Vec3 own_spacing_mm = metadata.spacing_mm;
   if (spacing_mm) metadata.spacing_mm = *spacing_mm;
   FillOdd(reporter);
   metadata.value_min = least_;
   metadata.value_max = greatest_;
   CheckVolumeMetadata(metadata);
-  metadata.is_level_set = IsLevelSet(LookForDistances(metadata), reporter);
+  metadata.is_level_set = IsLevelSet(LookForDistances(metadata.size, own_spacing_mm), reporter);
   WarnOfRounding(metadata, reporter);
   const LeafType type = HeldType(metadata);
   if (type != type_ || odd_ > 0) Rewrite(type);
@@ -75,12 +76,12 @@ void VoxelWriter::Finish(VolumeMetadata metadata, const std::optional<Vec3>& spa
 }
 
 // Looks along some rows at voxels beside which the sign changes.
-DistanceCheck::Verdict VoxelWriter::LookForDistances(const VolumeMetadata& metadata) const {
+DistanceCheck::Verdict VoxelWriter::LookForDistances(const Vec3i& size,
+                                                     const Vec3& spacing_mm) const {
   constexpr int kMostRows = 64;  // along y and z
   constexpr std::size_t kMostCrossings = 4000;
   DistanceCheck check;
-  if (!(least_ < 0.0f && greatest_ > 0.0f)) return check.Judge(metadata.spacing_mm);
-  const Vec3i& size = metadata.size;
+  if (!(least_ < 0.0f && greatest_ > 0.0f)) return check.Judge(spacing_mm);
   const auto read = [&](const Vec3i& at, std::size_t count) {
     const std::int64_t voxel =
         at.x() + std::int64_t{size.x()} * (at.y() + std::int64_t{size.y()} * at.z());
@@ -108,7 +109,7 @@ DistanceCheck::Verdict VoxelWriter::LookForDistances(const VolumeMetadata& metad
       }
     }
   }
-  return check.Judge(metadata.spacing_mm);
+  return check.Judge(spacing_mm);
 }
 
 LeafType VoxelWriter::HeldType(const VolumeMetadata& metadata) const {
@@ -127,16 +128,15 @@ void VoxelWriter::FillOdd(Reporter* reporter) {
     throw Error(ErrorKind::kInvalidArgument,
                 "no voxel is a finite number of float range; there is nothing to feel");
   }
-  // Such as the 0 around a picture. Far below, it would be a class of its own.
-  constexpr float kNear = 0.1f;
-  if (padding_ <= least_ && padding_ >= least_ - kNear * (greatest_ - least_)) {
+  if (padding_ <= least_) {
     Survey(&padding_, 1);
   } else if (odd_ > 0) {
-    reporter->Warn(
-        std::to_string(odd_) +
-        " voxels have no value (padding, or no finite number of float range); they got the "
-        "least value, " +
-        NumberText(least_));
+    const bool is_padding = std::isfinite(padding_);
+    reporter->Warn(std::to_string(odd_) +
+                   (is_padding ? " voxels are padding (PixelPaddingValue)"
+                               : " voxels are not finite numbers of float range") +
+                   "; they got the least value" + (is_padding ? " of the others, " : ", ") +
+                   NumberText(least_) + (is_padding ? kReadOtherwise : ""));
   }
 }
 

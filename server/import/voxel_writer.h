@@ -25,7 +25,7 @@ class VoxelWriter {
   // A VoxelSink (voxel_reader.h). Voxels of another type than float must be of the file's own type.
   void Add(LeafType type, const void* voxels, std::size_t count);
 
-  // Voxels that are not finite get this value, if it is just below all others.
+  // Voxels that are not finite get this value, if it is below all others.
   void SetPadding(float value) { padding_ = value; }
 
   // Call it after all voxels. `metadata`: complete except for the value range. Replaces voxels that
@@ -38,7 +38,7 @@ class VoxelWriter {
  private:
   template <class T>
   void Survey(const T* voxels, std::size_t count);
-  DistanceCheck::Verdict LookForDistances(const VolumeMetadata& metadata) const;
+  DistanceCheck::Verdict LookForDistances(const Vec3i& size, const Vec3& spacing_mm) const;
   LeafType HeldType(const VolumeMetadata& metadata) const;
   void FillOdd(Reporter* reporter);
   void WarnOfRounding(const VolumeMetadata& metadata, Reporter* reporter) const;

@@ -202,7 +202,8 @@ def tiffs():
             "t278": None, "t279": None}
     text = b"ImageJ=1.53\nchannels=2\n\0"
     one_page = b"ImageJ=1.53\nimages=2\nspacing=3\nunit=um\n\0"
-    ome = b'<OME PhysicalSizeX="1" PhysicalSizeY="2" PhysicalSizeZ="3"/>\0'
+    ome = (b"<OME><Image><Pixels SizeZ='2' PhysicalSizeX='1' PhysicalSizeY='2' PhysicalSizeZ='3'>"
+           b"<TiffData FirstZ='1' IFD='0'/><TiffData IFD='1'/></Pixels></Image></OME>\0")
     return {
         "two_pages": tiff([page(), page()]),
         "big_endian": tiff([page(), page()], order=">"),

@@ -107,6 +107,7 @@ void ReadTiff(std::span<const std::uint8_t> bytes) {
   FUZZ_CHECK(stack.files.size() == 1);
   FUZZ_CHECK(stack.has_one_page ||
              stack.pages.size() == static_cast<std::size_t>(stack.header.size[2]));
+  FUZZ_CHECK(std::isfinite(stack.header.slope) && std::isfinite(stack.header.intercept));
   VoxelCount count;
   ReadTiffVoxels(
       stack, [](double) {}, count.Sink());
@@ -127,6 +128,7 @@ void ReadDicom(std::span<const std::uint8_t> bytes) {
   FUZZ_CHECK(slice.position_W_mm.allFinite() && std::abs(slice.row_W.norm() - 1.0) < 1e-9);
   FUZZ_CHECK(slice.spacing_mm[0] > 0.0 && slice.spacing_mm[1] > 0.0);
   FUZZ_CHECK(std::isfinite(slice.slope) && std::isfinite(slice.intercept));
+  FUZZ_CHECK(slice.low_bit >= 0);
 }
 
 void ReadImage(Input input) {

@@ -83,7 +83,8 @@ TEST_F(DicomValuesTest, PassesOverTheSameRangeAreToldApart) {
     SCOPED_TRACE(mark.element);
     for (const double shift_mm : {1.0, 0.0}) {
       WriteTwoPasses(shift_mm, [&](int pass, int) {
-        return Element(mark.group, mark.element, mark.vr, pass == 0 ? mark.first : mark.second);
+        return Element(0x18, 0x50, "DS", "2.0") +  // SliceThickness
+               Element(mark.group, mark.element, mark.vr, pass == 0 ? mark.first : mark.second);
       });
       ExpectSlices(Imported(Path("series")));
       EXPECT_TRUE(Warns("--acquisition"));
@@ -96,25 +97,45 @@ TEST_F(DicomValuesTest, PassesOverTheSameRangeAreToldApart) {
   WriteTwoPasses(1.0,
                  [](int pass, int) { return Element(0x20, 0x12, "IS", pass == 0 ? "3" : "4"); });
   EXPECT_EQ(Chosen("--acquisition", "all").metadata.size.z(), 8);
+  // A slice of its own changes nothing.
+  SliceFile single = PatternSlice(1);
+  single.height_mm += 0.5;
+  single.instance = "1.2.5";
+  single.elements = Element(0x20, 0x12, "IS", "9");
+  Write("series/single", PatternDicom(single));
+  ExpectSlices(Imported(Path("series")));
   EXPECT_NE(Run("--acquisition", "5").error.find("3, 4"), std::string::npos);
 }
 
-// A scanner that steps, or measures every other slice first.
+// A scanner that steps, measures in turns, rounds, or leaves something out here and there.
 TEST_F(DicomValuesTest, StepsAndTurnsAreNoPasses) {
-  const auto whole = [this](const std::function<void(SliceFile*)>& change, int slices) {
-    EXPECT_EQ(Imported(WriteSeries(change)).metadata.size.z(), slices);
-    EXPECT_FALSE(Warns("--acquisition"));
+  const auto whole = [this](std::uint16_t group, std::uint16_t element, const char* vr,
+                            const std::function<std::string(int z)>& text) {
+    SCOPED_TRACE(element);
+    const auto folder = WriteSeries([&](SliceFile* s) {
+      s->elements = Element(0x18, 0x50, "DS", "1.8") + Element(group, element, vr, text(s->z));
+    });
+    ExpectSlices(Imported(folder));
+    EXPECT_TRUE(warnings_.empty());
   };
-  whole([](SliceFile* s) { s->elements = Element(0x20, 0x12, "IS", s->z < 2 ? "1" : "2"); }, 4);
-  whole([](SliceFile* s) { s->elements = Element(0x20, 0x12, "IS", std::to_string(s->z)); }, 4);
-  for (const int pitch : {0x50, 0x88}) {  // SliceThickness, SpacingBetweenSlices
-    whole(
-        [&](SliceFile* s) {
-          s->elements = Element(0x18, static_cast<std::uint16_t>(pitch), "DS", "2.0") +
-                        Element(0x08, 0x32, "TM", s->z % 2 == 0 ? "1015" : "1017");
-        },
-        4);
-  }
+  whole(0x20, 0x12, "IS", [](int z) { return z < 2 ? "1" : "2"; });
+  whole(0x20, 0x12, "IS", [](int z) { return std::to_string(z); });
+  whole(0x20, 0x12, "IS", [](int z) { return z == 1 ? "" : "1"; });
+  whole(0x08, 0x32, "TM", [](int z) { return z % 2 == 0 ? "1015" : "1017"; });
+  whole(0x18, 0x1060, "DS", [](int z) { return z % 2 == 0 ? "0" : "400"; });
+  whole(0x18, 0x60, "DS", [](int z) { return z % 2 == 0 ? "120" : "120.0"; });
+  whole(0x20, 0x13, "IS", [](int z) { return std::to_string(z % 2 == 0 ? z : z + 10); });
+}
+
+// Each slice has a time of its own.
+TEST_F(DicomValuesTest, TheTurnsOfNumbersTellPassesApart) {
+  WriteTwoPasses(1.0, [](int pass, int z) {
+    return Element(0x18, 0x50, "DS", "2.0") +
+           Element(0x20, 0x13, "IS", std::to_string(10 * pass + z)) +
+           Element(0x08, 0x33, "TM", std::to_string(101500 + 10 * pass + z));
+  });
+  ExpectSlices(Imported(Path("series")));
+  EXPECT_TRUE(Warns("InstanceNumber 2"));
 }
 
 TEST_F(DicomValuesTest, TheBitsThatAreStoredHaveTheSign) {
@@ -137,14 +158,39 @@ TEST_F(DicomValuesTest, TheBitsThatAreStoredHaveTheSign) {
   EXPECT_TRUE(Warns("contradict"));
 }
 
+// JPEG-LS of 7 x + 11 y - 60 in 12 bits, without a sign above.
+TEST_F(DicomValuesTest, WhatACompressedStreamSaysOfItsBitsCounts) {
+  constexpr char kStream[] =
+      "ffd8fff7000b100005000701011100fff8000d01ffff0012004301140040ffda000801010000000000f0f036"
+      "05c1303c160b05a0740c82a088340e8640a0505050403f9c54040400000000000008ff7a0041582a0280807f"
+      "282d014070ffd900";
+  std::string stream;
+  for (const char* digit = kStream; *digit; digit += 2) {
+    stream += static_cast<char>(std::stoi(std::string(digit, 2), nullptr, 16));
+  }
+  for (const auto& [stored, value, warning] :
+       {std::tuple(12, -17, "sign"), std::tuple(6, 4079, "need more")}) {
+    const LoadedVolume volume = Imported(WriteSeries([&, stored = stored](SliceFile* s) {
+      s->syntax = "1.2.840.10008.1.2.4.80";
+      s->elements = Bits(stored, stored - 1, true);
+      s->has_fragments = true;
+      s->pixels = std::string("\xfe\xff\0\xe0\0\0\0\0\xfe\xff\0\xe0", 12) +
+                  BytesOf(static_cast<std::uint32_t>(stream.size())) + stream +
+                  std::string("\xfe\xff\xdd\xe0\0\0\0\0", 8);
+    }));
+    EXPECT_EQ(At(volume, 3, 2, 1), 2 * value - 1024);
+    EXPECT_TRUE(Warns(warning)) << stored;
+  }
+}
+
 TEST_F(DicomValuesTest, PaddingIsOutside) {
   const auto padding = [](const char* vr, int from, int to) {
     return Element(0x28, 0x120, vr, BytesOf(static_cast<std::uint16_t>(from))) +
            Element(0x28, 0x121, vr, BytesOf(static_cast<std::uint16_t>(to)));
   };
-  for (const auto& [first, last, bits, vr] : {std::tuple(63536, 63536, Bits(16, 15, false), "US"),
-                                              std::tuple(63536, 63600, Bits(12, 11, false), "US"),
-                                              std::tuple(-2000, -2010, Bits(16, 15, true), "SS")}) {
+  for (const auto& [first, last, bits, vr] :
+       {std::tuple(63536, 63536, Bits(16, 15, false), "US"),
+        std::tuple(63536, 63600, Bits(12, 11, false), "US")}) {
     const LoadedVolume volume = WithPixels(
         [&, first = first, last = last](int v) { return v == 0   ? first
                                                         : v == 1 ? last
@@ -155,10 +201,13 @@ TEST_F(DicomValuesTest, PaddingIsOutside) {
     EXPECT_EQ(At(volume, 0, 0, 0), 2.0f * 3 - 1024);
     EXPECT_TRUE(Warns("padding"));
   }
-  // The black around a picture stays.
-  const LoadedVolume black = WithPixels([](int v) { return v; }, padding("SS", 0, 0));
-  EXPECT_EQ(black.metadata.value_min, -1024.0);
-  EXPECT_TRUE(warnings_.empty());
+  // What is outside anyway stays.
+  for (const int below : {0, -2000}) {
+    const auto black =
+        WithPixels([below](int v) { return v == 0 ? below : v; }, padding("SS", below, below));
+    EXPECT_EQ(black.metadata.value_min, 2.0 * below - 1024);
+    EXPECT_TRUE(warnings_.empty());
+  }
 }
 
 TEST_F(DicomValuesTest, WhatIsEncodedOtherwiseThanStatedIsRead) {
@@ -189,7 +238,10 @@ TEST_F(DicomValuesTest, SlicesWithoutAPlaceHaveAnOrder) {
 
 TEST_F(DicomValuesTest, MosaicsAndEnhancedImagesAreNamed) {
   const auto refused = [this](const std::string& elements, const std::string& text) {
-    const auto folder = WriteSeries([&](SliceFile* s) { s->elements = elements; });
+    const auto folder = WriteSeries([&](SliceFile* s) {
+      s->has_place = false;
+      s->elements = elements;
+    });
     ExpectRefused(folder, ErrorKind::kInvalidArgument, text);
     ExpectRefused(folder, ErrorKind::kInvalidArgument, "dcm2niix");
   };
@@ -206,11 +258,19 @@ TEST_F(DicomValuesTest, UnitsThatTheValuesDenyAreNone) {
   const LoadedVolume right = Chosen("--rescale", "-1024");
   EXPECT_EQ(right.metadata.unit, "HU");
   EXPECT_EQ(right.metadata.value_min, -1024.0);
-  EXPECT_EQ(WithPixels([](int v) { return 5 * v; }, claim, false).metadata.unit, "");
+  EXPECT_EQ(WithPixels([](int v) { return v < 60 ? v / 10 : 5 * v; }, claim, false).metadata.unit,
+            "");
   EXPECT_FALSE(Warns("--rescale -1024"));
-  const auto hounsfield = [&](int v) { return shifted(v) - 1024; };
-  EXPECT_EQ(WithPixels(hounsfield, claim + Bits(16, 15, true), false).metadata.unit, "HU");
-  EXPECT_TRUE(warnings_.empty());
+  // What is right stays: soft tissue and contrast alone, or with bone.
+  const std::string signed_claim = claim + Bits(16, 15, true);
+  const std::string offset = signed_claim + Element(0x28, 0x1052, "DS", "-1024");
+  const auto kept = [&](const std::function<int(int v)>& value, const std::string& elements) {
+    EXPECT_EQ(WithPixels(value, elements, false).metadata.unit, "HU");
+    EXPECT_TRUE(warnings_.empty());
+  };
+  kept([](int v) { return 1024 + (v < 60 ? 50 : 350); }, offset);
+  kept([](int v) { return 1024 + (v < 90 ? v / 2 + 30 : 900 + v); }, offset);
+  kept([&](int v) { return shifted(v) - 1024; }, signed_claim);
 }
 
 }  // namespace

@@ -49,9 +49,9 @@ class Series:
         self.codec = str(random.choice(["", "", *CODECS]))
         # OpenJPEG writes no smaller ones.
         self.shape = tuple(int(n) for n in random.integers(3, 20, 3) + 30 * (self.codec == "--j2k"))
-        allocated = int(random.choice([8, 16, 16, 16]))
+        allocated = int(random.choice([8, 16, 16, 16] if self.codec else [8, 16, 16, 32]))
         self.stored = int(random.integers(7, 9) if allocated == 8 else random.integers(10, 17))
-        self.signed = allocated == 16 and bool(random.integers(2))
+        self.signed = bool(random.integers(2))
         self.allocated = allocated
         if self.codec and allocated == 8:  # GDCM stops at an assertion of its own
             self.stored = 8
@@ -108,7 +108,7 @@ class Series:
         stored = (values << (self.high + 1 - self.stored)).astype(f"<u{self.allocated // 8}")
         data.PixelData = (stored.byteswap() if self.syntax == ExplicitVRBigEndian else
                           stored).tobytes(order="F") + b"\0" * (stored.nbytes % 2)
-        data["PixelData"].VR = "OW" if self.allocated == 16 else "OB"
+        data["PixelData"].VR = "OB" if self.allocated == 8 else "OW"
         data.is_little_endian = self.syntax != ExplicitVRBigEndian
         data.is_implicit_VR = self.syntax == ImplicitVRLittleEndian
         data.save_as(path, write_like_original=False)

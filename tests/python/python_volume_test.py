@@ -206,7 +206,7 @@ class Upload(DaemonTest):
 class Warnings(DaemonTest):
     """What an import assumed reaches whoever asked for it, and those who come later."""
 
-    EXPECTED = ("3 voxels have no value", "no spacing is stated")  # the second of raw voxels
+    EXPECTED = ("3 voxels are not finite", "no spacing is stated")  # the second of raw voxels
 
     @classmethod
     def setUpClass(cls):
@@ -235,7 +235,7 @@ class Warnings(DaemonTest):
         self.assertEqual(self.conn.volume.upload(values, discard_edits=True).warnings, ())
         values[0, 0, 0] = np.inf
         (warning,) = self.conn.volume.upload(values).warnings
-        self.assertTrue(warning.startswith("1 voxels have no value"), warning)
+        self.assertTrue(warning.startswith("1 voxels are not finite"), warning)
         self.assertEqual(self.conn.volume.info().warnings, (warning,))
 
     def test_command_line(self):

@@ -155,6 +155,8 @@ TEST_F(TiffStackTest, TheSpacingOfImageJAndOme) {
     EXPECT_TRUE(spacing(image_j + "unit=" + unit + "\n").isApprox(Vec3(0.25e-3, 0.25e-3, 2e-3)));
   }
   EXPECT_TRUE(spacing(image_j + "unit=cm\n").isApprox(Vec3(2.5, 2.5, 20)));
+  EXPECT_TRUE(spacing(image_j + "unit=mm\nyunit=cm\nzunit=um\n").isApprox(Vec3(0.25, 2.5, 2e-3)));
+  EXPECT_TRUE(spacing("ImageJ=1.53t\nimages=4\nunit=mm\n").isApprox(Vec3(0.25, 0.25, 1)));
   const std::string ome =
       "<OME><Image><Pixels SizeX=\"7\" SizeC=\"1\" PhysicalSizeX=\"3\" PhysicalSizeY='4' ";
   const std::string end = "/></Image></OME>";

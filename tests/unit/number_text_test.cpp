@@ -12,6 +12,7 @@ TEST(NumberText, HasAllDigitsThatMatter) {
   EXPECT_EQ(NumberText(-48123.450825), "-48123.450825");
   EXPECT_EQ(NumberText(4080123456.450825), "4080123456.450825");
   EXPECT_EQ(NumberText(0.1 + 0.2), "0.3");
+  EXPECT_EQ(NumberText(1234567.875), "1234567.875");
   EXPECT_EQ(NumberText(0.1f), "0.1");
   EXPECT_EQ(NumberText(-1024), "-1024");
   EXPECT_EQ(NumberText(0), "0");
