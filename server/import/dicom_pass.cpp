@@ -15,12 +15,13 @@ constexpr DicomTag kStated[] = {dicom::kAcquisition, dicom::kTimePosition,   dic
                                 dicom::kEcho,        dicom::kKernel,         dicom::kFilter,
                                 dicom::kSequence,    dicom::kContrast,       dicom::kComponent,
                                 dicom::kImageType,   dicom::kAcquisitionDate};
-constexpr DicomTag kMeasured[] = {dicom::kEchoTime,  dicom::kInversionTime,  dicom::kFlipAngle,
-                                  dicom::kBValue,    dicom::kRepetitionTime, dicom::kKvp,
-                                  dicom::kThickness, dicom::kCardiacPhase};
+constexpr DicomTag kMeasured[] = {dicom::kEchoTime,    dicom::kInversionTime,  dicom::kFlipAngle,
+                                  dicom::kBValue,      dicom::kRepetitionTime, dicom::kKvp,
+                                  dicom::kThickness,   dicom::kCardiacPhase,   dicom::kTriggerTime,
+                                  dicom::kTriggerDelay};
 // Slices of one pass may have several of them, too.
-constexpr DicomTag kTimes[] = {dicom::kTriggerTime, dicom::kTriggerDelay, dicom::kAcquisitionTime,
-                               dicom::kAcquisitionDateTime, dicom::kContentTime};
+constexpr DicomTag kTimes[] = {dicom::kAcquisitionTime, dicom::kAcquisitionDateTime,
+                               dicom::kContentTime};
 
 // The number in a text; NaN: it is none.
 double NumberOf(const std::string& text) {

@@ -39,18 +39,21 @@ constexpr char kSeveral[] = "the pages are of several channels or times; extract
 // values back.
 void ReadCalibration(std::string_view text, TiffDescription* description) {
   constexpr int kStraightLine = 0, kNone = 20;
-  const std::string_view unit = Value(text, "\nvunit=", '\n');
-  if (unit != "Gray Value") description->unit = unit;
-  const std::string_view c0 = Value(text, "\nc0=", '\n'), c1 = Value(text, "\nc1=", '\n');
-  if (c0.empty() || c1.empty()) return;
-  const double function = Number(Value(text, "\ncf=", '\n'), kStraightLine);
-  const double slope = Number(c1, 0.0), intercept = Number(c0, 0.0);
-  if (function == kNone) return;
-  if (function != kStraightLine || slope == 0.0 || !std::isfinite(slope + intercept)) {
+  const auto number = [&](std::string_view key, double absent) {
+    return Number(Value(text, key, '\n'), absent);
+  };
+  const double function = number("\ncf=", kStraightLine);
+  const double slope = number("\nc1=", 1.0), intercept = number("\nc0=", 0.0);
+  const bool is_line =
+      function == kStraightLine && slope != 0.0 && std::isfinite(slope + intercept);
+  if (!is_line && function != kNone) {
     description->warnings.push_back(
         "ImageJ's calibration of the values is no straight line, and is not applied");
     return;
   }
+  const std::string_view unit = Value(text, "\nvunit=", '\n');
+  if (unit != "Gray Value") description->unit = unit;
+  if (!is_line) return;
   description->slope = slope;
   description->intercept = intercept;
   if (slope == 1.0 && intercept == 0.0) return;

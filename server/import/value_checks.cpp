@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 // Shares of all voxels. Hardly any: noise, or a few odd ones.
-constexpr double kHardlyAny = 1e-3, kLeastAir = 0.02, kLeastTissue = 0.05;
+constexpr double kHardlyAny = 5e-3, kLeastAir = 0.02, kLeastTissue = 0.05;
 // Air that is at 0 lies there in the mean; soft tissue in HU, which lies near, does not.
 constexpr double kMostAirMean = 30.0;
 
