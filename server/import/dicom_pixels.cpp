@@ -146,19 +146,35 @@ class Pixels {
       bits_ = whole_;
       pixels.has_short_signs = false;
     }
-    pixels.values.reserve(Count());
     for (std::size_t n = 0; n < Count(); ++n) {
       const std::uint64_t pattern = PatternAt(n);
       const bool is_whole = IsPadding(Whole(pattern));
-      const float value = ValueOf(is_whole ? Whole(pattern) : Stored(pattern));
-      const bool is_padding = is_whole || IsPadding(Stored(pattern));
-      if (is_padding) pixels.least_padding = std::min(pixels.least_padding, value);
-      pixels.values.push_back(is_padding ? std::numeric_limits<float>::quiet_NaN() : value);
+      pixels.values.push_back(ValueOf(is_whole ? Whole(pattern) : Stored(pattern)));
+      is_padding_.push_back(is_whole || IsPadding(Stored(pattern)));
     }
+    TakePadding(&pixels);
     return pixels;
   }
 
  private:
+  // Among the other values there may be the same number: then it must lie in a corner, too.
+  void TakePadding(DicomPixels* pixels) const {
+    const auto width = static_cast<std::size_t>(slice_.size[0]);
+    const bool is_at_corner = is_padding_.front() || is_padding_[width - 1] ||
+                              is_padding_[Count() - width] || is_padding_.back();
+    float least = std::numeric_limits<float>::infinity(), greatest = -least;
+    for (std::size_t n = 0; n < Count(); ++n) {
+      if (is_padding_[n]) continue;
+      least = std::min(least, pixels->values[n]);
+      greatest = std::max(greatest, pixels->values[n]);
+    }
+    for (std::size_t n = 0; n < Count(); ++n) {
+      float& value = pixels->values[n];
+      if (!is_padding_[n] || (!is_at_corner && value >= least && value <= greatest)) continue;
+      pixels->least_padding = std::min(pixels->least_padding, value);
+      value = std::numeric_limits<float>::quiet_NaN();
+    }
+  }
   std::size_t Count() const { return 8 * bytes_.size() / static_cast<std::size_t>(width_); }
   std::uint64_t PatternAt(std::size_t n) const {
     const auto bytes = static_cast<std::size_t>(width_ / 8);
@@ -197,6 +213,7 @@ class Pixels {
   const int width_;
   const DicomSlice& slice_;
   const int low_;
+  std::vector<bool> is_padding_;
   int bits_, whole_;  // bits that are stored; that a pixel has
 };
 
@@ -212,7 +229,8 @@ DicomPixels ReadDicomPixels(const DicomSlice& slice) {
     std::string bytes(image.GetBufferLength(), '\0');
     if (image.GetBuffer(bytes.data())) {
       const auto width = 8 * std::ssize(bytes) / (slice.size[0] * slice.size[1]);
-      if (width == 8 || width == 16 || width == 32) {
+      if ((width == 8 || width == 16 || width == 32) &&
+          8 * std::ssize(bytes) == width * slice.size[0] * slice.size[1]) {
         pixels = Pixels(bytes, static_cast<int>(width), slice).Values();
       }
     }

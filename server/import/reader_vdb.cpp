@@ -150,6 +150,11 @@ std::string OriginalType(std::string_view grid_type) {
   return grid_type == "double" ? "float64" : std::string(grid_type);
 }
 
+// What palpated saved was judged when it was loaded.
+bool IsOwn(const openvdb::GridBase& grid) {
+  return grid.getMetadata<openvdb::Vec3IMetadata>("palpate_size") != nullptr;
+}
+
 // Looks in some leaves at voxels beside which the sign changes.
 template <class Tree>
 DistanceCheck::Verdict LookForDistances(const Tree& tree, const Vec3i& size, const Vec3i& first,
@@ -217,8 +222,10 @@ template <class Grid>
 bool Write(const openvdb::GridBase::Ptr& grid, VolumeMetadata metadata, const GridForm& form,
            int fd, Reporter* reporter) {
   if (!grid->isType<Grid>()) return false;
-  metadata.is_level_set =
-      IsFeltAsLevelSet(*openvdb::gridPtrCast<Grid>(grid), metadata, form.first, reporter);
+  if (!IsOwn(*grid)) {
+    metadata.is_level_set =
+        IsFeltAsLevelSet(*openvdb::gridPtrCast<Grid>(grid), metadata, form.first, reporter);
+  }
   WriteTree(fd, openvdb::gridPtrCast<Grid>(grid)->tree(), metadata, form, reporter);
   return true;
 }
@@ -255,11 +262,10 @@ void HandOverVdb(const std::filesystem::path& path, const VdbOptions& options, i
   }
   CopyOwnEntries(*grid, &metadata);
   CopyGeometry(grid->transform(), box.first, &metadata);
-  const bool is_own = grid->getMetadata<openvdb::Vec3IMetadata>("palpate_size") != nullptr;
   if (options.spacing_mm) {
     metadata.spacing_mm = *options.spacing_mm;
   } else {
-    if (!is_own) {
+    if (!IsOwn(*grid)) {
       reporter->Warn("the file states no unit of length; its numbers are taken for mm, voxels of " +
                      ListOf(metadata.spacing_mm) +
                      " mm; --spacing-mm states others, 1000 times as large if it is in metres");

@@ -63,6 +63,11 @@ void InsertMetadata(const VolumeMetadata& metadata, openvdb::MetaMap* map) {
   if (!metadata.patient_axes.empty()) {
     map->insertMeta("palpate_patient_axes", openvdb::StringMetadata(metadata.patient_axes));
   }
+  if (metadata.is_level_set && !metadata.grid_form) {
+    map->insertMeta(
+        openvdb::GridBase::META_GRID_CLASS,
+        openvdb::StringMetadata(openvdb::GridBase::gridClassToString(openvdb::GRID_LEVEL_SET)));
+  }
   map->insertMeta("palpate_original_type", openvdb::StringMetadata(metadata.original_type));
   map->insertMeta("palpate_source", openvdb::StringMetadata(metadata.source));
 }

@@ -1,6 +1,7 @@
 // palpate-import on small files of every format but .vdb and DICOM, and the program itself. What
 // their headers may hold is tested with the parsers, in tests/unit/import_*_test.cpp.
 #include <algorithm>
+#include <chrono>
 #include <functional>
 #include <limits>
 
@@ -68,6 +69,11 @@ TEST_F(ImportTest, DistancesAreFeltFromOutside) {
   const auto ball = [](const Vec3& p) { return Vec3(p.z(), p.y(), p.x()).norm() - 3.0; };
   EXPECT_TRUE(imported(ball));
   EXPECT_EQ(warnings_.size(), 1u);
+  // Also once it is converted.
+  test::Process({test::kPalpateImport, Path("a.nrrd"), Path("a.vdb")}, std::chrono::seconds(60))
+      .Wait();
+  EXPECT_TRUE(Imported(Path("a.vdb")).metadata.is_level_set);
+  EXPECT_TRUE(warnings_.empty());
   EXPECT_TRUE(imported([&](const Vec3& p) { return 2.0 * ball(p); }));
   EXPECT_TRUE(imported([&](const Vec3& p) { return std::clamp(ball(p), -1.5, 1.5); }));
   EXPECT_FALSE(imported([&](const Vec3& p) { return -ball(p); }));

@@ -47,8 +47,9 @@ class Series:
     def __init__(self, random, folder):
         self.random, self.folder = random, folder
         self.codec = str(random.choice(["", "", *CODECS]))
-        # OpenJPEG writes no smaller ones.
-        self.shape = tuple(int(n) for n in random.integers(3, 20, 3) + 30 * (self.codec == "--j2k"))
+        # GDCM writes no smaller ones.
+        self.shape = tuple(int(n) for n in random.integers(3, 20, 3) +
+                           (30 if self.codec == "--j2k" else 5 if self.codec else 0))
         allocated = int(random.choice([8, 16, 16, 16] if self.codec else [8, 16, 16, 32]))
         self.stored = int(random.integers(7, 9) if allocated == 8 else random.integers(10, 17))
         # GDCM compresses no signed bytes.
