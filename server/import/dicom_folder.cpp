@@ -4,6 +4,7 @@
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <set>
 #include <system_error>
 #include <tuple>
@@ -92,26 +93,24 @@ bool Fit(const DicomSlice& one, const DicomSlice& other) {
          std::abs(one.spacing_mm[1] / other.spacing_mm[1] - 1.0) <= kParallelSlices;
 }
 
-std::string PixelBytes(const DicomSlice& slice) {
+std::size_t PixelHash(const DicomSlice& slice) {
   std::string bytes(static_cast<std::size_t>(slice.content.pixels_end - slice.content.pixels_begin),
                     '\0');
   std::ifstream in(slice.file, std::ios::binary);
   in.seekg(slice.content.pixels_begin);
   in.read(bytes.data(), std::ssize(bytes));
-  return bytes;
+  return std::hash<std::string>()(bytes);
 }
 
-bool IsCopy(const DicomSlice& one, const DicomSlice& other) {
+bool AreOneInstance(const DicomSlice& one, const DicomSlice& other) {
   const std::string instance = one.content.Text(dicom::kInstance);
-  return IsOfOnePass(one, other) &&
-         ((!instance.empty() && instance == other.content.Text(dicom::kInstance)) ||
-          PixelBytes(one) == PixelBytes(other));
+  return !instance.empty() && instance == other.content.Text(dicom::kInstance);
 }
 
 // Slices of one series that fit, without copies.
 class Stack {
  public:
-  explicit Stack(DicomSlice first) { Put(std::move(first)); }
+  explicit Stack(DicomSlice first) { Put(std::move(first), {}); }
   explicit Stack(DicomPass pass)
       : slices_(std::move(pass.slices)),
         number_(std::move(pass.number)),
@@ -119,13 +118,20 @@ class Stack {
 
   bool Takes(const DicomSlice& slice) const { return Fit(slices_.front(), slice); }
   void Add(DicomSlice slice, FileNotes* left_out) {
+    std::optional<std::size_t> hash;
     const auto same_place = places_.equal_range(Place(slice));
     for (auto at = same_place.first; at != same_place.second; ++at) {
-      if (!IsCopy(slices_[at->second], slice)) continue;
+      const DicomSlice& other = slices_[at->second];
+      std::optional<std::size_t>& other_hash = hashes_[at->second];
+      if (!hash) hash = PixelHash(slice);
+      if (!other_hash) other_hash = PixelHash(other);
+      if ((hash != other_hash && !AreOneInstance(slice, other)) || !IsOfOnePass(slice, other)) {
+        continue;
+      }
       left_out->Add("it is a copy of another slice", slice.file);
       return;
     }
-    Put(std::move(slice));
+    Put(std::move(slice), hash);
   }
   std::vector<DicomSlice>& slices() { return slices_; }
   std::size_t size() const { return slices_.size(); }
@@ -138,12 +144,14 @@ class Stack {
     const Vec3& at = slice.position_W_mm;
     return {at.x(), at.y(), at.z()};
   }
-  void Put(DicomSlice slice) {
+  void Put(DicomSlice slice, std::optional<std::size_t> hash) {
+    hashes_.push_back(hash);
     places_.emplace(Place(slice), slices_.size());
     slices_.push_back(std::move(slice));
   }
 
   std::vector<DicomSlice> slices_;
+  std::vector<std::optional<std::size_t>> hashes_;  // of their pixels, once they were compared
   std::string number_, description_;
   std::multimap<std::tuple<double, double, double>, std::size_t> places_;
 };
@@ -217,10 +225,18 @@ void KeepSeries(const std::string& wanted, bool is_last_try, std::vector<DicomSl
   std::erase_if(*slices, [&](const DicomSlice& slice) { return SeriesOf(slice) != wanted; });
 }
 
-// Leaves out all other passes.
-void KeepPass(const std::string& wanted, Series* series) {
+// Leaves out all other passes of the series that is taken, and all other series.
+void KeepPass(const std::string& wanted, Series* series, FileNotes* left_out) {
+  const std::string taken = SeriesOf(LargestOf(series)->slices().front());
   std::set<std::string> present;
   for (auto& [key, stacks] : *series) {
+    std::erase_if(stacks, [&](Stack& stack) {
+      if (SeriesOf(stack.slices().front()) == taken) return false;
+      for (const DicomSlice& slice : stack.slices()) {
+        left_out->Add("it is of the series " + SeriesOf(slice), slice.file);
+      }
+      return true;
+    });
     for (const Stack& stack : stacks) present.insert(stack.number());
   }
   present.erase("");
@@ -323,7 +339,7 @@ DicomFolder ScanDicomFolder(const fs::path& folder, const ImportLimits& limits) 
     }
     if (!HasStack(&series)) continue;
     if (!limits.acquisition.empty() && limits.acquisition != kAllPasses) {
-      KeepPass(limits.acquisition, &series);
+      KeepPass(limits.acquisition, &series, &left_out);
     }
     Choose(std::move(series), &left_out, &result);
     result.left_out = left_out.Text();

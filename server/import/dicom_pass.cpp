@@ -5,16 +5,19 @@
 #include <cstdio>
 #include <cstdlib>
 #include <map>
+#include <numeric>
 #include <set>
 #include <utility>
 
 namespace palpate {
 namespace {
 
-constexpr DicomTag kStated[] = {dicom::kAcquisition, dicom::kTimePosition,   dicom::kTimeIndex,
-                                dicom::kEcho,        dicom::kKernel,         dicom::kFilter,
-                                dicom::kSequence,    dicom::kContrast,       dicom::kComponent,
-                                dicom::kImageType,   dicom::kAcquisitionDate};
+// Of slices that never make one volume.
+constexpr DicomTag kOfTimesAndKinds[] = {dicom::kTimePosition, dicom::kTimeIndex,
+                                         dicom::kEcho,         dicom::kKernel,
+                                         dicom::kFilter,       dicom::kComponent};
+constexpr DicomTag kStated[] = {dicom::kAcquisition, dicom::kSequence,    dicom::kContrast,
+                                dicom::kImageType,   dicom::kDescription, dicom::kAcquisitionDate};
 constexpr DicomTag kMeasured[] = {dicom::kEchoTime,    dicom::kInversionTime,  dicom::kFlipAngle,
                                   dicom::kBValue,      dicom::kRepetitionTime, dicom::kKvp,
                                   dicom::kThickness,   dicom::kCardiacPhase,   dicom::kTriggerTime,
@@ -47,16 +50,17 @@ struct ByNumber {
   bool operator()(const std::string& a, const std::string& b) const { return Rank(a) < Rank(b); }
 };
 
-// What may tell passes apart, and the slices of each value. Weak: slices of one pass may differ in
-// it.
+enum class Strength { kWeak, kUsual, kDefinite };
+
+// What may tell passes apart, and the slices of each value.
 struct Mark {
-  Mark(const char* mark_name, bool weak, const std::vector<std::string>& of_slice)
-      : name(mark_name), is_weak(weak) {
+  Mark(const char* mark_name, Strength mark_strength, const std::vector<std::string>& of_slice)
+      : name(mark_name), strength(mark_strength) {
     for (std::size_t n = 0; n < of_slice.size(); ++n) groups[of_slice[n]].push_back(n);
   }
 
   const char* name;
-  bool is_weak;
+  Strength strength;  // weak: slices of one pass may differ in it
   std::map<std::string, std::vector<std::size_t>, ByNumber> groups;
 };
 
@@ -67,9 +71,10 @@ class Heights {
     const DicomSlice& first = slices.front();
     const Vec3 normal_W = first.row_W.cross(first.column_W);
     for (const DicomSlice& slice : slices) mm_.push_back(normal_W.dot(slice.position_W_mm));
+    constexpr double kMostPitch_mm = 1e3;
     const auto stated = [&](const DicomTag& tag) {
       const double mm = std::abs(NumberOf(first.content.Text(tag)));
-      return mm > 0.0 ? mm : 0.0;
+      return mm > 0.0 && mm < kMostPitch_mm ? mm : 0.0;
     };
     pitch_mm_ = stated(dicom::kSlicePitch);
     if (pitch_mm_ == 0.0) pitch_mm_ = stated(dicom::kThickness);
@@ -82,24 +87,27 @@ class Heights {
         mark.groups, {}, [](const auto& group) { return group.second.size(); });
     std::set<double> own_mm;
     for (const std::size_t n : largest->second) own_mm.insert(mm_[n]);
-    const auto reaches_far = [this](const auto& group) { return Reach(group.second) > 0.75; };
-    const auto far = std::ranges::count_if(mark.groups, reaches_far);
-    if (own_mm.size() < 2 || (mark.is_weak && far < 2)) return false;
+    const bool is_weak = mark.strength == Strength::kWeak;
+    const auto far = std::ranges::count_if(
+        mark.groups, [this](const auto& group) { return Reach(group.second) > 0.75; });
+    const bool needs_two = is_weak || (pitch_mm_ == 0.0 && mark.strength != Strength::kDefinite);
+    if (own_mm.size() < 2 || (needs_two && far < 2)) return false;
     std::vector<double> steps_mm;
     for (auto at = std::next(own_mm.begin()); at != own_mm.end(); ++at) {
       steps_mm.push_back(*at - *std::prev(at));
     }
     std::ranges::nth_element(steps_mm, steps_mm.begin() + std::ssize(steps_mm) / 2);
     const double step_mm = steps_mm[steps_mm.size() / 2];
-    const bool is_whole =
-        pitch_mm_ > 0.0 ? !mark.is_weak || step_mm < 1.1 * pitch_mm_ : !mark.is_weak;
-    const double close_mm =
-        pitch_mm_ > 0.0 ? std::min(0.75 * pitch_mm_, 0.9 * step_mm) : 0.9 * step_mm;
-    int within = 0, mixed = 0;
+    const bool is_whole = !is_weak || (pitch_mm_ > 0.0 && step_mm < 1.1 * pitch_mm_);
+    const bool has_pitch = pitch_mm_ > 0.0 && mark.strength != Strength::kDefinite;
+    const double close_mm = std::min(0.9 * step_mm, has_pitch ? 0.75 * pitch_mm_ : step_mm);
+    int within = 0, mixed = 0, others = 0;
     for (const auto& [key, members] : mark.groups) {
       for (const std::size_t n : members) {
+        if (&members == &largest->second) continue;
+        ++others;
         const auto above = own_mm.lower_bound(mm_[n]);
-        if (&members == &largest->second || above == own_mm.end()) continue;
+        if (above == own_mm.end()) continue;
         if (above == own_mm.begin() && *above > mm_[n]) continue;
         const double below_mm = above == own_mm.begin() ? *above : *std::prev(above);
         const double away_mm = std::min(*above - mm_[n], std::abs(mm_[n] - below_mm));
@@ -107,7 +115,8 @@ class Heights {
         mixed += away_mm < 0.1 * step_mm || (is_whole && away_mm < close_mm);
       }
     }
-    return mixed > 0 && 2 * mixed >= within;
+    // Stations may overlap at their ends.
+    return 2 * mixed >= within && 4 * mixed >= others && mixed > 0;
   }
 
   // The turns in which the slices go from end to end, in the order of their InstanceNumbers.
@@ -121,14 +130,32 @@ class Heights {
       return turns;
     }
     std::ranges::sort(order);
-    const bool is_upwards = order.size() > 1 && mm_[order[1].second] > mm_[order[0].second];
+    const auto goes_up = [&](std::size_t n) {  // from the one before
+      return mm_[order[n].second] > mm_[order[n - 1].second];
+    };
     int turn = 1;
+    bool is_upwards = order.size() > 1 && goes_up(1);
     for (std::size_t n = 1; n < order.size(); ++n) {
-      const double step_mm = mm_[order[n].second] - mm_[order[n - 1].second];
-      turn += (step_mm > 0.0) != is_upwards;
+      if (goes_up(n) != is_upwards) {
+        ++turn;
+        is_upwards = n + 1 < order.size() && goes_up(n + 1);
+      }
       turns[order[n].second] = std::to_string(turn);
     }
     return turns;
+  }
+
+  // How often the InstanceNumber of each slice has come up to its height.
+  std::vector<std::string> Uses(const std::vector<DicomSlice>& slices) const {
+    std::vector<std::size_t> order(slices.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::ranges::sort(order, {}, [this](std::size_t n) { return mm_[n]; });
+    std::map<std::string, int> uses;
+    std::vector<std::string> of_slice(slices.size());
+    for (const std::size_t n : order) {
+      of_slice[n] = std::to_string(++uses[slices[n].content.Text(dicom::kInstanceNumber)]);
+    }
+    return of_slice;
   }
 
  private:
@@ -146,17 +173,20 @@ class Heights {
 
 std::vector<Mark> MarksOf(const std::vector<DicomSlice>& slices, const Heights& heights) {
   std::vector<Mark> marks;
-  const auto add = [&](const auto& tags, bool is_weak, const auto& text) {
+  const auto as_stated = [](const std::string& text) { return text; };
+  const auto add = [&](const auto& tags, Strength strength, const auto& text) {
     for (const DicomTag& tag : tags) {
       std::vector<std::string> of_slice;
       for (const DicomSlice& slice : slices) of_slice.push_back(text(slice.content.Text(tag)));
-      marks.emplace_back(tag.name, is_weak, of_slice);
+      marks.emplace_back(tag.name, strength, of_slice);
     }
   };
-  add(kStated, false, [](const std::string& text) { return text; });
-  add(kMeasured, false, RoundedReal);
-  add(kTimes, true, [](const std::string& text) { return text; });
-  marks.emplace_back("turn of InstanceNumber", true, heights.Turns(slices));
+  add(kOfTimesAndKinds, Strength::kDefinite, as_stated);
+  add(kStated, Strength::kUsual, as_stated);
+  add(kMeasured, Strength::kUsual, RoundedReal);
+  add(kTimes, Strength::kWeak, as_stated);
+  marks.emplace_back("turn of InstanceNumber", Strength::kWeak, heights.Turns(slices));
+  marks.emplace_back("use of InstanceNumber", Strength::kWeak, heights.Uses(slices));
   return marks;
 }
 
@@ -182,10 +212,12 @@ void Split(std::vector<DicomSlice> slices, const std::string& description,
 }  // namespace
 
 bool IsOfOnePass(const DicomSlice& one, const DicomSlice& other) {
-  const auto is_same = [&](const DicomTag& tag) {
-    return one.content.Text(tag) == other.content.Text(tag);
+  const auto is_same = [&](const auto& tags) {
+    return std::ranges::all_of(tags, [&](const DicomTag& tag) {
+      return one.content.Text(tag) == other.content.Text(tag);
+    });
   };
-  return std::ranges::all_of(kStated, is_same) && std::ranges::all_of(kMeasured, is_same);
+  return is_same(kOfTimesAndKinds) && is_same(kStated) && is_same(kMeasured) && is_same(kTimes);
 }
 
 std::vector<DicomPass> PassesOf(std::vector<DicomSlice> slices) {

@@ -17,7 +17,7 @@ struct DicomPass {
   std::vector<DicomSlice> slices;
 };
 
-// True if nothing but their times tells the two slices apart as of two passes.
+// True if nothing tells the two slices apart as of two passes.
 bool IsOfOnePass(const DicomSlice& one, const DicomSlice& other);
 
 // `slices`: of one series, size and orientation, not empty. What differs between slices tells

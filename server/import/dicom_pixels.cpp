@@ -132,15 +132,14 @@ class Pixels {
 
   DicomPixels Values() {
     DicomPixels pixels;
-    bool has_long_signs = false;
     for (std::size_t n = 0; n < Count(); ++n) {
       const std::uint64_t pattern = PatternAt(n);
       pixels.has_more_bits |= !Fits(pattern);
       pixels.has_short_signs |= IsEmptyAbove(pattern) && Stored(pattern) < 0;
-      has_long_signs |= !IsEmptyAbove(pattern) && Whole(pattern) < 0 && Fits(pattern);
+      pixels.has_long_signs |= !IsEmptyAbove(pattern) && Whole(pattern) < 0 && Fits(pattern);
     }
     // What is not compressed may have an overlay in them. Long signs are beside no short ones.
-    const bool is_wide = pixels.has_short_signs && has_long_signs && low_ + bits_ < whole_;
+    const bool is_wide = pixels.has_short_signs && pixels.has_long_signs && low_ + bits_ < whole_;
     pixels.takes_all_bits = is_wide || (pixels.has_more_bits && slice_.content.stream.bits > 0);
     if (pixels.takes_all_bits) {
       bits_ = whole_;

@@ -21,6 +21,8 @@ struct DicomPixels {
   bool takes_all_bits = false;
   // Pixels have their sign in the highest of the bits that are stored, and none above.
   bool has_short_signs = false;
+  // Negative pixels have the bits above set, too, and no other has a sign in those that are stored.
+  bool has_long_signs = false;
 };
 
 DicomPixels ReadDicomPixels(const DicomSlice& slice);

@@ -9,6 +9,7 @@ namespace palpate {
 namespace {
 
 constexpr double kFarthest_mm = 1e9;
+constexpr double kAboutUnit = 0.05;
 
 class Fields {
  public:
@@ -31,6 +32,14 @@ class Fields {
       if (!std::isfinite(numbers.back())) return {};
     }
     return numbers.size() == count ? numbers : std::vector<double>();
+  }
+  // Of a field beside others that say the same: text is as good as nothing.
+  std::vector<double> NumbersOrNone(const DicomTag& tag, std::size_t count) const {
+    try {
+      return Numbers(tag, count);
+    } catch (const Error&) {
+      return {};
+    }
   }
   double Number(const DicomTag& tag, double absent) const {
     const std::vector<double> numbers = Numbers(tag, 1);
@@ -141,8 +150,13 @@ void CheckPosition(const DicomSlice& slice) {
 
 // Of a slice that states no place in the patient: its place among the others.
 void ParseOrder(const Fields& fields, const ImportLimits& limits, DicomSlice* slice) {
-  const auto location = fields.Numbers(dicom::kSliceLocation, 1);
-  const auto number = fields.Numbers(dicom::kInstanceNumber, 1);
+  auto location = fields.NumbersOrNone(dicom::kSliceLocation, 1);
+  const auto number = fields.NumbersOrNone(dicom::kInstanceNumber, 1);
+  const auto position = fields.NumbersOrNone(dicom::kPosition, 3);
+  slice->order = !location.empty()   ? dicom::kSliceLocation.name
+                 : !position.empty() ? dicom::kPosition.name
+                                     : dicom::kInstanceNumber.name;
+  if (location.empty() && !position.empty()) location = {position[2]};  // as most slices lie
   if (location.empty() && number.empty()) {
     Refuse("it does not state its position and orientation; export it again");
   }
@@ -155,28 +169,31 @@ void ParseOrder(const Fields& fields, const ImportLimits& limits, DicomSlice* sl
           "apart (SpacingBetweenSlices); give --spacing-mm X,Y,Z");
     }
   }
-  slice->order = location.empty() ? dicom::kInstanceNumber.name : dicom::kSliceLocation.name;
   slice->position_W_mm = {0.0, 0.0, location.empty() ? pitch_mm * number[0] : location[0]};
   CheckPosition(*slice);
   slice->row_W = Vec3::UnitX();
   slice->column_W = Vec3::UnitY();
-  fields.Repair("it does not state its position and orientation: the slices are in the order of " +
-                std::string(slice->order) + ", and left and right are unknown");
+  fields.Repair(
+      "it does not state both its position and its orientation: the slices are in the order of " +
+      std::string(slice->order) + ", and left and right are unknown");
 }
 
 void ParsePlace(const Fields& fields, const ImportLimits& limits, DicomSlice* slice) {
-  const auto position = fields.Numbers(dicom::kPosition, 3);
-  const auto orientation = fields.Numbers(dicom::kOrientation, 6);
+  const auto position = fields.NumbersOrNone(dicom::kPosition, 3);
+  const auto orientation = fields.NumbersOrNone(dicom::kOrientation, 6);
   const bool has_directions = std::ranges::any_of(orientation, [](double x) { return x != 0.0; });
   if (position.empty() || !has_directions) return ParseOrder(fields, limits, slice);
   slice->position_W_mm = {position[0], position[1], position[2]};
   CheckPosition(*slice);
   slice->row_W = {orientation[0], orientation[1], orientation[2]};
   slice->column_W = {orientation[3], orientation[4], orientation[5]};
-  if (std::abs(slice->row_W.norm() - 1.0) > kParallelSlices ||
-      std::abs(slice->column_W.norm() - 1.0) > kParallelSlices ||
-      std::abs(slice->row_W.dot(slice->column_W)) > kParallelSlices) {
+  const double longest =
+      std::max(std::abs(slice->row_W.norm() - 1.0), std::abs(slice->column_W.norm() - 1.0));
+  if (longest > kAboutUnit || std::abs(slice->row_W.dot(slice->column_W)) > kParallelSlices) {
     Refuse("it has an orientation that is not made of unit vectors; export it again");
+  }
+  if (longest > kParallelSlices) {
+    fields.Repair("the vectors of its orientation are not quite unit vectors, and taken for them");
   }
   slice->row_W.normalize();
   slice->column_W =

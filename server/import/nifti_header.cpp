@@ -187,7 +187,7 @@ void WarnOfDifferences(const NiftiFields& fields, double mm, const ImageGeometry
     qform.origin_W_mm *= mm;
     const PlaceError error = FarthestCorner(MapOf(qform), MapOf(sform), header->size);
     const bool is_mirrored = qform.direction.determinant() * sform.direction.determinant() < 0.0;
-    if (error.voxels > kFarOff) {
+    if (std::isfinite(error.mm) && error.voxels > kFarOff) {
       header->warnings.push_back(
           "qform and sform disagree: they place a corner of the volume " + Short(error.mm) +
           " mm apart" +

@@ -45,6 +45,13 @@ class StackReader {
                  stack_.slices[k].file);
     }
     least_padding_ = std::min(least_padding_, pixels.least_padding);
+    has_short_signs_ |= pixels.has_short_signs;
+    has_long_signs_ |= pixels.has_long_signs;
+    if (has_short_signs_ && has_long_signs_) {
+      Refuse(
+          "the slices contradict each other in the bit of their sign (BitsStored); export the "
+          "series again");
+    }
     if (pixels.has_short_signs) {
       notes_.Add(std::string("its numbers have their sign in BitsStored") + kReadOtherwise,
                  stack_.slices[k].file);
@@ -57,6 +64,7 @@ class StackReader {
  private:
   const DicomStack& stack_;
   FileNotes notes_;
+  bool has_short_signs_ = false, has_long_signs_ = false;
   float least_padding_ = std::numeric_limits<float>::infinity();
 };
 
@@ -73,6 +81,8 @@ class Resampler {
     const double rounded = std::round(share);
     const double used =
         std::clamp(std::abs(share - rounded) < kAtSlice ? rounded : share, 0.0, 1.0);
+    if (used == 0.0) return below_;
+    if (used == 1.0) return above_;
     for (std::size_t n = 0; n < between_.size(); ++n) {
       between_[n] = std::lerp(below_[n], above_[n], static_cast<float>(used));
     }

@@ -228,6 +228,8 @@ TEST_F(DicomValuesTest, SlicesWithoutAPlaceHaveAnOrder) {
   const LoadedVolume given = Imported(Source{.path = without(""), .spacing_mm = Vec3(1, 2, 3)});
   ExpectSlices(given);
   EXPECT_EQ(given.metadata.patient_axes, "");
+  ExpectSlices(Imported(WriteSeries([](SliceFile* s) { s->orientation = "0\\0\\0\\0\\0\\0"; })));
+  EXPECT_TRUE(Warns("ImagePositionPatient"));
   const LoadedVolume located = Imported(WriteSeries([](SliceFile* s) {
     s->has_place = false;
     s->elements = Element(0x20, 0x1041, "DS", std::to_string(-7 + 3 * s->z));
