@@ -127,15 +127,44 @@ TEST_F(DicomValuesTest, StepsAndTurnsAreNoPasses) {
   whole(0x20, 0x13, "IS", [](int z) { return std::to_string(z % 2 == 0 ? z : z + 10); });
 }
 
-// Each slice has a time of its own.
-TEST_F(DicomValuesTest, TheTurnsOfNumbersTellPassesApart) {
-  WriteTwoPasses(1.0, [](int pass, int z) {
-    return Element(0x18, 0x50, "DS", "2.0") +
-           Element(0x20, 0x13, "IS", std::to_string(10 * pass + z)) +
-           Element(0x08, 0x33, "TM", std::to_string(101500 + 10 * pass + z));
+// Each slice has a time of its own; the second pass goes on with the numbers, or begins again.
+TEST_F(DicomValuesTest, NumbersTellPassesApart) {
+  for (const int first : {10, 0}) {
+    WriteTwoPasses(1.0, [&](int pass, int z) {
+      return Element(0x18, 0x50, "DS", "2.0") +
+             Element(0x20, 0x13, "IS", std::to_string(first * pass + z)) +
+             Element(0x08, 0x33, "TM", std::to_string(101500 + 10 * pass + z));
+    });
+    ExpectSlices(Imported(Path("series")));
+    EXPECT_TRUE(Warns("InstanceNumber 2"));
+  }
+}
+
+TEST_F(DicomValuesTest, OfOneInstanceNameThePixelsTellCopies) {
+  const auto write = [this](const std::string& second) {
+    WriteTwoPasses(0.0, [&](int pass, int) {
+      return Element(0x20, 0x12, "IS", pass == 0 ? "3" : second) +
+             Element(0x08, 0x18, "UI", "1.2.3.4");
+    });
+    return Imported(Path("series"));
+  };
+  ExpectSlices(write("4"));
+  EXPECT_TRUE(Warns("--acquisition"));
+  EXPECT_EQ(write("3").metadata.size.z(), 4);
+  EXPECT_TRUE(Warns("copy"));
+}
+
+TEST_F(DicomValuesTest, ThePassIsOfTheSeriesThatIsTaken) {
+  WriteTwoPasses(1.0, [](int pass, int) {
+    return Element(0x18, 0x50, "DS", "2.0") + Element(0x20, 0x12, "IS", pass == 0 ? "3" : "4");
   });
-  ExpectSlices(Imported(Path("series")));
-  EXPECT_TRUE(Warns("InstanceNumber 2"));
+  for (const int z : {0, 1, 2}) {
+    SliceFile other = PatternSlice(z);
+    other.series = "1.2.9";
+    other.elements = Element(0x20, 0x12, "IS", "4");
+    Write("series/other" + std::to_string(z), PatternDicom(other));
+  }
+  EXPECT_EQ(Chosen("--acquisition", "4").metadata.size.z(), 4);
 }
 
 TEST_F(DicomValuesTest, TheBitsThatAreStoredHaveTheSign) {

@@ -256,7 +256,9 @@ TEST(NrrdHeader, GeometryWithoutSpace) {
   EXPECT_EQ(Nrrd(kNrrd).geometry.spacing_mm, Vec3(1, 1, 1.5));
   EXPECT_EQ(Nrrd(kNrrd).geometry.origin_W_mm, Vec3::Zero());
   const std::string placed = Replaced(kNrrd, "key:=value", "axis mins: 1 2 3\ncenters: cell node");
-  EXPECT_EQ(Nrrd(placed).geometry.origin_W_mm, Vec3(1.5, 2, 3.75));
+  for (const std::string& header : {placed, Replaced(placed, "centers", "centerings")}) {
+    EXPECT_EQ(Nrrd(header).geometry.origin_W_mm, Vec3(1.5, 2, 3.75));
+  }
   const std::string ranged = Replaced(placed, "spacings: 1 1 1.5", "axis maxs: 21 22 21");
   EXPECT_EQ(Nrrd(ranged).geometry.spacing_mm, Vec3(1, 2, 2));
   EXPECT_EQ(Nrrd(ranged).geometry.origin_W_mm, Vec3(1.5, 2, 4));
@@ -334,6 +336,11 @@ TEST(MetaImageHeader, LocalDetachedAndCompressed) {
   };
   EXPECT_EQ(with_size("-1").skip_bytes, ImageHeader::kVoxelsAtEnd);
   EXPECT_EQ(with_size("4096").begin, 4096);
+  const std::string uncounted =
+      "CompressedData = True\nCompressedDataSize = 0\nComment = a\nComment = b";
+  EXPECT_EQ(
+      ParseMetaImageHeader(Replaced(kMeta, "CompressedData = False", uncounted)).compressed_bytes,
+      ImageHeader::kToFileEnd);
 }
 
 TEST(MetaImageHeader, PlaceAndByteOrder) {
