@@ -45,8 +45,10 @@ class StackReader {
                  stack_.slices[k].file);
     }
     least_padding_ = std::min(least_padding_, pixels.least_padding);
-    has_short_signs_ |= pixels.has_short_signs;
-    has_long_signs_ |= pixels.has_long_signs;
+    // What codecs give may be either.
+    const bool is_stream = stack_.slices[k].content.stream.bits > 0;
+    has_short_signs_ |= pixels.has_short_signs && !is_stream;
+    has_long_signs_ |= pixels.has_long_signs && !is_stream;
     if (has_short_signs_ && has_long_signs_) {
       Refuse(
           "the slices contradict each other in the bit of their sign (BitsStored); export the "

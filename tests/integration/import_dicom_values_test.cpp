@@ -16,16 +16,20 @@ class DicomValuesTest : public DicomTest {
     return false;
   }
   // The series, whose values are 2 v - 1024, with the pixels that `stored` gives.
-  LoadedVolume WithPixels(const std::function<int(int v)>& stored, const std::string& elements,
-                          bool has_rescale = true) {
-    return Imported(WriteSeries([&](SliceFile* s) {
+  std::filesystem::path WritePixels(const std::function<int(int v)>& stored,
+                                    const std::string& elements, bool has_rescale = true) {
+    return WriteSeries([&](SliceFile* s) {
       s->elements = elements;
       s->has_rescale = has_rescale;
       for (int n = 0; n < 35; ++n) {
         const int v = PatternValue(n % 7, n / 7, s->z);
         s->pixels += BytesOf(static_cast<std::uint16_t>(stored(v)));
       }
-    }));
+    });
+  }
+  LoadedVolume WithPixels(const std::function<int(int v)>& stored, const std::string& elements,
+                          bool has_rescale = true) {
+    return Imported(WritePixels(stored, elements, has_rescale));
   }
   // Twice the series, the second with its slices the other way round. `mark`: of each slice, in the
   // first pass and in the second.
@@ -185,6 +189,12 @@ TEST_F(DicomValuesTest, TheBitsThatAreStoredHaveTheSign) {
   EXPECT_EQ(At(all, 3, 2, 1), 2 * (PatternValue(3, 2, 1) + 40000) - 1024);
   WithPixels(value, Bits(12, 5, true));
   EXPECT_TRUE(Warns("contradict"));
+  // Signs above show that numbers have all bits, if slices agree.
+  const std::string twelve = Bits(12, 11, true);
+  const LoadedVolume wide = WithPixels([](int v) { return v % 2 == 0 ? -9 : 2500 + v; }, twelve);
+  EXPECT_EQ(At(wide, 3, 2, 0), 2 * (2500 + PatternValue(3, 2, 0)) - 1024);
+  ExpectRefused(WritePixels([](int v) { return v == 0 ? -9 : 2500 + v; }, twelve),
+                ErrorKind::kInvalidArgument, "contradict each other");
 }
 
 // JPEG-LS of 7 x + 11 y - 60 in 12 bits, without a sign above.
