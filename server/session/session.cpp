@@ -250,11 +250,8 @@ VolumePlace Session::PlaceLoaded(const LoadRequest& request, VolumeMetadata& met
   std::optional<VolumePlace> stored;
   if (registration_store_) {
     stored = registration_store_->Find(metadata);
-    const std::string other = registration_store_->FindOther(metadata);
-    if (!other.empty()) {
-      metadata.warnings.push_back("the place kept for it was for another volume, " + other +
-                                  ": it is placed anew");
-    }
+    const std::string lost = registration_store_->WhyLost(metadata);
+    if (!lost.empty()) metadata.warnings.push_back(lost);
   }
   if (!stored) return FitToWorkspace(metadata, device_, scale);
   return Apply({.device_mm_per_volume_mm = scale}, metadata, device_, *stored);

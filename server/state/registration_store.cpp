@@ -94,11 +94,13 @@ std::optional<VolumePlace> RegistrationStore::Find(const VolumeMetadata& volume)
   }
 }
 
-std::string RegistrationStore::FindOther(const VolumeMetadata& volume) const {
+std::string RegistrationStore::WhyLost(const VolumeMetadata& volume) const {
   const std::string key = Key(volume);
   const std::lock_guard lock(mutex_);
   for (const StoredRegistration& entry : entries_) {
-    if (entry.source == key && !IsOf(entry, volume)) return ShapeText(entry.size, entry.spacing_mm);
+    if (entry.source != key || IsOf(entry, volume)) continue;
+    return "the place kept for it was for another volume, " +
+           ShapeText(entry.size, entry.spacing_mm) + ": it is placed anew";
   }
   return "";
 }

@@ -41,9 +41,9 @@ class RegistrationStore {
 
   // Finds the place of a volume with this source, size and spacing.
   std::optional<VolumePlace> Find(const VolumeMetadata& volume) const;
-  // Says of which volume with this source, but another size or spacing, a place is kept; empty: of
-  // none.
-  std::string FindOther(const VolumeMetadata& volume) const;
+  // Says why Find() does not give the place that is kept for this source: it was for another size
+  // or spacing. Empty: none is kept, or it fits.
+  std::string WhyLost(const VolumeMetadata& volume) const;
   void Keep(const VolumeMetadata& volume, const VolumePlace& registration);
 
   // Names voxels by their contents and their directions in W, not by their source: a renamed file

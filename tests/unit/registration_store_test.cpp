@@ -90,9 +90,9 @@ TEST_F(RegistrationStoreTest, AnotherSizeOrSpacingIsAnotherVolume) {
   VolumeMetadata other = volume;
   other.size.z() = 7;
   EXPECT_FALSE(store.Find(other).has_value());
-  EXPECT_NE(store.FindOther(other).find(std::to_string(volume.size.z()) + " voxels"),
+  EXPECT_NE(store.WhyLost(other).find(std::to_string(volume.size.z()) + " voxels"),
             std::string::npos);
-  EXPECT_EQ(store.FindOther(volume), "");
+  EXPECT_EQ(store.WhyLost(volume), "");
   other = volume;
   other.spacing_mm.x() = std::nextafter(other.spacing_mm.x(), 1.0);
   EXPECT_FALSE(store.Find(other).has_value());
