@@ -53,6 +53,16 @@ void ExpectSpacing(const LoadedVolume& volume) {
 
 // ---------------------------------------------------------------- what is read
 
+// A map's coordinates, in mm.
+TEST_F(ImportTest, OriginsMayBeFarAway) {
+  std::string far = Meta(PatternBytes<std::int16_t>());
+  far.replace(far.find("1 2 3"), 5, "408201585 4080928017 312250.5");
+  EXPECT_EQ(Imported(Write("a.mha", far)).metadata.origin_W_mm,
+            Vec3(408201585, 4080928017, 312250.5));
+  far.replace(far.find("408201585"), 9, "1e13");
+  ExpectRefused(Write("b.mha", far), kInvalid, "1e12 mm");
+}
+
 // Of a ball, in mm, in voxels, or of one of its halves alone.
 TEST_F(ImportTest, DistancesAreFeltFromOutside) {
   static constexpr int kEdge = 24;
