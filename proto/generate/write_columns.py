@@ -37,7 +37,7 @@ def columns(files: list[File]) -> dict[str, str]:
             f"{_class('RecordedColumns(PoseColumns)', 'recorded tick', 'RECORDED_ABOUT', recorded)}"
             "\n\n# Where a column comes from, and its type, or the parts of what it has.\n"
             f"SOURCES: dict[str, tuple[str, type | str]] = {{\n{sources}}}\n"
-            f"# Those that have one.\nUNITS: dict[str, str] = {{\n{units}}}\n"
+            f"# The units of the columns that have one.\nUNITS: dict[str, str] = {{\n{units}}}\n"
             "# The same in a RecordedTick; and whether it is NaN where it is absent.\n"
             f"RECORDED: dict[str, tuple[str, type | str, bool]] = {{\n{recorded_sources}}}\n")
     return {"palpate/_pose_columns.py": text}

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-// Of slices that never make one volume.
+// Slices that differ in these never make one volume.
 constexpr DicomTag kOfTimesAndKinds[] = {dicom::kTimePosition, dicom::kTimeIndex,
                                          dicom::kEcho,         dicom::kKernel,
                                          dicom::kFilter,       dicom::kComponent};
@@ -22,7 +22,7 @@ constexpr DicomTag kMeasured[] = {dicom::kEchoTime,    dicom::kInversionTime,  d
                                   dicom::kBValue,      dicom::kRepetitionTime, dicom::kKvp,
                                   dicom::kThickness,   dicom::kCardiacPhase,   dicom::kTriggerTime,
                                   dicom::kTriggerDelay};
-// Slices of one pass may have several of them, too.
+// Slices of one pass may differ in these, too.
 constexpr DicomTag kTimes[] = {dicom::kAcquisitionTime, dicom::kAcquisitionDateTime,
                                dicom::kContentTime};
 

@@ -29,7 +29,7 @@ def package(name: str) -> typing.Any:
                                  f"pip install {name}") from None
 
 
-# With what is not in the contract: computed, or of a group of its own.
+# unix_ns is computed here, so the contract does not declare it.
 _UNIT_OF = {**UNITS, "unix_ns": "ns"}
 
 
