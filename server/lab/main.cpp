@@ -182,22 +182,10 @@ arguments::Command* AddExport(arguments::Command& app, ExportOptions& options) {
   arguments::Command* command = app.add_subcommand(
       "export", "Writes a recording of palpated as a table: CSV, a row per tick; mm, N");
   command->add_option("recording", options.recording, "file to read")->required();
-  arguments::Option* output =
-      command->add_option("--out", options.output, "file to write [standard output]");
-  command->add_flag("--hdf5", options.hdf5, "HDF5 instead: arrays with their units as attributes")
-      ->needs(output);
+  command->add_option("--out", options.output, "file to write [standard output]");
+  command->add_flag("--hdf5", options.hdf5, "says how the Python package writes HDF5 instead");
   AddOverwrite(*command, options.overwrite);
   command->footer("Example: palpate-lab export trial-7.mcap --out trial-7.csv");
-  return command;
-}
-
-arguments::Command* AddConvert(arguments::Command& app, ExportOptions& options) {
-  arguments::Command* command = app.add_subcommand(
-      "convert", "Makes an MCAP file of a recording of an earlier version of Palpate (.palrec)");
-  command->add_option("recording", options.recording, "file to read")->required();
-  command->add_option("--out", options.output, "file to write")->required();
-  AddOverwrite(*command, options.overwrite);
-  command->footer("Example: palpate-lab convert trial-7.palrec --out trial-7.mcap");
   return command;
 }
 
@@ -299,7 +287,6 @@ int Run(int argc, char** argv) {
   arguments::Command* replay = AddReplay(app, options.replay);
   AddRecordingReplay(*replay, options.recording);
   const arguments::Command* table = AddExport(app, options.table);
-  const arguments::Command* convert = AddConvert(app, options.table);
   const arguments::Command* trajectory = AddTrajectory(app, options.trajectory);
   const arguments::Command* bench = AddBench(app, options.bench);
   try {
@@ -313,7 +300,6 @@ int Run(int argc, char** argv) {
     if (mesh->parsed()) RunMesh(options.mesh);
     if (replay->parsed()) RunReplays(options);
     if (table->parsed()) ExportRecording(options.table, std::cout);
-    if (convert->parsed()) ConvertRecording(options.table);
     if (trajectory->parsed()) RunTrajectory(options.trajectory);
     if (bench->parsed()) RunBench(options.bench, std::cout);
     if (options.experiment.table.empty()) options.experiment.table = DefaultTable();

@@ -1,7 +1,6 @@
 #include "server/lab/recording_command.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <cstdio>
 #include <fstream>
@@ -11,7 +10,6 @@
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
-#include "server/lab/hdf5_export.h"
 #include "server/recording/csv_export.h"
 #include "server/recording/recording_reader.h"
 #include "server/recording/replayer.h"
@@ -37,24 +35,6 @@ RecordedVolumeLoader LoaderOf(const RecordingReplayOptions& options) {
     return LoadVolume(given.empty() ? scene.volume_source : given, import_program, {},
                       scene.spacing_mm);
   };
-}
-
-// HDF5 writes to no file without a name, as WriteWhole has it.
-void WriteHdf5(RecordingReader& reader, const ExportOptions& options) {
-  const IfThere if_there = ReplacesIf(options.overwrite);
-  CheckNewFile(options.output, if_there);
-  std::filesystem::path partial = options.output;
-  partial += "." + std::to_string(getpid()) + ".partial";
-  struct Removed {
-    const std::filesystem::path& file;
-    ~Removed() {
-      std::error_code renamed;
-      std::filesystem::remove(file, renamed);
-    }
-  } const removed{partial};
-  ExportHdf5(reader, partial);
-  CheckNewFile(options.output, if_there);
-  std::filesystem::rename(partial, options.output);
 }
 
 void WarnIfCut(const RecordingReader& reader) {
@@ -117,10 +97,15 @@ void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out) {
 }
 
 void ExportRecording(const ExportOptions& options, std::ostream& out) {
-  RecordingReader reader(options.recording);
   if (options.hdf5) {
-    WriteHdf5(reader, options);
-  } else if (options.output.empty()) {
+    throw Error(ErrorKind::kInvalidArgument,
+                "the Python package writes HDF5: python3 -c 'import palpate; "
+                "palpate.open_recording(\"" +
+                    options.recording.string() + "\").to_hdf5(\"" +
+                    (options.output.empty() ? "ticks.h5" : options.output.string()) + "\")'");
+  }
+  RecordingReader reader(options.recording);
+  if (options.output.empty()) {
     ExportCsv(reader, out);
   } else {
     const auto write = [&](const std::filesystem::path& partial) {

@@ -1,4 +1,4 @@
-// palpate-lab replay --recording, export and convert.
+// palpate-lab replay --recording, and export.
 //
 // Threads: the calling one. Errors: Error.
 #pragma once
@@ -31,15 +31,10 @@ struct ExportOptions {
   std::filesystem::path recording{};
   std::filesystem::path output{};  // empty: writes to `out`
   bool overwrite = false;          // of `output`
-  bool hdf5 = false;               // needs `output`
+  bool hdf5 = false;               // refused: the error names what writes it
 };
 
-// Writes the recording's table of ticks.
+// Writes the recording's table of ticks as CSV.
 void ExportRecording(const ExportOptions& options, std::ostream& out);
-
-// Makes an MCAP file of a recording of an earlier version (old_recording.h), up to its end or its
-// first damage. Throws Error: kConflict if `output` exists and is not to be overwritten;
-// kInvalidArgument if there is nothing to convert.
-void ConvertRecording(const ExportOptions& options);
 
 }  // namespace palpate::lab

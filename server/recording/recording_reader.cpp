@@ -20,8 +20,6 @@ namespace {
 constexpr std::uint64_t kNoTick = std::numeric_limits<std::uint64_t>::max();
 // Twice what is written.
 constexpr std::size_t kMostMessageBytes = std::size_t{512} << 10;
-// Of the recordings of earlier versions.
-constexpr std::string_view kOldMagic = "\x89PLPREC\n";
 
 std::unique_ptr<std::istream> Open(const std::filesystem::path& file) {
   // Opening a pipe would block until a writer comes.
@@ -43,13 +41,6 @@ std::unique_ptr<std::istream> Open(const std::filesystem::path& file) {
 
 std::unique_ptr<mcap::Reader> OpenMcap(std::unique_ptr<std::istream> stream,
                                        const std::string& name) {
-  std::string start(kOldMagic.size(), '\0');
-  stream->read(start.data(), static_cast<std::streamsize>(start.size()));
-  stream->clear();
-  if (start == kOldMagic) {
-    RefuseFile(name,
-               "was recorded by an earlier version: palpate-lab convert makes it an MCAP file");
-  }
   try {
     return std::make_unique<mcap::Reader>(std::move(stream));
   } catch (const DamagedBytes& damage) {

@@ -242,7 +242,6 @@ def files():
         "another_schema": recording(whole, end(4), schema="foxglove.Pose"),
         "cut": recording(whole)[:-5],
         "no_recording": b"PNG and so on, long enough for a header",
-        "old": b"\x89PLPREC\n" + bytes(40),
     }
 
 

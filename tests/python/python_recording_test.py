@@ -226,10 +226,6 @@ class Damage(RecordingTest):
     def test_what_is_no_recording(self):
         for data in (b"", b"PNG", b"\x89MCAP0\r\n", os.urandom(1000)):
             self.assertIsNone(self.opened(data))
-        path = self.folder / "old.palrec"
-        path.write_bytes(b"\x89PLPREC\n and so on")
-        with self.assertRaisesRegex(palpate.InvalidArgument, "convert"):
-            palpate.open_recording(path)
         for path, error in ((self.folder / "none.mcap", palpate.NotFound),
                             (self.folder, palpate.InvalidArgument),
                             ("/dev/null", palpate.InvalidArgument)):

@@ -155,8 +155,7 @@ LIBRARIES = {
     "OpenGL": (r"epoxy/|GL/", ["client/view/render", "client/view/app"]),
     "GLFW, Dear ImGui, libpng": (r"GLFW/|imgui|backends/imgui|png", ["client/view/app"]),
     "libnats": (r"nats/", ["client/web/nats"]),
-    "zstd and xxHash": (r"zstd|xxhash", ["common/bricks", "server/recording", "server/lab"]),
-    "HDF5": (r"hdf5\.h", ["server/lab"]),
+    "zstd and xxHash": (r"zstd|xxhash", ["common/bricks", "server/recording"]),
 }
 
 # What a file names: the header that it, or one of ours that it includes, must include. The

@@ -381,8 +381,6 @@ TEST(RecordingFormat, OtherFilesAreRefusedInOneLine) {
                                    std::string(1000, '\0'), std::string(mcap::kMagic)}) {
     EXPECT_EQ(Refusal([&] { ReadBytes(bytes); }), ErrorKind::kInvalidArgument);
   }
-  const std::string old = testing::Complaint([&] { ReadBytes("\x89PLPREC\n and so on"); });
-  EXPECT_NE(old.find("convert"), std::string::npos) << old;
   EXPECT_EQ(Refusal([] { RecordingReader("/nowhere/recording"); }), ErrorKind::kNotFound);
 }
 

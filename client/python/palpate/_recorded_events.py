@@ -111,7 +111,7 @@ class RecordedScene:
         """Returns points of the device frame in world coordinates: mm.
 
         points_mm: (n, 3) or (3,), mm, such as RecordedTicks.scp_h_mm of ticks of this scene.
-        Errors: FailedPrecondition (recorded by an earlier version), InvalidArgument (another
+        Errors: FailedPrecondition (the recording does not tell it), InvalidArgument (another
         shape).
         Example: recording.scene_at(tick).to_world_mm(recording.ticks.scp_h_mm[0])
         """

@@ -24,7 +24,6 @@ from palpate._tick_layout import TickReader
 from palpate._values import path_text
 from palpate.v1 import recorded_pb2
 
-_OLD_MAGIC = b"\x89PLPREC\n"
 _MOST_MARKER_BYTES = 4096
 # Of messages that are no ticks: for each byte of the file, whatever its size, and what each takes
 # besides its bytes.
@@ -53,7 +52,6 @@ class RecordingFile:
     program: the program that recorded it, such as "palpated 0.1.0"
     created_unix_ns: when the recording began: UTC, nanoseconds since 1970
     created_monotonic_ns: the same moment on the clock of RecordedTicks.time_ns; None: not recorded
-        (converted from an earlier version)
     clock: (n, 2) about once a second: the clock of RecordedTicks.time_ns, and UTC since 1970: ns
     ticks: all ticks, as arrays
     markers: in the order of their times
@@ -131,7 +129,7 @@ class RecordingFile:
 
         time_ns: RecordedTicks.time_ns or RecordedMarker.time_ns. The computer's clock is read once,
         when the recording begins. Steps of that clock during the recording make no difference.
-        Errors: FailedPrecondition (recorded by an earlier version), InvalidArgument (no whole
+        Errors: FailedPrecondition (the recording does not tell it), InvalidArgument (no whole
         numbers).
         Example: recording.to_unix_ns(recording.ticks.time_ns).astype("datetime64[ns]")
         """
@@ -179,8 +177,7 @@ class RecordingFile:
     def to_hdf5(self, path: str | os.PathLike[str]) -> None:
         """Writes ticks and markers as HDF5: plain arrays, which MATLAB reads, too.
 
-        The arrays are those of `palpate-lab export --hdf5`: ticks/force_n, ticks/unix_ns,
-        markers/text ... Their attribute "unit" is that of the contract. Words are their numbers;
+        The arrays are ticks/force_n, ticks/unix_ns, markers/text ... Their attribute "unit" is that of the contract. Words are their numbers;
         the attribute "words" names them. Overwrites the file.
         Errors: FailedPrecondition (h5py is not installed), OSError.
         Example: palpate.open_recording("trial-7.mcap").to_hdf5("trial-7.h5")
@@ -298,8 +295,7 @@ def open_recording(path: str | os.PathLike[str]) -> RecordingFile:
     A tick takes about 450 bytes, an hour about 1.6 GB. If the file is cut off or damaged, the
     result has all ticks before that place, and RecordingFile.ends_early says why it ends there.
     path: of a file that Recording.start() wrote, copied here if the daemon is elsewhere.
-    Errors: NotFound, PermissionDenied, InvalidArgument (not a recording, or of an earlier version:
-    `palpate-lab convert` makes it an MCAP file).
+    Errors: NotFound, PermissionDenied, InvalidArgument (not a recording).
     Example: print(palpate.open_recording("trial-7.mcap").ticks.force_n.max())
     """
     name = path_text(path)
@@ -318,10 +314,6 @@ def open_recording(path: str | os.PathLike[str]) -> RecordingFile:
 
 
 def _read(stream: typing.BinaryIO, name: str) -> RecordingFile:
-    if stream.read(len(_OLD_MAGIC)) == _OLD_MAGIC:
-        raise InvalidArgument(f"{name} was recorded by an earlier version: `palpate-lab convert` "
-                              "makes it an MCAP file")
-    stream.seek(0)
     try:
         size = os.fstat(stream.fileno()).st_size
         file = McapFile(stream, size)
