@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "server/device/haptic_device.h"
-#include "server/samples/pump.h"
+#include "server/pump/pump.h"
 
 namespace palpate {
 

@@ -11,9 +11,9 @@
 #include "server/app/config.h"
 #include "server/app/device_monitor.h"
 #include "server/app/devices.h"
+#include "server/pump/force_watch.h"
+#include "server/pump/pump.h"
 #include "server/recording/black_box.h"
-#include "server/samples/force_watch.h"
-#include "server/samples/pump.h"
 #include "server/servo/servo_loop.h"
 #include "server/stop/stop_door.h"
 

@@ -10,7 +10,7 @@
 
 #include <cstdint>
 
-#include "server/samples/pump.h"
+#include "server/pump/pump.h"
 
 namespace prometheus {
 class Counter;

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "server/device/haptic_device.h"
+#include "server/pump/force_watch.h"
 #include "server/recording/recording_control.h"
-#include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
 #include "server/store/memory_budget.h"
 

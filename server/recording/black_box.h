@@ -19,7 +19,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/samples/pump.h"
+#include "server/pump/pump.h"
 
 namespace palpate {
 

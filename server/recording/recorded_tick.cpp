@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "server/pump/pose_of.h"
 #include "server/recording/bytes.h"
-#include "server/samples/pose_of.h"
 
 namespace palpate {
 namespace {

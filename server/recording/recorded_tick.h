@@ -4,7 +4,7 @@
 #pragma once
 
 #include "common/contract/recorded.h"
-#include "server/samples/tick_sample.h"
+#include "server/pump/tick_sample.h"
 
 namespace palpate {
 

@@ -30,11 +30,11 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/pump/pump.h"
 #include "server/realtime/spsc_ring.h"
 #include "server/realtime/tick_timer.h"
 #include "server/recording/recording_writer.h"
 #include "server/recording/voxel_log.h"
-#include "server/samples/pump.h"
 
 namespace palpate {
 

@@ -24,9 +24,9 @@
 #include "common/isosurface/decomposition.h"
 #include "server/haptics/passivity.h"
 #include "server/haptics/settings.h"
+#include "server/pump/tick_sample.h"
 #include "server/recording/mcap_format.h"
 #include "server/recording/volume_hash.h"
-#include "server/samples/tick_sample.h"
 #include "server/volume/ball.h"
 #include "server/volume/brick_directory.h"
 
@@ -112,7 +112,7 @@ struct RecordedScene {
   // that an older program made.
   std::optional<AffineMap> X_WI{};
   std::optional<double> series_position_frames{};  // as SeriesState; none: no series
-  HeldTool tool{};             // that is felt; without balls: none
+  HeldTool tool{};                                 // that is felt; without balls: none
   std::vector<Ball> fields{};  // of its radii above 0; without a tool of the ball, if one is felt
 
   // True for a frame of a series as it was loaded or edited. A blend hardly ever comes again.

@@ -9,9 +9,9 @@
 #include <utility>
 #include <variant>
 
+#include "server/pump/scp_v.h"
 #include "server/recording/recorded_scene.h"
 #include "server/recording/sample_fields.h"
-#include "server/samples/scp_v.h"
 
 namespace palpate {
 namespace {

@@ -3,7 +3,7 @@
 // Threads: pure.
 #pragma once
 
-#include "server/samples/tick_sample.h"
+#include "server/pump/tick_sample.h"
 
 namespace palpate {
 

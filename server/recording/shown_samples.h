@@ -13,7 +13,7 @@
 #include <mutex>
 #include <optional>
 
-#include "server/samples/pump.h"
+#include "server/pump/pump.h"
 
 namespace palpate {
 

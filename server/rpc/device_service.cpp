@@ -14,7 +14,7 @@
 #include "common/wire/status.h"
 #include "common/wire/values.h"
 #include "server/log/log.h"
-#include "server/samples/pose_of.h"
+#include "server/pump/pose_of.h"
 
 namespace palpate {
 namespace {

@@ -15,9 +15,9 @@
 
 #include "common/contract/device.h"
 #include "palpate/v1/device.grpc.pb.h"
+#include "server/pump/force_watch.h"
 #include "server/rpc/calls.h"
 #include "server/rpc/lead_hand.h"
-#include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
 #include "server/session/session.h"
 #include "server/stop/stop_door.h"

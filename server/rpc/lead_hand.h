@@ -10,8 +10,8 @@
 
 #include "palpate/v1/device.grpc.pb.h"
 #include "server/device/led_hand.h"
+#include "server/pump/force_watch.h"
 #include "server/rpc/access.h"
-#include "server/samples/force_watch.h"
 #include "server/servo/servo_loop.h"
 
 namespace palpate {

@@ -8,8 +8,8 @@
 
 #include "palpate/v1/pose.grpc.pb.h"
 #include "server/metrics/service_metrics.h"
+#include "server/pump/pump.h"
 #include "server/rpc/access.h"
-#include "server/samples/pump.h"
 
 namespace palpate {
 

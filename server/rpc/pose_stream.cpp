@@ -5,7 +5,7 @@
 
 #include "common/error/error.h"
 #include "common/wire/values.h"
-#include "server/samples/pose_of.h"
+#include "server/pump/pose_of.h"
 
 namespace palpate {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "palpate/v1/pose.pb.h"
-#include "server/samples/tick_sample.h"
+#include "server/pump/tick_sample.h"
 
 namespace palpate {
 

@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "server/device/haptic_device.h"
+#include "server/pump/tick_outbox.h"
 #include "server/realtime/thread_setup.h"
-#include "server/samples/tick_outbox.h"
 #include "server/scene/scene.h"
 #include "server/servo/force_switch.h"
 #include "server/servo/hand_push.h"

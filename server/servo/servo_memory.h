@@ -9,8 +9,8 @@
 
 #include "server/haptics/renderer.h"
 #include "server/haptics/tool/tool_memory.h"
+#include "server/pump/servo_keyframe.h"
 #include "server/safety/safety.h"
-#include "server/samples/servo_keyframe.h"
 
 namespace palpate {
 

@@ -10,9 +10,9 @@
 #include "server/device/haptic_device.h"
 #include "server/haptics/renderer.h"
 #include "server/haptics/tool/tool_memory.h"
+#include "server/pump/servo_keyframe.h"
+#include "server/pump/tick_sample.h"
 #include "server/safety/safety.h"
-#include "server/samples/servo_keyframe.h"
-#include "server/samples/tick_sample.h"
 #include "server/scene/scene.h"
 
 namespace palpate {

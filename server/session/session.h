@@ -25,7 +25,7 @@
 #include <vector>
 
 #include "server/device/haptic_device.h"
-#include "server/samples/pump.h"
+#include "server/pump/pump.h"
 #include "server/scene/patient_facing.h"
 #include "server/scene/registration.h"
 #include "server/scene/render_settings.h"

@@ -19,7 +19,7 @@
 #include <optional>
 #include <vector>
 
-#include "server/samples/tick_sample.h"
+#include "server/pump/tick_sample.h"
 #include "server/scene/scene.h"
 
 namespace palpate {

@@ -38,8 +38,8 @@
 #include <thread>
 
 #include "server/device/haptic_device.h"
+#include "server/pump/last_tick.h"
 #include "server/realtime/spsc_ring.h"
-#include "server/samples/last_tick.h"
 #include "server/servo/servo_loop.h"
 
 namespace palpate {

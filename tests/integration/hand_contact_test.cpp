@@ -19,7 +19,7 @@
 #include "server/device/guided_script.h"
 #include "server/device/simulated_device.h"
 #include "server/guide/touch_planner.h"
-#include "server/samples/scp_v.h"
+#include "server/pump/scp_v.h"
 #include "server/servo/servo_tick.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/editable_session.h"

@@ -10,7 +10,7 @@
 
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
-#include "server/samples/tick_outbox.h"
+#include "server/pump/tick_outbox.h"
 #include "server/scene/felt_surface.h"
 #include "server/servo/servo_tick.h"
 #include "server/volume/builtin.h"

@@ -14,9 +14,9 @@
 
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
+#include "server/pump/scp_v.h"
 #include "server/recording/recorded_scene.h"
 #include "server/recording/recorder.h"
-#include "server/samples/scp_v.h"
 #include "server/scene/felt_surface.h"
 #include "server/servo/servo_tick.h"
 #include "tests/support/made_volume.h"

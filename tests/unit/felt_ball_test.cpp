@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "server/haptics/renderer.h"
+#include "server/pump/touched_point.h"
 #include "server/safety/safety.h"
-#include "server/samples/touched_point.h"
 #include "server/scene/felt_surface.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/tick_rig.h"

@@ -1,7 +1,7 @@
 // What a subscriber gets: rate, batches, newest wins, the window.
 #include "server/rpc/pose_stream.h"
 #include "common/contract/enumerations.h"
-#include "server/samples/pose_of.h"
+#include "server/pump/pose_of.h"
 
 #include <gtest/gtest.h>
 

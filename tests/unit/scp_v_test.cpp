@@ -1,5 +1,5 @@
 // SCP_V is added to samples behind the servo's back: with the scene of their tick, however late.
-#include "server/samples/scp_v.h"
+#include "server/pump/scp_v.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <random>
 #include <vector>
 
-#include "server/samples/pump.h"
+#include "server/pump/pump.h"
 #include "server/servo/tick_computation.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/patience.h"

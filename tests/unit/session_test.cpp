@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/samples/force_watch.h"
+#include "server/pump/force_watch.h"
 #include "server/session/session.h"
 #include "server/session/volume_editor.h"
 #include "tests/support/made_volume.h"

@@ -7,7 +7,7 @@
 #include "common/contract/device.h"
 #include "common/contract/enumerations.h"
 #include "common/contract/pose.h"
-#include "server/samples/tick_sample.h"
+#include "server/pump/tick_sample.h"
 
 namespace palpate {
 

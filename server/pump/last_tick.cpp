@@ -1,4 +1,4 @@
-#include "server/samples/last_tick.h"
+#include "server/pump/last_tick.h"
 
 namespace palpate {
 

@@ -1,7 +1,7 @@
-#include "server/samples/scp_v.h"
+#include "server/pump/scp_v.h"
 
 #include "server/haptics/visual_proxy.h"
-#include "server/samples/touched_point.h"
+#include "server/pump/touched_point.h"
 
 namespace palpate {
 

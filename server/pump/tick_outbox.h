@@ -4,10 +4,10 @@
 // `last`. Real-time: pushing and telling are wait-free. Items that do not fit are counted and lost.
 #pragma once
 
+#include "server/pump/last_tick.h"
+#include "server/pump/servo_keyframe.h"
+#include "server/pump/tick_sample.h"
 #include "server/realtime/spsc_ring.h"
-#include "server/samples/last_tick.h"
-#include "server/samples/servo_keyframe.h"
-#include "server/samples/tick_sample.h"
 
 namespace palpate {
 

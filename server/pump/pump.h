@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "server/haptics/cell_cache.h"
-#include "server/samples/tick_outbox.h"
+#include "server/pump/tick_outbox.h"
 #include "server/scene/scene.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-#include "server/samples/touched_point.h"
+#include "server/pump/touched_point.h"
 
 #include <limits>
 

@@ -10,9 +10,9 @@
 #include <mutex>
 #include <optional>
 
+#include "server/pump/tick_sample.h"
 #include "server/realtime/latest_value.h"
 #include "server/realtime/spsc_ring.h"
-#include "server/samples/tick_sample.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "server/haptics/cell_cache.h"
-#include "server/samples/tick_sample.h"
+#include "server/pump/tick_sample.h"
 #include "server/scene/scene.h"
 
 namespace palpate {

@@ -1,12 +1,12 @@
-#include "server/samples/pump.h"
+#include "server/pump/pump.h"
 
 #include <pthread.h>
 
 #include <algorithm>
 #include <utility>
 
+#include "server/pump/scp_v.h"
 #include "server/realtime/tick_timer.h"
-#include "server/samples/scp_v.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/samples/pose_of.h"
+#include "server/pump/pose_of.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/samples/force_watch.h"
+#include "server/pump/force_watch.h"
 
 #include <thread>
 

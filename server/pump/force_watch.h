@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "server/samples/last_tick.h"
+#include "server/pump/last_tick.h"
 
 namespace palpate {
 
