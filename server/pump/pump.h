@@ -21,9 +21,9 @@
 #include <thread>
 #include <vector>
 
+#include "server/felt/scene.h"
 #include "server/haptics/cell_cache.h"
 #include "server/pump/tick_outbox.h"
-#include "server/scene/scene.h"
 
 namespace palpate {
 

@@ -3,9 +3,9 @@
 // Threads: one for each cache. Not for the servo thread.
 #pragma once
 
+#include "server/felt/scene.h"
 #include "server/haptics/cell_cache.h"
 #include "server/pump/tick_sample.h"
-#include "server/scene/scene.h"
 
 namespace palpate {
 

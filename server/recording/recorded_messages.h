@@ -9,8 +9,8 @@
 
 #include "palpate/v1/recorded.pb.h"
 #include "palpate/v1/render.pb.h"
+#include "server/felt/render_settings.h"
 #include "server/recording/recording.h"
-#include "server/scene/render_settings.h"
 
 namespace palpate {
 

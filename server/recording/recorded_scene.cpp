@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/scene/felt_surface.h"
+#include "server/felt/felt_surface.h"
 
 namespace palpate {
 namespace {

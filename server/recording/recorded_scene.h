@@ -5,9 +5,9 @@
 
 #include <memory>
 
+#include "server/felt/felt_tip.h"
+#include "server/felt/scene.h"
 #include "server/recording/recording.h"
-#include "server/scene/felt_tip.h"
-#include "server/scene/scene.h"
 
 namespace palpate {
 

@@ -13,9 +13,9 @@
 #include <optional>
 #include <string>
 
+#include "server/felt/felt_tip.h"
 #include "server/recording/recorded_volumes.h"
 #include "server/recording/recording.h"
-#include "server/scene/felt_tip.h"
 #include "server/servo/tick_computation.h"
 
 namespace palpate {

@@ -16,10 +16,10 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/felt/felt_tip.h"
 #include "server/recording/recorded_volumes.h"
 #include "server/recording/shown_samples.h"
 #include "server/recording/voxel_log.h"
-#include "server/scene/felt_tip.h"
 #include "server/session/ball_maker.h"
 
 namespace palpate {

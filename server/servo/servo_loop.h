@@ -12,9 +12,9 @@
 #include <thread>
 
 #include "server/device/haptic_device.h"
+#include "server/felt/scene.h"
 #include "server/pump/tick_outbox.h"
 #include "server/realtime/thread_setup.h"
-#include "server/scene/scene.h"
 #include "server/servo/force_switch.h"
 #include "server/servo/hand_push.h"
 

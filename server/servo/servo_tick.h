@@ -7,8 +7,8 @@
 #include <cstdint>
 
 #include "server/device/haptic_device.h"
+#include "server/felt/scene.h"
 #include "server/realtime/tick_timer.h"
-#include "server/scene/scene.h"
 #include "server/servo/force_switch.h"
 #include "server/servo/hand_push.h"
 #include "server/servo/tick_computation.h"

@@ -8,12 +8,12 @@
 #include <string_view>
 
 #include "server/device/haptic_device.h"
+#include "server/felt/scene.h"
 #include "server/haptics/renderer.h"
 #include "server/haptics/tool/tool_memory.h"
 #include "server/pump/servo_keyframe.h"
 #include "server/pump/tick_sample.h"
 #include "server/safety/safety.h"
-#include "server/scene/scene.h"
 
 namespace palpate {
 

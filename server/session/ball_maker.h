@@ -14,7 +14,7 @@
 #include <string>
 #include <thread>
 
-#include "server/scene/felt_tip.h"
+#include "server/felt/felt_tip.h"
 #include "server/store/memory_budget.h"
 
 namespace palpate {

@@ -8,8 +8,8 @@
 
 #include "common/error/error.h"
 #include "common/error/utf8.h"
+#include "server/felt/felt_tip.h"
 #include "server/haptics/tool/rigid_tool.h"
-#include "server/scene/felt_tip.h"
 #include "server/session/range.h"
 
 namespace palpate {

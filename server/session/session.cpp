@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "common/error/error.h"
+#include "server/felt/felt_surface.h"
 #include "server/log/log.h"
-#include "server/scene/felt_surface.h"
 #include "server/session/held_tool.h"
 #include "server/session/layers.h"
 #include "server/session/range.h"

@@ -25,11 +25,11 @@
 #include <vector>
 
 #include "server/device/haptic_device.h"
+#include "server/felt/patient_facing.h"
+#include "server/felt/registration.h"
+#include "server/felt/render_settings.h"
+#include "server/felt/scene.h"
 #include "server/pump/pump.h"
-#include "server/scene/patient_facing.h"
-#include "server/scene/registration.h"
-#include "server/scene/render_settings.h"
-#include "server/scene/scene.h"
 #include "server/session/ball_maker.h"
 #include "server/session/first_load.h"
 #include "server/session/settings_update.h"

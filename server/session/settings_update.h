@@ -12,8 +12,8 @@
 
 #include "common/contract/enumerations.h"
 #include "common/contract/render.h"
+#include "server/felt/render_settings.h"
 #include "server/haptics/settings.h"
-#include "server/scene/render_settings.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {

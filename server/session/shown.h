@@ -13,8 +13,8 @@
 #include <mutex>
 
 #include "common/contract/render.h"
-#include "server/scene/registration.h"
-#include "server/scene/render_settings.h"
+#include "server/felt/registration.h"
+#include "server/felt/render_settings.h"
 #include "server/volume/snapshot.h"
 
 namespace palpate {

@@ -19,8 +19,8 @@
 #include <optional>
 #include <vector>
 
+#include "server/felt/scene.h"
 #include "server/pump/tick_sample.h"
-#include "server/scene/scene.h"
 
 namespace palpate {
 

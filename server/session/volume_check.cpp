@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "server/scene/registration.h"
+#include "server/felt/registration.h"
 #include "server/session/range.h"
 #include "server/volume/builtin.h"
 #include "server/volume/volume_metadata.h"

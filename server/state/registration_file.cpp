@@ -4,7 +4,7 @@
 
 #include <optional>
 
-#include "server/scene/patient_facing.h"
+#include "server/felt/patient_facing.h"
 #include "server/state/state_file.h"
 
 namespace palpate {

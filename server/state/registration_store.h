@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "common/bricks/brick.h"
-#include "server/scene/registration.h"
+#include "server/felt/registration.h"
 #include "server/state/registration_file.h"
 #include "server/state/saver.h"
 

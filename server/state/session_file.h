@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "server/scene/render_settings.h"
+#include "server/felt/render_settings.h"
 #include "server/store/volume_loader.h"
 
 namespace palpate {

@@ -1,7 +1,7 @@
 // Any bytes as a file that the daemon keeps: which u8 (session, registrations, tokens), file. What
 // is read is written and read again without a difference.
 #include "common/error/error.h"
-#include "server/scene/registration.h"
+#include "server/felt/registration.h"
 #include "server/security/token_file.h"
 #include "server/state/registration_file.h"
 #include "server/state/session_file.h"

@@ -10,8 +10,8 @@
 
 #include "server/device/explore_script.h"
 #include "server/device/simulated_device.h"
+#include "server/felt/felt_surface.h"
 #include "server/pump/tick_outbox.h"
-#include "server/scene/felt_surface.h"
 #include "server/servo/servo_tick.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"

@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "server/device/haptic_device.h"
+#include "server/felt/scene.h"
 #include "server/haptics/haptic_surface.h"
-#include "server/scene/scene.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
 

@@ -8,10 +8,10 @@
 #include <random>
 #include <vector>
 
+#include "server/felt/felt_surface.h"
 #include "server/haptics/renderer.h"
 #include "server/pump/touched_point.h"
 #include "server/safety/safety.h"
-#include "server/scene/felt_surface.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/tick_rig.h"
 

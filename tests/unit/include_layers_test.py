@@ -52,25 +52,25 @@ LAYERS = {
                             "server/device/stream", "server/realtime"],
     "server/safety": ["common/geometry", "server/device"],
     "server/guide": COMMON + ["server/volume", "server/haptics", "server/device"],
-    "server/scene": COMMON + ["server/realtime", "server/volume", "server/haptics",
+    "server/felt": COMMON + ["server/realtime", "server/volume", "server/haptics",
                               "server/haptics/tool",
                               "server/device"],
     "server/pump": ["common/geometry", "server/realtime", "server/haptics", "server/safety",
-                       "server/scene"],
+                       "server/felt"],
     "server/servo": ["server/realtime", "server/haptics", "server/haptics/tool", "server/device", "server/safety",
-                     "server/scene", "server/pump"],
+                     "server/felt", "server/pump"],
     "server/stop": ["common/error", "common/files", "server/realtime", "server/device",
                     "server/pump", "server/servo"],
     "server/store": COMMON + ["server/realtime", "server/volume", "server/haptics"],
-    "server/state": COMMON + ["common/tool", "server/log", "server/haptics", "server/scene",
+    "server/state": COMMON + ["common/tool", "server/log", "server/haptics", "server/felt",
                               "server/store"],
     "server/client_files": COMMON + ["server/volume", "server/store", "server/state"],
     "server/session": COMMON + ["server/log", "server/realtime", "server/client_files",
                                 "server/volume", "server/haptics", "server/haptics/tool",
-                                "server/device", "server/scene", "server/pump",
+                                "server/device", "server/felt", "server/pump",
                                 "server/store", "server/state"],
     "server/recording": COMMON + ["common/wire", "server/realtime", "server/volume", "server/haptics",
-                                  "server/device", "server/safety", "server/scene",
+                                  "server/device", "server/safety", "server/felt",
                                   "server/pump", "server/servo", "server/session"],
     "server/streaming": COMMON + ["server/volume", "server/session"],
     "server/security": ["common/error", "common/files", "server/log"],
@@ -206,7 +206,7 @@ PLAIN_VOLUME_HEADERS = {"server/volume/ball.h", "server/volume/ball_field.h",
 # What programs outside of the tree include.
 PUBLIC_HEADERS = ["client/sdk/client.h", "client/sdk/nrrd_file.h", "client/sdk/words.h"]
 
-NO_OPENVDB = ["server/haptics", "server/scene", "server/pump", "server/servo", "server/device",
+NO_OPENVDB = ["server/haptics", "server/felt", "server/pump", "server/servo", "server/device",
               "server/rpc", "server/recording", "server/streaming"]
 
 
@@ -322,7 +322,7 @@ class IncludeLayers(unittest.TestCase):
 
     def test_violations_are_seen(self):
         self.assertTrue(violations("client/cli", ["CLI/CLI.hpp"]))
-        self.assertTrue(violations("client/cli", ["server/scene/scene.h"]))
+        self.assertTrue(violations("client/cli", ["server/felt/scene.h"]))
         self.assertTrue(violations("server/haptics", ["server/volume/snapshot_builder.h"]))
         self.assertTrue(violations("server/servo", ["spdlog/spdlog.h"]))
         self.assertTrue(violations("server/session", ["grpcpp/grpcpp.h"]))

@@ -1,5 +1,5 @@
 // Where volumes lie: exact geometry, long sequences of moves, bad input.
-#include "server/scene/registration.h"
+#include "server/felt/registration.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <string>
 
 #include "server/device/simulated_device.h"
-#include "server/scene/patient_facing.h"
+#include "server/felt/patient_facing.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scaled.h"
 

@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "server/device/simulated_device.h"
+#include "server/felt/registration.h"
 #include "server/guide/surface_probe.h"
 #include "server/guide/touch_points.h"
 #include "server/guide/touch_strokes.h"
-#include "server/scene/registration.h"
 #include "tests/support/made_volume.h"
 
 namespace palpate {

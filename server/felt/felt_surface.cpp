@@ -1,4 +1,4 @@
-#include "server/scene/felt_surface.h"
+#include "server/felt/felt_surface.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "server/scene/registration.h"
+#include "server/felt/registration.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "server/scene/felt_ball.h"
+#include "server/felt/felt_ball.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "server/scene/patient_facing.h"
+#include "server/felt/patient_facing.h"
 
 #include <algorithm>
 #include <array>

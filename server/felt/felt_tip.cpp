@@ -1,4 +1,4 @@
-#include "server/scene/felt_tip.h"
+#include "server/felt/felt_tip.h"
 
 #include <algorithm>
 #include <utility>

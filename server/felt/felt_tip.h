@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/contract/render.h"
-#include "server/scene/felt_ball.h"
-#include "server/scene/scene.h"
+#include "server/felt/felt_ball.h"
+#include "server/felt/scene.h"
 
 namespace palpate {
 

@@ -3,8 +3,8 @@
 // Threads: pure functions. Errors: none.
 #pragma once
 
-#include "server/scene/felt_tip.h"
-#include "server/scene/scene.h"
+#include "server/felt/felt_tip.h"
+#include "server/felt/scene.h"
 
 namespace palpate {
 
