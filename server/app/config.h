@@ -20,10 +20,10 @@
 #include "server/app/device_config.h"
 #include "server/client_files/upload.h"
 #include "server/haptics/settings.h"
+#include "server/live_volume/memory_budget.h"
+#include "server/live_volume/volume_loader.h"
 #include "server/realtime/thread_setup.h"
 #include "server/rpc/server.h"
-#include "server/store/memory_budget.h"
-#include "server/store/volume_loader.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/store/volume_loader.h"
+#include "server/live_volume/volume_loader.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
 

@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "server/device/haptic_device.h"
+#include "server/live_volume/memory_budget.h"
 #include "server/pump/force_watch.h"
 #include "server/recording/recording_control.h"
 #include "server/servo/servo_loop.h"
-#include "server/store/memory_budget.h"
 
 namespace palpate {
 

@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "server/felt/felt_tip.h"
-#include "server/store/memory_budget.h"
+#include "server/live_volume/memory_budget.h"
 
 namespace palpate {
 

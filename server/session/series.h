@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "server/store/volume_loader.h"
+#include "server/live_volume/volume_loader.h"
 #include "server/volume/brick_directory.h"
 #include "server/volume/brick_memory.h"
 

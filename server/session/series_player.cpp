@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "common/error/error.h"
+#include "server/live_volume/load_warnings.h"
 #include "server/log/log.h"
-#include "server/store/load_warnings.h"
 #include "server/volume/brick_pool.h"
 
 namespace palpate {

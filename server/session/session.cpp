@@ -6,11 +6,11 @@
 
 #include "common/error/error.h"
 #include "server/felt/felt_surface.h"
+#include "server/live_volume/load_warnings.h"
 #include "server/log/log.h"
 #include "server/session/held_tool.h"
 #include "server/session/layers.h"
 #include "server/session/range.h"
-#include "server/store/load_warnings.h"
 #include "server/volume/brick_memory.h"
 #include "server/volume/snapshot_builder.h"
 

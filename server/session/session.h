@@ -29,6 +29,8 @@
 #include "server/felt/registration.h"
 #include "server/felt/render_settings.h"
 #include "server/felt/scene.h"
+#include "server/live_volume/volume_loader.h"
+#include "server/live_volume/volume_store.h"
 #include "server/pump/pump.h"
 #include "server/session/ball_maker.h"
 #include "server/session/first_load.h"
@@ -36,8 +38,6 @@
 #include "server/session/shown.h"
 #include "server/state/registration_store.h"
 #include "server/state/session_keeper.h"
-#include "server/store/volume_loader.h"
-#include "server/store/volume_store.h"
 #include "server/volume/suggested_isovalues.h"
 
 namespace palpate {

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "server/felt/render_settings.h"
-#include "server/store/volume_loader.h"
+#include "server/live_volume/volume_loader.h"
 
 namespace palpate {
 

@@ -16,10 +16,10 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/store/load_warnings.h"
-#include "server/store/memory_budget.h"
-#include "server/store/retired_volumes.h"
-#include "server/store/volume_store.h"
+#include "server/live_volume/load_warnings.h"
+#include "server/live_volume/memory_budget.h"
+#include "server/live_volume/retired_volumes.h"
+#include "server/live_volume/volume_store.h"
 #include "server/volume/brick_memory.h"
 #include "server/volume/leaf.h"
 #include "tests/support/made_volume.h"

@@ -22,8 +22,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/store/memory_budget.h"
-#include "server/store/retired_volumes.h"
+#include "server/live_volume/memory_budget.h"
+#include "server/live_volume/retired_volumes.h"
 #include "server/volume/reshape.h"
 #include "server/volume/snapshot.h"
 

@@ -1,4 +1,4 @@
-#include "server/store/volume_loader.h"
+#include "server/live_volume/volume_loader.h"
 
 #include <algorithm>
 

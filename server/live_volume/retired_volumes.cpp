@@ -1,4 +1,4 @@
-#include "server/store/retired_volumes.h"
+#include "server/live_volume/retired_volumes.h"
 
 #include <pthread.h>
 

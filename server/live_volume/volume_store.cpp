@@ -1,4 +1,4 @@
-#include "server/store/volume_store.h"
+#include "server/live_volume/volume_store.h"
 
 #include <fmt/core.h>
 

@@ -15,7 +15,7 @@
 
 #include "common/files/own_files.h"
 #include "server/haptics/settings.h"
-#include "server/store/memory_budget.h"
+#include "server/live_volume/memory_budget.h"
 #include "server/volume/dense_bricks.h"
 #include "server/volume/load_memory.h"
 #include "server/volume/raw_voxels.h"

@@ -1,4 +1,4 @@
-#include "server/store/load_warnings.h"
+#include "server/live_volume/load_warnings.h"
 
 #include <cstddef>
 

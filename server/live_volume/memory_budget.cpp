@@ -1,4 +1,4 @@
-#include "server/store/memory_budget.h"
+#include "server/live_volume/memory_budget.h"
 
 #include <unistd.h>
 
