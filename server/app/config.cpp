@@ -9,7 +9,7 @@
 
 #include "common/error/one_line.h"
 #include "server/app/config_keys.h"
-#include "server/state/state_file.h"
+#include "server/kept/state_file.h"
 
 namespace palpate {
 namespace {

@@ -7,9 +7,9 @@
 
 #include "common/error/error.h"
 #include "server/app/log.h"
+#include "server/kept/layer_toml.h"
+#include "server/kept/state_file.h"
 #include "server/session/layers.h"
-#include "server/state/layer_toml.h"
-#include "server/state/state_file.h"
 
 namespace palpate {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "server/app/config.h"
+#include "server/kept/session_keeper.h"
 #include "server/session/session.h"
-#include "server/state/session_keeper.h"
 
 namespace palpate {
 

@@ -13,13 +13,13 @@
 #include "server/app/first_volume.h"
 #include "server/app/hand_guide.h"
 #include "server/app/instrument.h"
+#include "server/kept/registration_store.h"
+#include "server/kept/session_keeper.h"
 #include "server/recording/recording_control.h"
 #include "server/session/series_player.h"
 #include "server/session/session.h"
 #include "server/session/tools.h"
 #include "server/session/volume_editor.h"
-#include "server/state/registration_store.h"
-#include "server/state/session_keeper.h"
 
 namespace palpate {
 

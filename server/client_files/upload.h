@@ -13,8 +13,8 @@
 #include <string_view>
 #include <vector>
 
+#include "server/kept/private_folder.h"
 #include "server/live_volume/memory_budget.h"
-#include "server/state/private_folder.h"
 
 namespace palpate {
 

@@ -29,6 +29,8 @@
 #include "server/felt/registration.h"
 #include "server/felt/render_settings.h"
 #include "server/felt/scene.h"
+#include "server/kept/registration_store.h"
+#include "server/kept/session_keeper.h"
 #include "server/live_volume/volume_loader.h"
 #include "server/live_volume/volume_store.h"
 #include "server/pump/pump.h"
@@ -36,8 +38,6 @@
 #include "server/session/first_load.h"
 #include "server/session/settings_update.h"
 #include "server/session/shown.h"
-#include "server/state/registration_store.h"
-#include "server/state/session_keeper.h"
 #include "server/volume/suggested_isovalues.h"
 
 namespace palpate {

@@ -2,9 +2,9 @@
 // is read is written and read again without a difference.
 #include "common/error/error.h"
 #include "server/felt/registration.h"
+#include "server/kept/registration_file.h"
+#include "server/kept/session_file.h"
 #include "server/security/token_file.h"
-#include "server/state/registration_file.h"
-#include "server/state/session_file.h"
 #include "tests/fuzz/fuzz_input.h"
 #include "tests/fuzz/scratch_file.h"
 

@@ -1,5 +1,5 @@
 // Registrations that outlive a volume and a daemon; damaged and hostile files.
-#include "server/state/registration_store.h"
+#include "server/kept/registration_store.h"
 
 #include <gtest/gtest.h>
 

@@ -21,8 +21,8 @@
 #include <string>
 
 #include "common/files/descriptor.h"
-#include "server/state/saver.h"
-#include "server/state/session_file.h"
+#include "server/kept/saver.h"
+#include "server/kept/session_file.h"
 
 namespace palpate {
 

@@ -1,11 +1,11 @@
-#include "server/state/session_file.h"
+#include "server/kept/session_file.h"
 
 #include <utility>
 
 #include "common/error/error.h"
 #include "common/tool/tool_file.h"
-#include "server/state/layer_toml.h"
-#include "server/state/state_file.h"
+#include "server/kept/layer_toml.h"
+#include "server/kept/state_file.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/state/private_folder.h"
+#include "server/kept/private_folder.h"
 
 #include <signal.h>
 #include <stdlib.h>

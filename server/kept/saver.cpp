@@ -1,4 +1,4 @@
-#include "server/state/saver.h"
+#include "server/kept/saver.h"
 
 #include <pthread.h>
 

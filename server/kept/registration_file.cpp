@@ -1,11 +1,11 @@
-#include "server/state/registration_file.h"
+#include "server/kept/registration_file.h"
 
 #include <fmt/core.h>
 
 #include <optional>
 
 #include "server/felt/patient_facing.h"
-#include "server/state/state_file.h"
+#include "server/kept/state_file.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/state/state_file.h"
+#include "server/kept/state_file.h"
 
 #include <fmt/core.h>
 

@@ -1,4 +1,4 @@
-#include "server/state/layer_toml.h"
+#include "server/kept/layer_toml.h"
 
 #include <optional>
 #include <string>
@@ -7,7 +7,7 @@
 #include "common/error/error.h"
 #include "server/haptics/layers.h"
 #include "server/haptics/settings.h"
-#include "server/state/state_file.h"
+#include "server/kept/state_file.h"
 
 namespace palpate {
 namespace {

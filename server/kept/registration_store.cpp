@@ -1,4 +1,4 @@
-#include "server/state/registration_store.h"
+#include "server/kept/registration_store.h"
 
 #include <fmt/core.h>
 

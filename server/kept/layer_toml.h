@@ -12,7 +12,8 @@ namespace palpate {
 
 toml::array LayersToToml(const SurfaceLayers& layers);
 
-// A layer without an id has 0, one without a stiffness that of the settings' default. Throws Error (kInvalidArgument) for what are no such tables.
+// A layer without an id has 0, one without a stiffness that of the settings' default. Throws Error
+// (kInvalidArgument) for what are no such tables.
 SurfaceLayers LayersFromToml(const toml::node& node);
 
 }  // namespace palpate

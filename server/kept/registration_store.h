@@ -20,8 +20,8 @@
 
 #include "common/bricks/brick.h"
 #include "server/felt/registration.h"
-#include "server/state/registration_file.h"
-#include "server/state/saver.h"
+#include "server/kept/registration_file.h"
+#include "server/kept/saver.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-#include "server/state/session_keeper.h"
+#include "server/kept/session_keeper.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
