@@ -18,7 +18,7 @@
 #include "common/isosurface/decomposition.h"
 #include "common/wire/address.h"
 #include "server/app/device_config.h"
-#include "server/client_files/upload.h"
+#include "server/client_paths/upload.h"
 #include "server/haptics/settings.h"
 #include "server/live_volume/memory_budget.h"
 #include "server/live_volume/volume_loader.h"

@@ -11,7 +11,7 @@
 
 #include "common/isosurface/decomposition.h"
 #include "server/app/devices.h"
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 #include "server/metrics/exporter.h"
 #include "server/rpc/server.h"
 #include "server/security/certificates.h"

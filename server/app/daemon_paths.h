@@ -7,7 +7,7 @@
 #include <string>
 
 #include "server/app/config.h"
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 
 namespace palpate {
 

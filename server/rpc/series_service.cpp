@@ -6,7 +6,7 @@
 #include "common/error/error.h"
 #include "common/wire/status.h"
 #include "common/wire/values.h"
-#include "server/client_files/series_files.h"
+#include "server/client_paths/series_files.h"
 #include "server/log/log.h"
 #include "server/rpc/volume_messages.h"
 

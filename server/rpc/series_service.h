@@ -2,7 +2,7 @@
 #pragma once
 
 #include "palpate/v1/series.grpc.pb.h"
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 #include "server/rpc/calls.h"
 #include "server/session/series_player.h"
 #include "server/session/session.h"

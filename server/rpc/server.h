@@ -13,7 +13,7 @@
 
 #include "common/files/file_lock.h"
 #include "common/wire/address.h"
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 #include "server/metrics/service_metrics.h"
 #include "server/rpc/acceptor.h"
 #include "server/rpc/access.h"

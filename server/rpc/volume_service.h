@@ -6,8 +6,8 @@
 #include <string_view>
 
 #include "palpate/v1/volume.grpc.pb.h"
-#include "server/client_files/path_policy.h"
-#include "server/client_files/upload.h"
+#include "server/client_paths/path_policy.h"
+#include "server/client_paths/upload.h"
 #include "server/metrics/service_metrics.h"
 #include "server/rpc/calls.h"
 #include "server/rpc/volume_stream_service.h"

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "common/error/error.h"
-#include "server/client_files/series_files.h"
+#include "server/client_paths/series_files.h"
 #include "server/volume/brick_pool.h"
 #include "server/volume/snapshot_builder.h"
 

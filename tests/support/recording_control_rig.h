@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 #include "server/device/explore_script.h"
 #include "server/recording/recording_control.h"
 #include "server/recording/replayer.h"

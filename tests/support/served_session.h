@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 #include "server/rpc/server.h"
 #include "tests/support/running_session.h"
 

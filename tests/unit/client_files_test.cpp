@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/client_files/series_files.h"
-#include "server/client_files/upload.h"
+#include "server/client_paths/series_files.h"
+#include "server/client_paths/upload.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
 

@@ -1,5 +1,5 @@
 // Which files clients may name.
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

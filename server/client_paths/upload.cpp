@@ -1,4 +1,4 @@
-#include "server/client_files/upload.h"
+#include "server/client_paths/upload.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

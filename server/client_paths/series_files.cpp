@@ -1,4 +1,4 @@
-#include "server/client_files/series_files.h"
+#include "server/client_paths/series_files.h"
 
 #include <fnmatch.h>
 

@@ -1,4 +1,4 @@
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

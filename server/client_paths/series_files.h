@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "server/client_files/path_policy.h"
+#include "server/client_paths/path_policy.h"
 
 namespace palpate {
 
