@@ -29,7 +29,7 @@
 #include "server/rpc/series_service.h"
 #include "server/rpc/tls.h"
 #include "server/rpc/volume_service.h"
-#include "server/streaming/volume_streams.h"
+#include "server/volume_stream/volume_streams.h"
 
 namespace palpate {
 

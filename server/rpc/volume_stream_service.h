@@ -10,7 +10,7 @@
 
 #include "palpate/v1/volume_stream.pb.h"
 #include "server/rpc/access.h"
-#include "server/streaming/volume_streams.h"
+#include "server/volume_stream/volume_streams.h"
 
 namespace palpate {
 

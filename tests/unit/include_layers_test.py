@@ -72,7 +72,7 @@ LAYERS = {
     "server/recording": COMMON + ["common/wire", "server/realtime", "server/volume", "server/haptics",
                                   "server/device", "server/safety", "server/felt",
                                   "server/pump", "server/servo", "server/session"],
-    "server/streaming": COMMON + ["server/volume", "server/session"],
+    "server/volume_stream": COMMON + ["server/volume", "server/session"],
     "server/security": ["common/error", "common/files", "server/log"],
     "server/metrics": COMMON + ["common/wire", "server/realtime", "server/device", "server/safety",
                                 "server/pump", "server/servo", "server/live_volume",
@@ -81,7 +81,7 @@ LAYERS = {
                             "server/volume", "server/haptics", "server/device", "server/safety",
                             "server/pump", "server/servo", "server/stop", "server/client_paths",
                             "server/session",
-                            "server/recording", "server/streaming", "server/metrics"],
+                            "server/recording", "server/volume_stream", "server/metrics"],
     "server/app": COMMON + ["common/arguments", "common/wire", "server/log", "server/realtime",
                             "server/haptics", "server/guide", "server/device",
                             "server/device/stream", "server/device/usb",
@@ -207,7 +207,7 @@ PLAIN_VOLUME_HEADERS = {"server/volume/ball.h", "server/volume/ball_field.h",
 PUBLIC_HEADERS = ["client/sdk/client.h", "client/sdk/nrrd_file.h", "client/sdk/words.h"]
 
 NO_OPENVDB = ["server/haptics", "server/felt", "server/pump", "server/servo", "server/device",
-              "server/rpc", "server/recording", "server/streaming"]
+              "server/rpc", "server/recording", "server/volume_stream"]
 
 
 def violations(folder, includes):

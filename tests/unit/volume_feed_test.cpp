@@ -1,6 +1,6 @@
 // What one subscriber of the volume gets, and that the copy it makes of it is the
 // volume.
-#include "server/streaming/volume_feed.h"
+#include "server/volume_stream/volume_feed.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 
 #include "client/sdk/volume_mirror.h"
 #include "common/error/error.h"
-#include "server/streaming/overview.h"
 #include "server/volume/brick_packer.h"
+#include "server/volume_stream/overview.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/refusal.h"

@@ -1,6 +1,6 @@
 // The thread that serves all subscribers, with transports that are fast, slow,
 // stuck and gone.
-#include "server/streaming/volume_streams.h"
+#include "server/volume_stream/volume_streams.h"
 
 #include <gtest/gtest.h>
 

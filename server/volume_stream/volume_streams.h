@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "server/session/session.h"
-#include "server/streaming/volume_feed.h"
+#include "server/volume_stream/volume_feed.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-#include "server/streaming/volume_streams.h"
+#include "server/volume_stream/volume_streams.h"
 
 #include <pthread.h>
 #include <sys/resource.h>

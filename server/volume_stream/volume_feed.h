@@ -28,8 +28,8 @@
 #include <vector>
 
 #include "common/bricks/volume_event.h"
-#include "server/streaming/background_hash.h"
 #include "server/volume/snapshot.h"
+#include "server/volume_stream/background_hash.h"
 
 namespace palpate {
 

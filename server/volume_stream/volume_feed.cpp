@@ -1,4 +1,4 @@
-#include "server/streaming/volume_feed.h"
+#include "server/volume_stream/volume_feed.h"
 
 #include <algorithm>
 #include <bit>
@@ -8,8 +8,8 @@
 
 #include "common/bricks/zstd_codec.h"
 #include "common/error/error.h"
-#include "server/streaming/overview.h"
 #include "server/volume/brick_packer.h"
+#include "server/volume_stream/overview.h"
 
 namespace palpate {
 namespace {

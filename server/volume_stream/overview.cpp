@@ -1,4 +1,4 @@
-#include "server/streaming/overview.h"
+#include "server/volume_stream/overview.h"
 
 #include <algorithm>
 
