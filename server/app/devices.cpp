@@ -6,20 +6,20 @@
 #include <mutex>
 
 #include "common/error/error.h"
-#include "server/device/explore_script.h"
 #include "server/device/falcon/falcon_protocol.h"
 #include "server/device/firewire/fw_finder.h"
-#include "server/device/guided_script.h"
-#include "server/device/led_script.h"
 #include "server/device/omni/omni_firewire.h"
 #include "server/device/omni/omni_serial.h"
 #include "server/device/omni/omni_usb_protocol.h"
 #include "server/device/openhaptics/openhaptics_device.h"
-#include "server/device/press_script.h"
-#include "server/device/replay_device.h"
-#include "server/device/simulated_device.h"
 #include "server/device/usb/usb_bus.h"
 #include "server/recording/recorded_path.h"
+#include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/guided_script.h"
+#include "server/simulated_hand/led_script.h"
+#include "server/simulated_hand/press_script.h"
+#include "server/simulated_hand/replay_device.h"
+#include "server/simulated_hand/simulated_device.h"
 
 namespace palpate {
 namespace {

@@ -9,8 +9,8 @@
 
 #include "server/app/device_config.h"
 #include "server/device/haptic_device.h"
-#include "server/device/led_hand.h"
-#include "server/device/touch_plan.h"
+#include "server/simulated_hand/led_hand.h"
+#include "server/simulated_hand/touch_plan.h"
 
 namespace palpate {
 

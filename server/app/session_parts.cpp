@@ -4,9 +4,9 @@
 #include <thread>
 
 #include "server/app/first_volume.h"
-#include "server/device/simulated_device.h"
 #include "server/log/log.h"
 #include "server/servo/tick_computation.h"
+#include "server/simulated_hand/simulated_device.h"
 
 namespace palpate {
 namespace {

@@ -11,7 +11,6 @@
 #include "server/app/config.h"
 #include "server/app/daemon_paths.h"
 #include "server/app/first_volume.h"
-#include "server/app/hand_guide.h"
 #include "server/app/instrument.h"
 #include "server/kept/registration_store.h"
 #include "server/kept/session_keeper.h"
@@ -20,6 +19,7 @@
 #include "server/session/session.h"
 #include "server/session/tools.h"
 #include "server/session/volume_editor.h"
+#include "server/simulated_hand/hand_guide.h"
 
 namespace palpate {
 

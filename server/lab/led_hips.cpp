@@ -3,12 +3,12 @@
 #include <memory>
 
 #include "common/error/error.h"
-#include "server/device/led_hand.h"
-#include "server/device/led_script.h"
-#include "server/device/path_script.h"
-#include "server/device/simulated_device.h"
 #include "server/haptics/renderer.h"
 #include "server/lab/replay.h"
+#include "server/simulated_hand/led_hand.h"
+#include "server/simulated_hand/led_script.h"
+#include "server/simulated_hand/path_script.h"
+#include "server/simulated_hand/simulated_device.h"
 
 namespace palpate::lab {
 namespace {

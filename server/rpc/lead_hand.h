@@ -9,10 +9,10 @@
 #include <grpcpp/grpcpp.h>
 
 #include "palpate/v1/device.grpc.pb.h"
-#include "server/device/led_hand.h"
 #include "server/pump/force_watch.h"
 #include "server/rpc/access.h"
 #include "server/servo/servo_loop.h"
+#include "server/simulated_hand/led_hand.h"
 
 namespace palpate {
 

@@ -15,12 +15,12 @@
 #include <string_view>
 #include <vector>
 
-#include "server/device/explore_script.h"
-#include "server/device/guided_script.h"
-#include "server/device/simulated_device.h"
-#include "server/guide/touch_planner.h"
 #include "server/pump/scp_v.h"
 #include "server/servo/servo_tick.h"
+#include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/guided_script.h"
+#include "server/simulated_hand/simulated_device.h"
+#include "server/simulated_hand/touch_planner.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/places.h"

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "client/sdk/calls.h"
-#include "server/device/stylus_script.h"
+#include "server/simulated_hand/stylus_script.h"
 #include "tests/support/patience.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"

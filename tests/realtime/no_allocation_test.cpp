@@ -8,11 +8,11 @@
 #include <memory>
 #include <vector>
 
-#include "server/device/explore_script.h"
-#include "server/device/simulated_device.h"
 #include "server/felt/felt_surface.h"
 #include "server/pump/tick_outbox.h"
 #include "server/servo/servo_tick.h"
+#include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/simulated_device.h"
 #include "server/volume/builtin.h"
 #include "server/volume/snapshot_builder.h"
 

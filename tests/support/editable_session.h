@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/device/simulated_device.h"
 #include "server/session/session.h"
+#include "server/simulated_hand/simulated_device.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/voxels.h"
 

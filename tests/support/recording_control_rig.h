@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "server/client_paths/path_policy.h"
-#include "server/device/explore_script.h"
 #include "server/recording/recording_control.h"
 #include "server/recording/replayer.h"
+#include "server/simulated_hand/explore_script.h"
 #include "tests/support/running_session.h"
 #include "tests/support/scene_rig.h"
 #include "tests/support/temporary_folder.h"

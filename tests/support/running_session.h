@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/device/path_script.h"
 #include "server/servo/servo_loop.h"
+#include "server/simulated_hand/path_script.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 

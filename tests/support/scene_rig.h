@@ -12,13 +12,13 @@
 #include <utility>
 #include <vector>
 
-#include "server/device/explore_script.h"
-#include "server/device/simulated_device.h"
 #include "server/felt/felt_surface.h"
 #include "server/pump/scp_v.h"
 #include "server/recording/recorded_scene.h"
 #include "server/recording/recorder.h"
 #include "server/servo/servo_tick.h"
+#include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/simulated_device.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/patience.h"
 #include "tests/support/recording.h"

@@ -1,16 +1,16 @@
 // Scripts of the simulated hand: that which follows plans (where it has one, where it has none, and
 // where one comes or goes), that along a path, and that which presses buttons.
-#include "server/device/guided_script.h"
+#include "server/simulated_hand/guided_script.h"
 
 #include <gtest/gtest.h>
 
 #include <utility>
 #include <vector>
 
-#include "server/device/explore_script.h"
-#include "server/device/path_script.h"
-#include "server/device/press_script.h"
-#include "server/device/simulated_device.h"
+#include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/path_script.h"
+#include "server/simulated_hand/press_script.h"
+#include "server/simulated_hand/simulated_device.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/device_numbers.h"
 #include "tests/support/refusal.h"

@@ -1,5 +1,5 @@
 // The thread that plans for the simulated hand: a plan for every surface, and no other.
-#include "server/app/hand_guide.h"
+#include "server/simulated_hand/hand_guide.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/guide/surface_probe.h"
+#include "server/simulated_hand/surface_probe.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/refusal.h"

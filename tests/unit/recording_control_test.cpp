@@ -25,8 +25,8 @@
 #include <vector>
 
 #include "server/client_paths/path_policy.h"
-#include "server/device/explore_script.h"
 #include "server/recording/replayer.h"
+#include "server/simulated_hand/explore_script.h"
 #include "tests/support/recording_control_rig.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"

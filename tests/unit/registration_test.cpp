@@ -10,8 +10,8 @@
 #include <set>
 #include <string>
 
-#include "server/device/simulated_device.h"
 #include "server/felt/patient_facing.h"
+#include "server/simulated_hand/simulated_device.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scaled.h"
 

@@ -1,4 +1,4 @@
-#include "server/device/replay_device.h"
+#include "server/simulated_hand/replay_device.h"
 
 #include <gtest/gtest.h>
 

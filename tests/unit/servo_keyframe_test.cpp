@@ -10,9 +10,9 @@
 #include <string>
 #include <utility>
 
-#include "server/device/explore_script.h"
-#include "server/device/simulated_device.h"
 #include "server/servo/servo_tick.h"
+#include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/simulated_device.h"
 #include "tests/support/device_numbers.h"
 #include "tests/support/layered.h"
 #include "tests/support/made_volume.h"

@@ -8,9 +8,9 @@
 #include <span>
 #include <string>
 
-#include "server/device/simulated_device.h"
 #include "server/session/held_tool.h"
 #include "server/session/session.h"
+#include "server/simulated_hand/simulated_device.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"
 

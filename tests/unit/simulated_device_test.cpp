@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/device/explore_script.h"
-#include "server/device/path_script.h"
-#include "server/device/simulated_device.h"
+#include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/path_script.h"
+#include "server/simulated_hand/simulated_device.h"
 #include "tests/support/device_numbers.h"
 #include "tests/support/scaled.h"
 

@@ -12,10 +12,10 @@
 #include <thread>
 #include <vector>
 
-#include "server/device/explore_script.h"
-#include "server/device/simulated_device.h"
 #include "server/servo/servo_tick.h"
 #include "server/session/session.h"
+#include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/simulated_device.h"
 
 namespace palpate {
 namespace {

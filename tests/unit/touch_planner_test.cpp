@@ -1,6 +1,6 @@
 // What the simulated hand touches: points all over the surface, and plans that hold, both with
 // bounded work.
-#include "server/guide/touch_planner.h"
+#include "server/simulated_hand/touch_planner.h"
 
 #include <gtest/gtest.h>
 
@@ -11,11 +11,11 @@
 #include <utility>
 #include <vector>
 
-#include "server/device/simulated_device.h"
 #include "server/felt/registration.h"
-#include "server/guide/surface_probe.h"
-#include "server/guide/touch_points.h"
-#include "server/guide/touch_strokes.h"
+#include "server/simulated_hand/simulated_device.h"
+#include "server/simulated_hand/surface_probe.h"
+#include "server/simulated_hand/touch_points.h"
+#include "server/simulated_hand/touch_strokes.h"
 #include "tests/support/made_volume.h"
 
 namespace palpate {

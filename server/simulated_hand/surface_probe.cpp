@@ -1,4 +1,4 @@
-#include "server/guide/surface_probe.h"
+#include "server/simulated_hand/surface_probe.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,7 +7,7 @@
 #include <algorithm>
 
 #include "common/geometry/geometry.h"
-#include "server/device/stylus_script.h"
+#include "server/simulated_hand/stylus_script.h"
 
 namespace palpate {
 

@@ -20,8 +20,8 @@
 #include <span>
 #include <thread>
 
-#include "server/device/touch_plan.h"
 #include "server/session/session.h"
+#include "server/simulated_hand/touch_plan.h"
 
 namespace palpate {
 

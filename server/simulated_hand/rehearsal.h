@@ -11,8 +11,8 @@
 #include <memory>
 #include <vector>
 
-#include "server/device/touch_plan.h"
 #include "server/haptics/proxy.h"
+#include "server/simulated_hand/touch_plan.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-#include "server/device/press_script.h"
+#include "server/simulated_hand/press_script.h"
 
 #include <cmath>
 #include <utility>

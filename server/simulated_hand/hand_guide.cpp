@@ -1,4 +1,4 @@
-#include "server/app/hand_guide.h"
+#include "server/simulated_hand/hand_guide.h"
 
 #include <pthread.h>
 
@@ -7,8 +7,8 @@
 #include <exception>
 #include <utility>
 
-#include "server/guide/touch_planner.h"
 #include "server/realtime/thread_setup.h"
+#include "server/simulated_hand/touch_planner.h"
 
 namespace palpate {
 namespace {

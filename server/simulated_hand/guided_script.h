@@ -24,9 +24,9 @@
 #include <cstdint>
 #include <memory>
 
-#include "server/device/hand_follower.h"
-#include "server/device/stylus_script.h"
-#include "server/device/touch_plan.h"
+#include "server/simulated_hand/hand_follower.h"
+#include "server/simulated_hand/stylus_script.h"
+#include "server/simulated_hand/touch_plan.h"
 
 namespace palpate {
 

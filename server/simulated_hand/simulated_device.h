@@ -11,7 +11,7 @@
 #include <memory>
 
 #include "server/device/haptic_device.h"
-#include "server/device/stylus_script.h"
+#include "server/simulated_hand/stylus_script.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-#include "server/guide/touch_strokes.h"
+#include "server/simulated_hand/touch_strokes.h"
 
 #include <algorithm>
 #include <cmath>

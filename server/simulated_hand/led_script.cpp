@@ -1,4 +1,4 @@
-#include "server/device/led_script.h"
+#include "server/simulated_hand/led_script.h"
 
 #include <algorithm>
 #include <cmath>

@@ -15,9 +15,9 @@
 #include <cstddef>
 #include <memory>
 
-#include "server/device/hand_follower.h"
-#include "server/device/led_hand.h"
-#include "server/device/stylus_script.h"
+#include "server/simulated_hand/hand_follower.h"
+#include "server/simulated_hand/led_hand.h"
+#include "server/simulated_hand/stylus_script.h"
 
 namespace palpate {
 

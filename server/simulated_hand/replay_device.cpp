@@ -1,4 +1,4 @@
-#include "server/device/replay_device.h"
+#include "server/simulated_hand/replay_device.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "common/error/error.h"
-#include "server/device/simulated_device.h"
+#include "server/simulated_hand/simulated_device.h"
 
 namespace palpate {
 namespace {

@@ -18,7 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "server/device/stylus_script.h"
+#include "server/simulated_hand/stylus_script.h"
 
 namespace palpate {
 

@@ -6,7 +6,7 @@
 
 #include <memory>
 
-#include "server/device/stylus_script.h"
+#include "server/simulated_hand/stylus_script.h"
 
 namespace palpate {
 

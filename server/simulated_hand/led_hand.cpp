@@ -1,4 +1,4 @@
-#include "server/device/led_hand.h"
+#include "server/simulated_hand/led_hand.h"
 
 #include <cmath>
 

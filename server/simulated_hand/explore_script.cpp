@@ -1,4 +1,4 @@
-#include "server/device/explore_script.h"
+#include "server/simulated_hand/explore_script.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "server/device/path_script.h"
+#include "server/simulated_hand/path_script.h"
 
 #include <cmath>
 #include <utility>

@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "server/device/stylus_script.h"
+#include "server/simulated_hand/stylus_script.h"
 
 namespace palpate {
 

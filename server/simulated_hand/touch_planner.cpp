@@ -1,4 +1,4 @@
-#include "server/guide/touch_planner.h"
+#include "server/simulated_hand/touch_planner.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,8 @@
 #include <numeric>
 #include <optional>
 
-#include "server/guide/rehearsal.h"
-#include "server/guide/touch_strokes.h"
+#include "server/simulated_hand/rehearsal.h"
+#include "server/simulated_hand/touch_strokes.h"
 
 namespace palpate {
 namespace {

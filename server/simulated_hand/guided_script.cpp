@@ -1,4 +1,4 @@
-#include "server/device/guided_script.h"
+#include "server/simulated_hand/guided_script.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,11 +1,11 @@
-#include "server/guide/touch_points.h"
+#include "server/simulated_hand/touch_points.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <optional>
 
-#include "server/guide/surface_probe.h"
+#include "server/simulated_hand/surface_probe.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/guide/rehearsal.h"
+#include "server/simulated_hand/rehearsal.h"
 
 #include <algorithm>
 #include <cmath>

@@ -11,9 +11,9 @@
 #pragma once
 
 #include "server/device/haptic_device.h"
-#include "server/device/touch_plan.h"
-#include "server/guide/surface_probe.h"
-#include "server/guide/touch_points.h"
+#include "server/simulated_hand/surface_probe.h"
+#include "server/simulated_hand/touch_plan.h"
+#include "server/simulated_hand/touch_points.h"
 
 namespace palpate {
 

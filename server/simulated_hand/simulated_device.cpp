@@ -1,4 +1,4 @@
-#include "server/device/simulated_device.h"
+#include "server/simulated_hand/simulated_device.h"
 
 #include <algorithm>
 #include <cmath>
