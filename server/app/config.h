@@ -23,7 +23,7 @@
 #include "server/live_volume/memory_budget.h"
 #include "server/live_volume/volume_loader.h"
 #include "server/realtime/thread_setup.h"
-#include "server/rpc/server.h"
+#include "server/services/server.h"
 
 namespace palpate {
 

@@ -10,7 +10,7 @@
 #include "server/app/session_parts.h"
 #include "server/metrics/exporter.h"
 #include "server/metrics/service_metrics.h"
-#include "server/rpc/server.h"
+#include "server/services/server.h"
 
 namespace palpate {
 

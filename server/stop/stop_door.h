@@ -114,7 +114,7 @@ class StopDoor {
 
   SpscRing<StopCaller, 256> stops_;
   // Files that the teller closes. With kMostOpen, they fit into those that palpated keeps free for
-  // itself (server/rpc/open_files.cpp).
+  // itself (server/door/open_files.cpp).
   SpscRing<int, 64> dropped_;
   std::counting_semaphore<> untold_{0};
   std::mutex tell_mutex_;  // guards on_stop_; held to read stops_

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/client_paths/path_policy.h"
-#include "server/rpc/server.h"
+#include "server/services/server.h"
 #include "tests/support/running_session.h"
 
 namespace palpate::testing {

@@ -1,5 +1,5 @@
 // Who uses the daemon, and who changed what.
-#include "server/rpc/activity.h"
+#include "server/door/activity.h"
 
 #include <gtest/gtest.h>
 

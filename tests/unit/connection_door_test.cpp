@@ -20,8 +20,8 @@
 #include <vector>
 
 #include "common/files/descriptor.h"
-#include "server/rpc/acceptor.h"
-#include "server/rpc/connection_watch.h"
+#include "server/door/acceptor.h"
+#include "server/door/connection_watch.h"
 #include "tests/support/free_port.h"
 #include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"

@@ -1,5 +1,5 @@
 // DeviceService in front of a servo that runs, with devices nobody has verified.
-#include "server/rpc/device_service.h"
+#include "server/services/device_service.h"
 
 #include <gtest/gtest.h>
 

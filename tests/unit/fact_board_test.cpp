@@ -1,5 +1,5 @@
 // The newest of each fact, with followers that are fast, slow and gone.
-#include "server/rpc/fact_board.h"
+#include "server/services/fact_board.h"
 
 #include <gtest/gtest.h>
 

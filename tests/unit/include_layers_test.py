@@ -78,7 +78,9 @@ LAYERS = {
     "server/metrics": COMMON + ["common/wire", "server/realtime", "server/device", "server/safety",
                                 "server/pump", "server/servo", "server/live_volume",
                                 "server/recording"],
-    "server/rpc": COMMON + ["common/wire", "server/log", "server/security", "server/realtime",
+    "server/door": ["common/error", "common/files", "common/wire", "server/log",
+                    "server/realtime", "server/security"],
+    "server/services": COMMON + ["common/wire", "server/log", "server/security", "server/door", "server/realtime",
                             "server/volume", "server/haptics", "server/device", "server/safety",
                             "server/pump", "server/servo", "server/stop", "server/client_paths",
                             "server/session", "server/simulated_hand",
@@ -93,7 +95,7 @@ LAYERS = {
                             "server/client_paths", "server/session", "server/recording",
                             "server/security",
                             "server/metrics",
-                            "server/rpc"],
+                            "server/door", "server/services"],
     "server/lab": COMMON + ["common/arguments", "server/volume", "server/live_volume", "server/haptics",
                             "server/haptics/tool", "server/servo", "server/simulated_hand",
                             "server/recording"],
@@ -135,7 +137,7 @@ LAYERS = {
 # Library: its includes, and the folders that may use it.
 LIBRARIES = {
     "gRPC and protobuf": (r"grpc|google/protobuf|palpate/v1/",
-                          ["common/wire", "server/recording", "server/rpc", "server/app",
+                          ["common/wire", "server/recording", "server/door", "server/services", "server/app",
                            "client/sdk"]),
     "CLI11": (r"CLI/", ["common/arguments"]),
     "OpenVDB": (r"openvdb/", ["server/volume", "server/import", "server/lab", "client/vdb"]),
@@ -208,7 +210,7 @@ PLAIN_VOLUME_HEADERS = {"server/volume/ball.h", "server/volume/ball_field.h",
 PUBLIC_HEADERS = ["client/sdk/client.h", "client/sdk/nrrd_file.h", "client/sdk/words.h"]
 
 NO_OPENVDB = ["server/haptics", "server/felt", "server/pump", "server/servo", "server/device",
-              "server/rpc", "server/recording", "server/volume_stream"]
+              "server/services", "server/recording", "server/volume_stream"]
 
 
 def violations(folder, includes):

@@ -1,5 +1,5 @@
 // What a subscriber gets: rate, batches, newest wins, the window.
-#include "server/rpc/pose_stream.h"
+#include "server/services/pose_stream.h"
 #include "common/contract/enumerations.h"
 #include "server/pump/pose_of.h"
 

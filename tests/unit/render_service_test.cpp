@@ -1,5 +1,5 @@
 // Settings on the wire: every field goes to the session and comes back.
-#include "server/rpc/render_service.h"
+#include "server/services/render_service.h"
 
 #include <gtest/gtest.h>
 

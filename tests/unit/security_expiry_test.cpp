@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "palpate/v1/pose.grpc.pb.h"
-#include "server/rpc/access.h"
-#include "server/rpc/security_files.h"
-#include "server/rpc/tls.h"
+#include "server/door/access.h"
+#include "server/door/security_files.h"
+#include "server/door/tls.h"
 #include "tests/support/certificates.h"
 
 namespace palpate {

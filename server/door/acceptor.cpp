@@ -1,0 +1,144 @@
+#include "server/door/acceptor.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <optional>
+#include <utility>
+
+#include "common/error/error.h"
+#include "common/files/bound_socket.h"
+#include "server/log/log.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kWaiting = 256;
+// Waits this long if no file number is free, to avoid a busy loop.
+constexpr int kPauseMs = 100;
+// The time that gRPC waits for silent peers.
+constexpr unsigned kSilentPeerMs = 30'000;
+
+[[noreturn]] void FailToListen(int fd, const std::string& name, const std::string& option) {
+  const std::string why = std::strerror(errno);
+  if (fd >= 0) close(fd);
+  throw Error(ErrorKind::kConflict,
+              "cannot listen on " + name + ": " + why + "; name another with " + option);
+}
+
+sockaddr_storage Parse(const HostPort& address) {
+  sockaddr_storage parsed{};
+  auto& v4 = reinterpret_cast<sockaddr_in&>(parsed);
+  auto& v6 = reinterpret_cast<sockaddr_in6&>(parsed);
+  const bool is_v6 = address.host.find(':') != std::string::npos;
+  parsed.ss_family = is_v6 ? AF_INET6 : AF_INET;
+  (is_v6 ? v6.sin6_port : v4.sin_port) = htons(address.port);
+  void* const number = is_v6 ? static_cast<void*>(&v6.sin6_addr) : &v4.sin_addr;
+  if (inet_pton(parsed.ss_family, address.host.c_str(), number) == 1) return parsed;
+  Refuse("cannot listen on " + address.ToString() + ": give an address, and not a name");
+}
+
+}  // namespace
+
+void Acceptor::TakeSocket(const std::string& path) {
+  const int fd = BindSocket(path);
+  if (fd < 0) FailToListen(fd, path, "--socket");
+  listeners_.push_back(fd);
+  names_.push_back(path);
+}
+
+void CheckAddress(const HostPort& address) { Parse(address); }
+
+void Acceptor::TakePort(const HostPort& address, std::optional<Role> loopback_role) {
+  const sockaddr_storage parsed = Parse(address);
+  const int fd = socket(parsed.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const int on = 1;
+  // Lets a restarted daemon bind while connections of the previous daemon still end.
+  setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
+  const int bound = bind(fd, reinterpret_cast<const sockaddr*>(&parsed), sizeof(parsed));
+  if (fd < 0 || bound != 0) FailToListen(fd, address.ToString(), "--listen");
+  listeners_.push_back(fd);
+  names_.push_back(address.ToString());
+  loopback_role_ = loopback_role;
+}
+
+void Acceptor::Start(std::vector<Sink> sinks) {
+  for (std::size_t n = 0; n < listeners_.size(); ++n) {
+    if (listen(listeners_[n], kWaiting) != 0) FailToListen(-1, names_[n], "--listen or --socket");
+  }
+  sinks_ = std::move(sinks);
+  wake_fd_ = eventfd(0, EFD_CLOEXEC);
+  if (wake_fd_ < 0) {
+    throw Error(ErrorKind::kInternal, "no file is left: raise LimitNOFILE (ulimit -n)");
+  }
+  watch_.Start();
+  thread_ = std::thread([this] { Run(); });
+}
+
+void Acceptor::Stop() {
+  if (thread_.joinable()) {
+    eventfd_write(wake_fd_, 1);
+    thread_.join();
+    close(wake_fd_);
+  }
+  for (const int fd : std::exchange(listeners_, {})) close(fd);
+  sinks_.clear();
+}
+
+void Acceptor::Run() {
+  std::vector<pollfd> files;
+  for (const int fd : listeners_) files.push_back({fd, POLLIN, 0});
+  files.push_back({wake_fd_, POLLIN, 0});
+  while (true) {
+    poll(files.data(), files.size(), -1);
+    if (files.back().revents != 0) return;
+    for (std::size_t n = 0; n < listeners_.size(); ++n) {
+      if (files[n].revents != 0) Accept(n);
+    }
+  }
+}
+
+void Acceptor::Accept(std::size_t listener) {
+  sockaddr_storage peer{};
+  socklen_t length = sizeof(peer);
+  const int fd = accept4(listeners_[listener], reinterpret_cast<sockaddr*>(&peer), &length,
+                         SOCK_CLOEXEC | SOCK_NONBLOCK);
+  if (fd < 0) {
+    if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
+      poll(nullptr, 0, kPauseMs);
+    }
+    return;
+  }
+  const int kept = peer.ss_family == AF_UNIX ? kKeptForSocket : 0;
+  if (fd >= first_refused_file_ + kept) {
+    close(fd);
+    // One budget for all, because a flood may come from many addresses.
+    LogOfClient(LogLevel::kWarning, "connections",
+                "refused a connection from {}: too many are open; see limits.connections",
+                peer.ss_family == AF_UNIX ? "the socket" : PeerName(peer));
+    return;
+  }
+  if (peer.ss_family != AF_UNIX) {
+    const int on = 1;
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+    // gRPC probes silent peers, but not while a message to the peer waits for room.
+    setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
+  }
+  if (peer.ss_family != AF_UNIX && !watch_.Enter(fd, peer, loopback_role_)) {
+    close(fd);
+    return;
+  }
+  grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
+  connection.listener_fd = listeners_[listener];
+  connection.fd = fd;
+  sinks_[listener]->HandleNewConnection(&connection);
+}
+
+}  // namespace palpate

@@ -1,0 +1,124 @@
+// The gRPC server: its services, health, reflection, and its addresses.
+//
+// Threads: construct, Start and Stop on the main thread.
+// Errors: Error that says what is wrong and what to do.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "common/files/file_lock.h"
+#include "common/wire/address.h"
+#include "server/client_paths/path_policy.h"
+#include "server/door/acceptor.h"
+#include "server/door/access.h"
+#include "server/door/security_files.h"
+#include "server/door/tls.h"
+#include "server/metrics/service_metrics.h"
+#include "server/services/activity_service.h"
+#include "server/services/calls.h"
+#include "server/services/device_service.h"
+#include "server/services/facts_service.h"
+#include "server/services/pose_service.h"
+#include "server/services/recording_service.h"
+#include "server/services/registration_service.h"
+#include "server/services/render_service.h"
+#include "server/services/series_service.h"
+#include "server/services/volume_service.h"
+#include "server/volume_stream/volume_streams.h"
+
+namespace palpate {
+
+struct SecurityOptions {
+  PolicyOptions policy{};
+  TlsOptions tls{};  // for `listen`; without a certificate, `listen` is not encrypted
+  LimitOptions limits{};
+  int connections = 1024;  // at most, for all clients together
+};
+
+// Throws kInvalidArgument if the server must not listen on the address with this security.
+// Addresses other than loopback need TLS, TLS needs a way to know clients, and a host name is not
+// allowed.
+void CheckListen(const HostPort& listen, const SecurityOptions& security);
+
+struct ServerOptions {
+  std::string socket_path;
+  std::optional<HostPort> listen;  // addresses other than loopback need TLS
+  PathPolicy paths;                // paths that clients may name
+  UploadOptions uploads;
+  SecurityOptions security{};
+};
+
+// The parts that the services use. All are borrowed except the list.
+struct ServedParts {
+  Session& session;
+  VolumeEditor& editor;
+  SeriesPlayer& series;
+  RecordingControl& recording;
+  Pump& pump;
+  HapticDevice& device;
+  LedHand* hand;  // null: the device is not the simulated one
+  ServoLoop& servo;
+  StopDoor& stop_door;
+  const SceneInbox& inbox;
+  const ForceWatch& forces;
+  DeviceList list_devices;  // lists the machine's devices
+  ServiceMetrics& metrics;
+};
+
+class RpcServer {
+ public:
+  // Construct it before the session's first load.
+  RpcServer(ServerOptions options, const ServedParts& parts);
+  ~RpcServer() { Stop(); }
+
+  // Claims the socket's path, so that a second daemon fails before it loads a volume. Throws
+  // kConflict if another daemon has the path; kInvalidArgument for an address that is not loopback
+  // without TLS, and for unusable security files.
+  void Reserve();
+  // Call it after Reserve. Claims the port, if one is configured.
+  void ReservePort();
+  // Call it after Reserve, with a running servo. Calls that need a volume are answered with
+  // kLoading until the session has one. Throws kConflict if it cannot listen.
+  void Start();
+  // See SecurityFiles::Prepare. Call the returned function before Stop.
+  std::function<void()> PrepareSecurity(const PolicyOptions& policy);
+  // Ends streams and calls, and removes the socket.
+  void Stop() noexcept;
+
+  // Number of subscribers of the volume; any thread.
+  std::size_t volume_streams() const { return volume_streams_.streams(); }
+
+ private:
+  ServerOptions options_;
+  ConnectionWatch watch_;
+  Access access_;
+  Calls calls_;
+  Acceptor acceptor_;
+  std::unique_ptr<TlsFiles> tls_;
+  PoseService poses_;
+  RenderService render_;
+  VolumeStreams volume_streams_;
+  RegistrationService registration_;
+  VolumeService volume_;
+  SeriesService series_;
+  DeviceService device_;
+  RecordingService recording_;
+  ActivityService activity_;
+  FactsService facts_;
+  StopDoor& stop_door_;
+  // A thread that reads from connections when none of gRPC's own does. gRPC 1.51 reads on the
+  // threads of its callback queue, and each of these sleeps for 100 ms after every second without
+  // a call: every call would wait for up to 100 ms.
+  std::unique_ptr<grpc::ServerCompletionQueue> standby_queue_;
+  std::thread standby_;
+  std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<SecurityFiles> security_files_;
+  FileLock lock_, stop_lock_;  // of the two sockets
+};
+
+}  // namespace palpate
