@@ -12,7 +12,7 @@
 
 #include "common/error/error.h"
 #include "common/files/plain_path.h"
-#include "server/volume/builtin.h"
+#include "server/volume/load/builtin.h"
 
 namespace palpate {
 namespace {

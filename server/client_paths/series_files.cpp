@@ -6,7 +6,7 @@
 #include <system_error>
 
 #include "common/error/error.h"
-#include "server/volume/builtin.h"
+#include "server/volume/load/builtin.h"
 
 namespace palpate {
 namespace {

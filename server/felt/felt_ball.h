@@ -12,7 +12,7 @@
 #include <optional>
 
 #include "server/haptics/settings.h"
-#include "server/volume/ball_field.h"
+#include "server/volume/snapshot/ball_field.h"
 
 namespace palpate {
 

@@ -10,7 +10,7 @@
 #include "common/contract/device.h"
 #include "common/contract/registration.h"
 #include "common/geometry/geometry.h"
-#include "server/volume/volume_metadata.h"
+#include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {
 

@@ -21,7 +21,7 @@
 #include "server/haptics/settings.h"
 #include "server/haptics/tool/tool_renderer.h"
 #include "server/realtime/snapshot_handoff.h"
-#include "server/volume/ball.h"
+#include "server/volume/snapshot/ball.h"
 
 namespace palpate {
 

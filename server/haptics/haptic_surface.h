@@ -23,7 +23,7 @@
 #include "common/isosurface/decomposition.h"
 #include "server/haptics/layers.h"
 #include "server/haptics/settings.h"
-#include "server/volume/lattice.h"
+#include "server/volume/snapshot/lattice.h"
 
 namespace palpate {
 

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "server/import/image_geometry.h"
-#include "server/volume/volume_metadata.h"
+#include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {
 namespace {

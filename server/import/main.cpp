@@ -1,6 +1,7 @@
 // palpate-import: reads a volume file that may be damaged or hostile, and hands the volume over to
-// the daemon (server/volume/handover.h) or writes a .vdb file (server/volume/volume_file.h). Also
-// writes the .vdb files of the daemon (server/volume/volume_pipe.h).
+// the daemon (server/volume/load/handover.h) or writes a .vdb file
+// (server/volume/save/volume_file.h). Also writes the .vdb files of the daemon
+// (server/volume/save/volume_pipe.h).
 
 #include <signal.h>
 
@@ -25,9 +26,9 @@
 #include "server/import/resource_limits.h"
 #include "server/import/tiff_series.h"
 #include "server/import/voxel_writer.h"
-#include "server/volume/handover.h"
-#include "server/volume/volume_file.h"
-#include "server/volume/volume_pipe.h"
+#include "server/volume/load/handover.h"
+#include "server/volume/save/volume_file.h"
+#include "server/volume/save/volume_pipe.h"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "server/import/image_header.h"
-#include "server/volume/raw_voxels.h"
+#include "server/volume/load/raw_voxels.h"
 
 namespace palpate {
 

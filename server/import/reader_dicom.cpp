@@ -12,7 +12,7 @@
 #include "server/import/dicom_stack.h"
 #include "server/import/readers.h"
 #include "server/import/value_checks.h"
-#include "server/volume/volume_metadata.h"
+#include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {
 namespace {

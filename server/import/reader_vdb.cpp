@@ -13,8 +13,8 @@
 #include "server/import/tree_writer.h"
 #include "server/import/value_checks.h"
 #include "server/import/vdb_grids.h"
-#include "server/volume/handover_layout.h"
-#include "server/volume/openvdb_grids.h"
+#include "server/volume/load/handover_layout.h"
+#include "server/volume/snapshot/openvdb_grids.h"
 
 namespace palpate {
 namespace {

@@ -13,8 +13,8 @@
 #include "server/import/image_header.h"
 #include "server/import/reporter.h"
 #include "server/import/voxel_reader.h"
-#include "server/volume/raw_voxels.h"
-#include "server/volume/volume_metadata.h"
+#include "server/volume/load/raw_voxels.h"
+#include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {
 
@@ -47,8 +47,9 @@ struct VdbOptions {
   std::optional<Vec3> spacing_mm{};  // replaces the file's
 };
 
-// Hands over a grid of a .vdb file of any program, without conversion (server/volume/handover.h).
-// The leaves around its active voxels become the volume. The grid's world unit counts as mm.
+// Hands over a grid of a .vdb file of any program, without conversion
+// (server/volume/load/handover.h). The leaves around its active voxels become the volume. The
+// grid's world unit counts as mm.
 void HandOverVdb(const std::filesystem::path& path, const VdbOptions& options, int fd,
                  Reporter* reporter);
 

@@ -11,8 +11,8 @@
 
 #include "common/error/number_text.h"
 #include "server/import/image_header.h"
-#include "server/volume/handover.h"
-#include "server/volume/handover_file.h"
+#include "server/volume/load/handover.h"
+#include "server/volume/load/handover_file.h"
 
 namespace palpate {
 namespace {

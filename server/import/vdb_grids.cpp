@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/import/image_header.h"
-#include "server/volume/openvdb_grids.h"
+#include "server/volume/snapshot/openvdb_grids.h"
 
 namespace palpate {
 namespace {

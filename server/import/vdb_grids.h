@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "server/volume/openvdb_grids.h"
+#include "server/volume/snapshot/openvdb_grids.h"
 
 namespace palpate {
 

@@ -10,9 +10,9 @@
 #include "common/error/error.h"
 #include "common/error/number_text.h"
 #include "server/import/voxel_reader.h"
-#include "server/volume/handover.h"
-#include "server/volume/handover_file.h"
-#include "server/volume/value_range.h"
+#include "server/volume/load/handover.h"
+#include "server/volume/load/handover_file.h"
+#include "server/volume/load/value_range.h"
 
 namespace palpate {
 namespace {

@@ -14,7 +14,7 @@
 #include "common/bricks/leaf_type.h"
 #include "server/import/reporter.h"
 #include "server/import/value_checks.h"
-#include "server/volume/volume_metadata.h"
+#include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {
 

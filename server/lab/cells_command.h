@@ -13,7 +13,7 @@
 #include <ostream>
 
 #include "server/lab/compared_method.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate::lab {
 

@@ -7,8 +7,8 @@
 
 #include "server/haptics/proxy.h"
 #include "server/lab/gbid.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 
 namespace palpate::lab {
 namespace {

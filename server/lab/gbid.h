@@ -11,7 +11,7 @@
 // Frame: index coordinates. Threads: pure; one thread per proxy.
 #pragma once
 
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate::lab {
 

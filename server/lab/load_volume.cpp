@@ -5,8 +5,8 @@
 
 #include "common/error/error.h"
 #include "server/live_volume/volume_loader.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 
 namespace palpate::lab {
 

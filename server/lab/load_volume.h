@@ -10,7 +10,7 @@
 #include <string>
 #include <string_view>
 
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate::lab {
 

@@ -17,7 +17,7 @@
 
 #include "common/geometry/geometry.h"
 #include "server/lab/compared_method.h"
-#include "server/volume/lattice.h"
+#include "server/volume/snapshot/lattice.h"
 
 namespace palpate::lab {
 

@@ -13,8 +13,8 @@
 #include "server/lab/trajectory.h"
 #include "server/lab/trajectory_file.h"
 #include "server/lab/triangle_grid.h"
-#include "server/volume/ball_field.h"
-#include "server/volume/volume_metadata.h"
+#include "server/volume/snapshot/ball_field.h"
+#include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate::lab {
 namespace {

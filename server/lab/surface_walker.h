@@ -12,7 +12,7 @@
 #include <optional>
 #include <random>
 
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate::lab {
 

@@ -16,7 +16,7 @@
 #include <string_view>
 #include <vector>
 
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate::lab {
 

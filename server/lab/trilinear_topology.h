@@ -21,7 +21,7 @@
 #include <cstdint>
 
 #include "server/lab/mesh.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate::lab {
 

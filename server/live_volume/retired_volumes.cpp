@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "server/realtime/process_heap.h"
-#include "server/volume/brick_memory.h"
+#include "server/volume/snapshot/brick_memory.h"
 
 namespace palpate {
 namespace {

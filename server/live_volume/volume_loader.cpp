@@ -3,10 +3,10 @@
 #include <algorithm>
 
 #include "common/error/error.h"
-#include "server/volume/brick_directory.h"
-#include "server/volume/builtin.h"
-#include "server/volume/import_process.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/load/import_process.h"
+#include "server/volume/snapshot/brick_directory.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 
 namespace palpate {
 namespace {

@@ -16,9 +16,9 @@
 #include "common/files/own_files.h"
 #include "server/haptics/settings.h"
 #include "server/live_volume/memory_budget.h"
-#include "server/volume/dense_bricks.h"
-#include "server/volume/load_memory.h"
-#include "server/volume/raw_voxels.h"
+#include "server/volume/load/dense_bricks.h"
+#include "server/volume/load/load_memory.h"
+#include "server/volume/load/raw_voxels.h"
 
 namespace palpate {
 

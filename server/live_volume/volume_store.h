@@ -24,8 +24,8 @@
 
 #include "server/live_volume/memory_budget.h"
 #include "server/live_volume/retired_volumes.h"
-#include "server/volume/reshape.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/edit/reshape.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate {
 

@@ -14,8 +14,8 @@
 #include "server/recording/voxel_log.h"
 #include "server/session/held_tool.h"
 #include "server/session/layers.h"
-#include "server/volume/ball.h"
-#include "server/volume/brick_packer.h"
+#include "server/volume/snapshot/ball.h"
+#include "server/volume/snapshot/brick_packer.h"
 
 namespace palpate {
 namespace {

@@ -19,7 +19,7 @@
 
 #include "common/error/error.h"
 #include "server/recording/recording.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate {
 

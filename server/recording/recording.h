@@ -27,8 +27,8 @@
 #include "server/pump/tick_sample.h"
 #include "server/recording/mcap_format.h"
 #include "server/recording/volume_hash.h"
-#include "server/volume/ball.h"
-#include "server/volume/brick_directory.h"
+#include "server/volume/snapshot/ball.h"
+#include "server/volume/snapshot/brick_directory.h"
 
 namespace palpate {
 

@@ -10,7 +10,7 @@
 #include <compare>
 #include <cstdint>
 
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate {
 

@@ -19,7 +19,7 @@
 
 #include "server/recording/recording.h"
 #include "server/recording/volume_hash.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate {
 

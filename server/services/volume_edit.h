@@ -5,8 +5,8 @@
 
 #include "palpate/v1/edit.pb.h"
 #include "server/session/volume_editor.h"
-#include "server/volume/edit.h"
-#include "server/volume/filter.h"
+#include "server/volume/edit/edit.h"
+#include "server/volume/edit/filter.h"
 
 namespace palpate {
 

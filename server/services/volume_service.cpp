@@ -6,7 +6,7 @@
 #include "server/realtime/tick_timer.h"
 #include "server/services/volume_edit.h"
 #include "server/services/volume_messages.h"
-#include "server/volume/edit.h"
+#include "server/volume/edit/edit.h"
 
 namespace palpate {
 namespace {

@@ -14,7 +14,7 @@
 #include "server/session/session.h"
 #include "server/session/volume_editor.h"
 #include "server/session/volume_filterer.h"
-#include "server/volume/volume_export.h"
+#include "server/volume/save/volume_export.h"
 
 namespace palpate {
 

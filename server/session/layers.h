@@ -8,7 +8,7 @@
 
 #include "common/contract/enumerations.h"
 #include "common/contract/render.h"
-#include "server/volume/volume_metadata.h"
+#include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {
 

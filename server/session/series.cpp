@@ -7,8 +7,8 @@
 
 #include "common/error/error.h"
 #include "server/client_paths/series_files.h"
-#include "server/volume/brick_pool.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/snapshot/brick_pool.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 
 namespace palpate {
 namespace {

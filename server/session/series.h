@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "server/live_volume/volume_loader.h"
-#include "server/volume/brick_directory.h"
-#include "server/volume/brick_memory.h"
+#include "server/volume/snapshot/brick_directory.h"
+#include "server/volume/snapshot/brick_memory.h"
 
 namespace palpate {
 

@@ -10,7 +10,7 @@
 #include "common/error/error.h"
 #include "server/live_volume/load_warnings.h"
 #include "server/log/log.h"
-#include "server/volume/brick_pool.h"
+#include "server/volume/snapshot/brick_pool.h"
 
 namespace palpate {
 namespace {

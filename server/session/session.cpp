@@ -11,8 +11,8 @@
 #include "server/session/held_tool.h"
 #include "server/session/layers.h"
 #include "server/session/range.h"
-#include "server/volume/brick_memory.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/snapshot/brick_memory.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 
 namespace palpate {
 namespace {

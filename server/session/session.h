@@ -38,7 +38,7 @@
 #include "server/session/first_load.h"
 #include "server/session/settings_update.h"
 #include "server/session/shown.h"
-#include "server/volume/suggested_isovalues.h"
+#include "server/volume/load/suggested_isovalues.h"
 
 namespace palpate {
 

@@ -14,7 +14,7 @@
 #include "common/contract/render.h"
 #include "server/felt/render_settings.h"
 #include "server/haptics/settings.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate {
 

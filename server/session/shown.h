@@ -15,7 +15,7 @@
 #include "common/contract/render.h"
 #include "server/felt/registration.h"
 #include "server/felt/render_settings.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate {
 

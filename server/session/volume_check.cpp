@@ -4,8 +4,8 @@
 
 #include "server/felt/registration.h"
 #include "server/session/range.h"
-#include "server/volume/builtin.h"
-#include "server/volume/volume_metadata.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {
 

@@ -23,8 +23,8 @@
 #include <unordered_map>
 
 #include "server/session/session.h"
-#include "server/volume/edit.h"
-#include "server/volume/reshape.h"
+#include "server/volume/edit/edit.h"
+#include "server/volume/edit/reshape.h"
 
 namespace palpate {
 

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "common/error/error.h"
-#include "server/volume/brick_memory.h"
+#include "server/volume/snapshot/brick_memory.h"
 
 namespace palpate {
 namespace {

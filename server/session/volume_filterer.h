@@ -15,7 +15,7 @@
 
 #include "server/session/session.h"
 #include "server/session/volume_editor.h"
-#include "server/volume/filter.h"
+#include "server/volume/edit/filter.h"
 
 namespace palpate {
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate {
 

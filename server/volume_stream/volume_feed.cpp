@@ -8,7 +8,7 @@
 
 #include "common/bricks/zstd_codec.h"
 #include "common/error/error.h"
-#include "server/volume/brick_packer.h"
+#include "server/volume/snapshot/brick_packer.h"
 #include "server/volume_stream/overview.h"
 
 namespace palpate {

@@ -28,7 +28,7 @@
 #include <vector>
 
 #include "common/bricks/volume_event.h"
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 #include "server/volume_stream/background_hash.h"
 
 namespace palpate {

@@ -18,8 +18,8 @@
 #include "server/lab/bench.h"
 #include "server/lab/replay.h"
 #include "server/lab/trajectory.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 #include "tests/support/made_volume.h"
 
 namespace palpate {
@@ -69,8 +69,7 @@ Ride ToAndFro(double voxels, double z_mm) {
   const HapticSettings settings{};
   int contacts = 0;
   for (const Vec3& hip_mm : hips_mm) {
-    const HapticOutput output =
-        StepRenderer(surface, settings, hip_mm, lab::kReplayPeriodS, state);
+    const HapticOutput output = StepRenderer(surface, settings, hip_mm, lab::kReplayPeriodS, state);
     contacts += lab::IsInContact(output);
   }
   return contacts;

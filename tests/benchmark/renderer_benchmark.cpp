@@ -17,8 +17,8 @@
 #include "server/haptics/renderer.h"
 #include "server/lab/trajectory.h"
 #include "server/safety/safety.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 #include "tests/support/made_volume.h"
 
 namespace palpate {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/volume/handover.h"
+#include "server/volume/load/handover.h"
 #include "tests/fuzz/fuzz_input.h"
 #include "tests/support/written_handover.h"
 #include "tests/support/written_tree.h"

@@ -19,8 +19,8 @@
 
 #include "client/sdk/nrrd_file.h"
 #include "client/vdb/vdb_file.h"
-#include "server/volume/import_process.h"
-#include "server/volume/volume_file.h"
+#include "server/volume/load/import_process.h"
+#include "server/volume/save/volume_file.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/places.h"
 #include "tests/support/refusal.h"

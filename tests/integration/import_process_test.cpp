@@ -1,6 +1,6 @@
 // ImportVolume: the daemon's side, with palpate-import and with programs that
 // misbehave in its place.
-#include "server/volume/import_process.h"
+#include "server/volume/load/import_process.h"
 
 #include <fcntl.h>
 #include <sys/wait.h>

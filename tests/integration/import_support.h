@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "common/error/error.h"
-#include "server/volume/import_process.h"
+#include "server/volume/load/import_process.h"
 #include "tests/support/places.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/voxels.h"

@@ -9,9 +9,9 @@
 #include <limits>
 #include <random>
 
-#include "server/volume/edit.h"
-#include "server/volume/snapshot.h"
-#include "server/volume/volume_export.h"
+#include "server/volume/edit/edit.h"
+#include "server/volume/save/volume_export.h"
+#include "server/volume/snapshot/snapshot.h"
 #include "tests/integration/import_support.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"

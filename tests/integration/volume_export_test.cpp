@@ -1,5 +1,5 @@
 // Saved volumes load again as they were, whatever happens while they are written.
-#include "server/volume/volume_export.h"
+#include "server/volume/save/volume_export.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -16,8 +16,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/volume/import_process.h"
-#include "server/volume/volume_file.h"
+#include "server/volume/load/import_process.h"
+#include "server/volume/save/volume_file.h"
 #include "tests/support/patterned_volume.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"

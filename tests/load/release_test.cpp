@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "palpate/v1/device.grpc.pb.h"
-#include "server/volume/brick_memory.h"
+#include "server/volume/snapshot/brick_memory.h"
 #include "tests/support/served_session.h"
 #include "tests/support/temporary_folder.h"
 

@@ -13,8 +13,8 @@
 #include "server/servo/servo_tick.h"
 #include "server/simulated_hand/explore_script.h"
 #include "server/simulated_hand/simulated_device.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 
 namespace {
 thread_local bool counting = false;

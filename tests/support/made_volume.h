@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "server/volume/snapshot.h"
+#include "server/volume/snapshot/snapshot.h"
 
 namespace palpate::testing {
 

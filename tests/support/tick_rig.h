@@ -7,8 +7,8 @@
 #include "server/device/haptic_device.h"
 #include "server/felt/scene.h"
 #include "server/haptics/haptic_surface.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 
 namespace palpate::testing {
 

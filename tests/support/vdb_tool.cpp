@@ -6,7 +6,7 @@
 #include <string>
 
 #include "common/error/error.h"
-#include "server/volume/volume_export.h"
+#include "server/volume/save/volume_export.h"
 #include "tests/support/patterned_volume.h"
 #include "tests/support/vdb_grids.h"
 

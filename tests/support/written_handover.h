@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "server/volume/handover.h"
-#include "server/volume/handover_file.h"
+#include "server/volume/load/handover.h"
+#include "server/volume/load/handover_file.h"
 
 namespace palpate::testing {
 

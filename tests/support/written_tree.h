@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "server/volume/grid_form.h"
-#include "server/volume/handover.h"
+#include "server/volume/load/handover.h"
+#include "server/volume/snapshot/grid_form.h"
 
 namespace palpate::testing {
 

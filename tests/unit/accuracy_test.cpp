@@ -32,8 +32,8 @@
 #include <string_view>
 
 #include "server/haptics/renderer.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 #include "tests/support/scaled.h"
 
 namespace palpate {

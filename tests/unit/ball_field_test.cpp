@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-#include "server/volume/ball_field.h"
+#include "server/volume/snapshot/ball_field.h"
 #include "tests/support/made_volume.h"
 
 namespace palpate {

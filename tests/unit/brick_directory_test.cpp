@@ -1,6 +1,6 @@
 // The bricks of a volume: changes, revisions, hash, memory, and grids made of them.
-#include "server/volume/brick_directory.h"
-#include "server/volume/openvdb_grids.h"
+#include "server/volume/snapshot/brick_directory.h"
+#include "server/volume/snapshot/openvdb_grids.h"
 
 #include <gtest/gtest.h>
 
@@ -10,9 +10,9 @@
 #include <random>
 #include <set>
 
-#include "server/volume/brick_memory.h"
-#include "server/volume/grid_tree.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/snapshot/brick_memory.h"
+#include "server/volume/snapshot/grid_tree.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/voxels.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/volume/edit.h"
+#include "server/volume/edit/edit.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 

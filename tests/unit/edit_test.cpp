@@ -1,5 +1,5 @@
 // Edits against an oracle that visits every voxel and knows nothing of bricks.
-#include "server/volume/edit.h"
+#include "server/volume/edit/edit.h"
 
 #include <gtest/gtest.h>
 

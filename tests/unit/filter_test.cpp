@@ -1,6 +1,6 @@
 // Filters against OpenVDB's own on one grid of the whole volume, bit by bit.
-#include "server/volume/filter.h"
-#include "server/volume/openvdb_grids.h"
+#include "server/volume/edit/filter.h"
+#include "server/volume/snapshot/openvdb_grids.h"
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/Filter.h>

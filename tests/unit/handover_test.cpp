@@ -1,6 +1,6 @@
 // The hand-over between importer and daemon: what is written comes back, and an importer that lies
 // is refused before anything is done with what it says.
-#include "server/volume/handover.h"
+#include "server/volume/load/handover.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

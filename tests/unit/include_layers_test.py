@@ -27,11 +27,15 @@ LAYERS = {
     "common/wire": COMMON,
     "server/log": ["server/realtime"],
     "server/realtime": ["common/error"],
-    "server/volume": COMMON,
+    "server/volume/snapshot": COMMON,
+    "server/volume/load": COMMON + ["server/volume/snapshot"],
+    "server/volume/edit": COMMON + ["server/volume/snapshot", "server/volume/load"],
+    "server/volume/save": COMMON + ["server/volume/snapshot", "server/volume/load"],
     "server/import": ["common/arguments", "common/bricks", "common/error", "common/files",
-                      "common/geometry", "server/volume"],
-    "server/haptics": ["common/geometry", "common/isosurface", "server/volume"],
-    "server/haptics/tool": ["common/geometry", "common/isosurface", "server/volume",
+                      "common/geometry", "server/volume/snapshot", "server/volume/load",
+                      "server/volume/save"],
+    "server/haptics": ["common/geometry", "common/isosurface", "server/volume/snapshot"],
+    "server/haptics/tool": ["common/geometry", "common/isosurface",
                             "server/haptics"],
     "server/device": ["common/error", "common/geometry", "server/realtime"],
     "server/device/stream": ["common/error", "common/geometry", "server/device",
@@ -51,7 +55,7 @@ LAYERS = {
     "server/device/haply": ["common/error", "common/geometry", "server/device",
                             "server/device/stream", "server/realtime"],
     "server/safety": ["common/geometry", "server/device"],
-    "server/felt": COMMON + ["server/realtime", "server/volume", "server/haptics",
+    "server/felt": COMMON + ["server/realtime", "server/volume/snapshot", "server/haptics",
                               "server/haptics/tool",
                               "server/device"],
     "server/pump": ["common/geometry", "server/realtime", "server/haptics", "server/safety",
@@ -60,31 +64,34 @@ LAYERS = {
                      "server/felt", "server/pump"],
     "server/stop": ["common/error", "common/files", "server/realtime", "server/device",
                     "server/pump", "server/servo"],
-    "server/live_volume": COMMON + ["server/realtime", "server/volume", "server/haptics"],
+    "server/live_volume": COMMON + ["server/realtime", "server/volume/snapshot",
+                                    "server/volume/load", "server/volume/edit", "server/haptics"],
     "server/kept": COMMON + ["common/tool", "server/log", "server/haptics", "server/felt",
                               "server/live_volume"],
-    "server/client_paths": COMMON + ["server/volume", "server/live_volume", "server/kept"],
+    "server/client_paths": COMMON + ["server/volume/load", "server/live_volume", "server/kept"],
     "server/session": COMMON + ["server/log", "server/realtime", "server/client_paths",
-                                "server/volume", "server/haptics", "server/haptics/tool",
-                                "server/device", "server/felt", "server/pump",
-                                "server/live_volume", "server/kept"],
+                                "server/volume/snapshot", "server/volume/load",
+                                "server/volume/edit", "server/haptics", "server/haptics/tool",
+                                "server/device", "server/felt", "server/pump", "server/live_volume",
+                                "server/kept"],
     "server/simulated_hand": COMMON + ["server/realtime", "server/haptics", "server/device",
                                        "server/session"],
-    "server/recording": COMMON + ["common/wire", "server/realtime", "server/volume", "server/haptics",
-                                  "server/device", "server/safety", "server/felt",
+    "server/recording": COMMON + ["common/wire", "server/realtime", "server/volume/snapshot",
+                                  "server/haptics", "server/device", "server/safety", "server/felt",
                                   "server/pump", "server/servo", "server/session"],
-    "server/volume_stream": COMMON + ["server/volume", "server/session"],
+    "server/volume_stream": COMMON + ["server/volume/snapshot", "server/session"],
     "server/security": ["common/error", "common/files", "server/log"],
     "server/metrics": COMMON + ["common/wire", "server/realtime", "server/device", "server/safety",
                                 "server/pump", "server/servo", "server/live_volume",
                                 "server/recording"],
     "server/door": ["common/error", "common/files", "common/wire", "server/log",
                     "server/realtime", "server/security"],
-    "server/services": COMMON + ["common/wire", "server/log", "server/security", "server/door", "server/realtime",
-                            "server/volume", "server/haptics", "server/device", "server/safety",
-                            "server/pump", "server/servo", "server/stop", "server/client_paths",
-                            "server/session", "server/simulated_hand",
-                            "server/recording", "server/volume_stream", "server/metrics"],
+    "server/services": COMMON + ["common/wire", "server/log", "server/security", "server/door",
+                                 "server/realtime", "server/volume/edit", "server/volume/save",
+                                 "server/haptics", "server/device", "server/safety", "server/pump",
+                                 "server/servo", "server/stop", "server/client_paths",
+                                 "server/session", "server/simulated_hand", "server/recording",
+                                 "server/volume_stream", "server/metrics"],
     "server/app": COMMON + ["common/arguments", "common/wire", "server/log", "server/realtime",
                             "server/haptics", "server/simulated_hand", "server/device",
                             "server/device/stream", "server/device/usb",
@@ -96,9 +103,9 @@ LAYERS = {
                             "server/security",
                             "server/metrics",
                             "server/door", "server/services"],
-    "server/lab": COMMON + ["common/arguments", "server/volume", "server/live_volume", "server/haptics",
-                            "server/haptics/tool", "server/servo", "server/simulated_hand",
-                            "server/recording"],
+    "server/lab": COMMON + ["common/arguments", "server/volume/snapshot", "server/volume/load",
+                            "server/live_volume", "server/haptics", "server/haptics/tool",
+                            "server/servo", "server/simulated_hand", "server/recording"],
     "client/interrupt": [],
     "client/doctor": [],
     "client/sdk": COMMON + ["common/wire"],
@@ -140,7 +147,8 @@ LIBRARIES = {
                           ["common/wire", "server/recording", "server/door", "server/services", "server/app",
                            "client/sdk"]),
     "CLI11": (r"CLI/", ["common/arguments"]),
-    "OpenVDB": (r"openvdb/", ["server/volume", "server/import", "server/lab", "client/vdb"]),
+    "OpenVDB": (r"openvdb/", ["server/volume/snapshot", "server/volume/load", "server/volume/edit",
+                               "server/volume/save", "server/import", "server/lab", "client/vdb"]),
     "GDCM": (r"gdcm", ["server/import"]),
     "libtiff": (r"tiff", ["server/import"]),
     "pugixml": (r"pugixml", ["server/import"]),
@@ -154,7 +162,7 @@ LIBRARIES = {
     "OpenSSL": (r"openssl/", ["server/security", "client/doctor", "client/web/access",
                               "client/web/http"]),
     "prometheus-cpp": (r"prometheus/", ["server/metrics", "server/app", "client/web/app"]),
-    "TBB": (r"tbb/", ["server/volume", "server/app", "server/lab"]),
+    "TBB": (r"tbb/", ["server/volume/load", "server/volume/edit", "server/app", "server/lab"]),
     "OpenGL": (r"epoxy/|GL/", ["client/view/render", "client/view/app"]),
     "GLFW, Dear ImGui, libpng": (r"GLFW/|imgui|backends/imgui|png", ["client/view/app"]),
     "libnats": (r"nats/", ["client/web/nats"]),
@@ -201,11 +209,10 @@ NAMES = {
 }
 
 # The headers of volume that are free of OpenVDB; real-time code sees no others.
-PLAIN_VOLUME_HEADERS = {"server/volume/ball.h", "server/volume/ball_field.h",
-                        "server/volume/brick_directory.h", "server/volume/brick_packer.h",
-                        "server/volume/edit.h", "server/volume/filter.h", "server/volume/lattice.h",
-                        "server/volume/snapshot.h", "server/volume/volume_export.h",
-                        "server/volume/volume_metadata.h"}
+PLAIN_VOLUME_HEADERS = {"server/volume/snapshot/" + name for name in (
+    "ball.h", "ball_field.h", "brick_directory.h", "brick_packer.h", "lattice.h", "snapshot.h",
+    "volume_metadata.h")} | {"server/volume/edit/edit.h", "server/volume/edit/filter.h",
+                             "server/volume/save/volume_export.h"}
 # What programs outside of the tree include.
 PUBLIC_HEADERS = ["client/sdk/client.h", "client/sdk/nrrd_file.h", "client/sdk/words.h"]
 
@@ -221,7 +228,7 @@ def violations(folder, includes):
         if re.match(r"(common|server|client)/", include):
             if parent not in (folder, EVERYBODYS) and parent not in LAYERS[folder]:
                 found.append(f"{include}: {folder} may not use {parent}")
-            if folder in NO_OPENVDB and parent == "server/volume" \
+            if folder in NO_OPENVDB and parent.startswith("server/volume/") \
                     and include not in PLAIN_VOLUME_HEADERS:
                 found.append(f"{include}: brings OpenVDB into {folder}")
         for library, (pattern, folders) in LIBRARIES.items():
@@ -326,15 +333,15 @@ class IncludeLayers(unittest.TestCase):
     def test_violations_are_seen(self):
         self.assertTrue(violations("client/cli", ["CLI/CLI.hpp"]))
         self.assertTrue(violations("client/cli", ["server/felt/scene.h"]))
-        self.assertTrue(violations("server/haptics", ["server/volume/snapshot_builder.h"]))
+        self.assertTrue(violations("server/haptics", ["server/volume/snapshot/snapshot_builder.h"]))
         self.assertTrue(violations("server/servo", ["spdlog/spdlog.h"]))
         self.assertTrue(violations("server/session", ["grpcpp/grpcpp.h"]))
-        self.assertTrue(violations("server/volume", ["gdcmImage.h"]))
+        self.assertTrue(violations("server/volume/load", ["gdcmImage.h"]))
         self.assertTrue(violations("server/servo", ["server/recording/recorder.h"]))
         self.assertTrue(violations("server/session", ["zstd.h"]))
-        self.assertTrue(violations("server/recording", ["server/volume/snapshot_builder.h"]))
-        self.assertTrue(violations("common/isosurface", ["server/volume/snapshot.h"]))
-        self.assertFalse(violations("server/haptics", ["server/volume/snapshot.h", "vector"]))
+        self.assertTrue(violations("server/recording", ["server/volume/snapshot/snapshot_builder.h"]))
+        self.assertTrue(violations("common/isosurface", ["server/volume/snapshot/snapshot.h"]))
+        self.assertFalse(violations("server/haptics", ["server/volume/snapshot/snapshot.h", "vector"]))
 
 
 if __name__ == "__main__":

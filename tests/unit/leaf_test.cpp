@@ -1,6 +1,6 @@
 // Leaves: every type's values and limits, copies, states, and what they take of the heap.
-#include "server/volume/leaf.h"
-#include "server/volume/openvdb_grids.h"
+#include "server/volume/snapshot/leaf.h"
+#include "server/volume/snapshot/openvdb_grids.h"
 
 #include <gtest/gtest.h>
 #include <malloc.h>
@@ -10,9 +10,9 @@
 #include <limits>
 #include <vector>
 
-#include "server/volume/brick_memory.h"
-#include "server/volume/brick_pool.h"
-#include "server/volume/dense_bricks.h"
+#include "server/volume/load/dense_bricks.h"
+#include "server/volume/snapshot/brick_memory.h"
+#include "server/volume/snapshot/brick_pool.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/voxels.h"
 

@@ -10,7 +10,7 @@
 
 #include "server/haptics/proxy.h"
 #include "server/lab/fresh_cells.h"
-#include "server/volume/ball_field.h"
+#include "server/volume/snapshot/ball_field.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/path_judge.h"
 #include "tests/support/scaled.h"

@@ -16,7 +16,7 @@
 #include "server/recording/recorded_messages.h"
 #include "server/recording/recorded_volumes.h"
 #include "server/recording/voxel_log.h"
-#include "server/volume/brick_packer.h"
+#include "server/volume/snapshot/brick_packer.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_rig.h"
 

@@ -1,6 +1,6 @@
 // Filters of whole volumes against OpenVDB's own on the grid that the volume was made of.
-#include "server/volume/reshape.h"
-#include "server/volume/openvdb_grids.h"
+#include "server/volume/edit/reshape.h"
+#include "server/volume/snapshot/openvdb_grids.h"
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/GridTransformer.h>
@@ -15,7 +15,7 @@
 #include <random>
 #include <vector>
 
-#include "server/volume/grid_form.h"
+#include "server/volume/snapshot/grid_form.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/voxels.h"

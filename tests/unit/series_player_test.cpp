@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/volume/brick_memory.h"
+#include "server/volume/snapshot/brick_memory.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/fake_importer.h"
 #include "tests/support/patience.h"

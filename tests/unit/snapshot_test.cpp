@@ -1,6 +1,6 @@
 // Snapshots of OpenVDB grids, and the builtin volumes.
-#include "server/volume/snapshot.h"
-#include "server/volume/openvdb_grids.h"
+#include "server/volume/snapshot/snapshot.h"
+#include "server/volume/snapshot/openvdb_grids.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <random>
 
 #include "common/error/error.h"
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/voxels.h"

@@ -1,5 +1,5 @@
 // Isovalues that a volume suggests, on volumes whose classes of values are known.
-#include "server/volume/suggested_isovalues.h"
+#include "server/volume/load/suggested_isovalues.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <random>
 #include <string>
 
-#include "server/volume/builtin.h"
-#include "server/volume/snapshot_builder.h"
+#include "server/volume/load/builtin.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 #include "tests/support/made_volume.h"
 
 namespace palpate {

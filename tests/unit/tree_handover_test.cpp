@@ -1,6 +1,6 @@
 // A hand-over in the form of a tree: what is written comes back, and whatever lies in the file, the
 // daemon takes a volume or refuses it.
-#include "server/volume/tree_handover.h"
+#include "server/volume/load/tree_handover.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/volume/brick_memory.h"
-#include "server/volume/grid_form.h"
+#include "server/volume/snapshot/brick_memory.h"
+#include "server/volume/snapshot/grid_form.h"
 #include "tests/support/refusal.h"
 #include "tests/support/written_tree.h"
 

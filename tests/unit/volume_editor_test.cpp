@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/volume/brick_memory.h"
+#include "server/volume/snapshot/brick_memory.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"

@@ -119,7 +119,7 @@ std::vector<Vec3> HapticPatch(const ViewVolume& volume, double isovalue, Decompo
           const CellDensities part = SubCell(densities, sub, refinement);
           if (!IsCrossed(part, density)) continue;
           // On the daemon's refined lattice, whose index -1 is the voxels'
-          // (server/volume/lattice.h).
+          // (server/volume/snapshot/lattice.h).
           const Vec3i in_L = refinement * (cell + Vec3i::Ones()) - Vec3i::Ones() + sub;
           const Vec3i last_in_L = refinement * (last + Vec3i::Constant(2)) - Vec3i::Constant(2);
           AddEdges(Decompose(part, method), density, in_L, last_in_L, points);

@@ -1,7 +1,8 @@
 // A rigid tool: balls on a shaft, felt on the isosurface all at once.
 //
 // The balls are given in the stylus's frame S. A ball is felt as its centre in the volume that was
-// dilated by its radius (server/volume/ball_field.h), so every function here knows centres only.
+// dilated by its radius (server/volume/snapshot/ball_field.h), so every function here knows centres
+// only.
 //
 // Frames: S stylus, D device; mm. Threads: plain values. Real-time: no allocation; no function of
 // the C library but sqrt, so the same input gives the same bits on every machine.
