@@ -15,10 +15,10 @@
 #include "server/kept/registration_store.h"
 #include "server/kept/session_keeper.h"
 #include "server/recording/recording_control.h"
-#include "server/session/series_player.h"
+#include "server/session/edits/volume_editor.h"
+#include "server/session/series/series_player.h"
 #include "server/session/session.h"
-#include "server/session/tools.h"
-#include "server/session/volume_editor.h"
+#include "server/session/tools/tools.h"
 #include "server/simulated_hand/hand_guide.h"
 
 namespace palpate {

@@ -7,7 +7,7 @@
 #include "server/services/calls.h"
 #include "server/services/device_service.h"
 #include "server/services/fact_board.h"
-#include "server/session/series_player.h"
+#include "server/session/series/series_player.h"
 #include "server/session/session.h"
 
 namespace palpate {

@@ -4,7 +4,7 @@
 #include "palpate/v1/series.grpc.pb.h"
 #include "server/client_paths/path_policy.h"
 #include "server/services/calls.h"
-#include "server/session/series_player.h"
+#include "server/session/series/series_player.h"
 #include "server/session/session.h"
 
 namespace palpate {

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "palpate/v1/edit.pb.h"
-#include "server/session/volume_editor.h"
+#include "server/session/edits/volume_editor.h"
 #include "server/volume/edit/edit.h"
 #include "server/volume/edit/filter.h"
 

@@ -11,9 +11,9 @@
 #include "server/metrics/service_metrics.h"
 #include "server/services/calls.h"
 #include "server/services/volume_stream_service.h"
+#include "server/session/edits/volume_editor.h"
+#include "server/session/edits/volume_filterer.h"
 #include "server/session/session.h"
-#include "server/session/volume_editor.h"
-#include "server/session/volume_filterer.h"
 #include "server/volume/save/volume_export.h"
 
 namespace palpate {

@@ -7,7 +7,7 @@
 #include <random>
 #include <utility>
 
-#include "server/session/volume_editor.h"
+#include "server/session/edits/volume_editor.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/running_session.h"
 

@@ -1,5 +1,5 @@
 // Time series: which frames are shown, edits to them, memory, and playing by a clock of the test.
-#include "server/session/series_player.h"
+#include "server/session/series/series_player.h"
 
 #include <gtest/gtest.h>
 

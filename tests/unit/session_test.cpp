@@ -12,8 +12,8 @@
 
 #include "common/error/error.h"
 #include "server/pump/force_watch.h"
+#include "server/session/edits/volume_editor.h"
 #include "server/session/session.h"
-#include "server/session/volume_editor.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/running_session.h"

@@ -1,5 +1,5 @@
 // Carving and the clutch in closed loop with a simulated hand, tick by tick.
-#include "server/session/tools.h"
+#include "server/session/tools/tools.h"
 
 #include <gtest/gtest.h>
 

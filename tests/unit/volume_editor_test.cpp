@@ -1,5 +1,5 @@
 // Edits of a session: revisions, the history, and what ends it.
-#include "server/session/volume_editor.h"
+#include "server/session/edits/volume_editor.h"
 
 #include <gtest/gtest.h>
 

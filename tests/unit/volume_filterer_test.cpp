@@ -1,5 +1,5 @@
 // Filters of a session while others edit, load and cancel; without a servo.
-#include "server/session/volume_filterer.h"
+#include "server/session/edits/volume_filterer.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/session/volume_editor.h"
+#include "server/session/edits/volume_editor.h"
 
 #include <fmt/core.h>
 

@@ -15,9 +15,9 @@
 #include <mutex>
 #include <thread>
 
+#include "server/session/edits/volume_editor.h"
 #include "server/session/session.h"
-#include "server/session/tool_strokes.h"
-#include "server/session/volume_editor.h"
+#include "server/session/tools/tool_strokes.h"
 
 namespace palpate {
 

@@ -13,8 +13,8 @@
 
 #include <mutex>
 
+#include "server/session/edits/volume_editor.h"
 #include "server/session/session.h"
-#include "server/session/volume_editor.h"
 #include "server/volume/edit/filter.h"
 
 namespace palpate {

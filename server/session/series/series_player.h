@@ -28,7 +28,7 @@
 #include <thread>
 
 #include "common/contract/series.h"
-#include "server/session/series.h"
+#include "server/session/series/series.h"
 #include "server/session/session.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-#include "server/session/tools.h"
+#include "server/session/tools/tools.h"
 #include "server/log/log.h"
 
 #include <pthread.h>

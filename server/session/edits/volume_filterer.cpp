@@ -1,4 +1,4 @@
-#include "server/session/volume_filterer.h"
+#include "server/session/edits/volume_filterer.h"
 
 #include <algorithm>
 #include <chrono>

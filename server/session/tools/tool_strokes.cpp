@@ -1,4 +1,4 @@
-#include "server/session/tool_strokes.h"
+#include "server/session/tools/tool_strokes.h"
 
 #include <algorithm>
 #include <array>

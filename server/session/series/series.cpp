@@ -1,4 +1,4 @@
-#include "server/session/series.h"
+#include "server/session/series/series.h"
 
 #include <algorithm>
 #include <memory>

@@ -1,4 +1,4 @@
-#include "server/session/series_player.h"
+#include "server/session/series/series_player.h"
 
 #include <fmt/core.h>
 
