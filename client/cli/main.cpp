@@ -10,7 +10,7 @@
 #include "client/cli/doctor_command.h"
 #include "client/cli/output.h"
 #include "client/cli/reach.h"
-#include "client/options/server_options.h"
+#include "client/program/server_options.h"
 #include "common/arguments/arguments.h"
 #include "common/arguments/completion.h"
 #include "common/error/error.h"

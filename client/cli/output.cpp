@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"
 

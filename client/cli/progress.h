@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 #include "client/sdk/progress.h"
 
 namespace palpate::cli {

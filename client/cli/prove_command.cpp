@@ -17,7 +17,7 @@
 
 #include "client/cli/output.h"
 #include "client/cli/prove.h"
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 #include "common/error/one_line.h"
 #include "common/files/new_file.h"
 

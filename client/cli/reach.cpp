@@ -9,7 +9,7 @@
 #include <memory>
 
 #include "client/cli/output.h"
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {

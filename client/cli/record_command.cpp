@@ -15,7 +15,7 @@
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/paths_there.h"
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 #include "client/sdk/words.h"
 #include "common/error/one_line.h"
 

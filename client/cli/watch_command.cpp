@@ -13,7 +13,7 @@
 #include "client/cli/output.h"
 #include "client/cli/watch_statistics.h"
 #include "client/cli/watch_view.h"
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 
 namespace palpate::cli {
 namespace {

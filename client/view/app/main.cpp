@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 #include "client/sdk/calls.h"
 #include "client/view/app/options.h"
 #include "client/view/app/run.h"

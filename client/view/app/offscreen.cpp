@@ -9,7 +9,7 @@
 #include <memory>
 #include <thread>
 
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 #include "client/view/app/frame_log.h"
 #include "client/view/app/interface.h"
 #include "client/view/app/png_file.h"

@@ -9,7 +9,7 @@
 #include <sstream>
 #include <vector>
 
-#include "client/options/server_options.h"
+#include "client/program/server_options.h"
 #include "common/arguments/arguments.h"
 
 namespace palpate::view {

@@ -15,7 +15,7 @@
 #include <memory>
 #include <utility>
 
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 #include "client/view/app/frame_log.h"
 #include "client/view/app/interface.h"
 #include "client/view/app/layout.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "client/options/server_options.h"
+#include "client/program/server_options.h"
 #include "client/sdk/calls.h"
 #include "client/web/access/secret.h"
 #include "client/web/app/config.h"

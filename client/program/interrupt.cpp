@@ -1,4 +1,4 @@
-#include "client/interrupt/interrupt.h"
+#include "client/program/interrupt.h"
 
 #include <atomic>
 #include <csignal>

@@ -1,4 +1,4 @@
-#include "client/options/server_options.h"
+#include "client/program/server_options.h"
 
 namespace palpate::client {
 
