@@ -6,7 +6,7 @@
 #include "client/cli/commands.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
-#include "client/download/download_file.h"
+#include "client/files/download_file.h"
 #include "common/error/one_line.h"
 
 namespace palpate::cli {

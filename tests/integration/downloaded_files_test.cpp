@@ -17,8 +17,8 @@
 #include <string>
 #include <vector>
 
+#include "client/files/vdb_file.h"
 #include "client/sdk/nrrd_file.h"
-#include "client/vdb/vdb_file.h"
 #include "server/volume/load/import_process.h"
 #include "server/volume/save/volume_file.h"
 #include "tests/support/made_volume.h"

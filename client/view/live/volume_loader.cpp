@@ -8,7 +8,7 @@
 #include <thread>
 #include <utility>
 
-#include "client/download/download_file.h"
+#include "client/files/download_file.h"
 #include "common/error/error.h"
 
 namespace palpate::view {

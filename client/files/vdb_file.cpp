@@ -1,4 +1,4 @@
-#include "client/vdb/vdb_file.h"
+#include "client/files/vdb_file.h"
 
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>

@@ -1,12 +1,12 @@
-#include "client/download/download_file.h"
+#include "client/files/download_file.h"
 
 #include <algorithm>
 #include <cctype>
 #include <chrono>
 #include <filesystem>
 
+#include "client/files/vdb_file.h"
 #include "client/sdk/nrrd_file.h"
-#include "client/vdb/vdb_file.h"
 #include "common/error/error.h"
 #include "common/files/new_file.h"
 
