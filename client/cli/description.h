@@ -5,10 +5,10 @@
 #include <string>
 #include <string_view>
 
+#include "client/cli/json.h"
 #include "client/sdk/device.h"
 #include "client/sdk/settings.h"
 #include "client/sdk/volume.h"
-#include "common/fields/json.h"
 
 namespace palpate::cli {
 

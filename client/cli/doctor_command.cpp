@@ -7,11 +7,11 @@
 #include <thread>
 
 #include "client/cli/description.h"
+#include "client/cli/doctor/checks.h"
+#include "client/cli/doctor/ports.h"
 #include "client/cli/doctor_daemon.h"
 #include "client/cli/output.h"
 #include "client/cli/reach.h"
-#include "client/doctor/checks.h"
-#include "client/doctor/ports.h"
 #include "client/sdk/calls.h"
 #include "common/error/one_line.h"
 #include "common/wire/address.h"

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "client/doctor/checks.h"
+#include "client/cli/doctor/checks.h"
 #include "client/sdk/device.h"
 #include "client/sdk/pose.h"
 

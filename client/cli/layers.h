@@ -7,9 +7,9 @@
 #include <string>
 #include <string_view>
 
+#include "client/cli/json.h"
 #include "client/sdk/settings.h"
 #include "common/contract/render.h"
-#include "common/fields/json.h"
 
 namespace palpate::cli {
 

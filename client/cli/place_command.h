@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "client/cli/invocation.h"
-#include "common/fields/json.h"
+#include "client/cli/json.h"
 
 namespace palpate::cli {
 

@@ -1,5 +1,5 @@
 // `palpate doctor` on machines that are made up.
-#include "client/doctor/ports.h"
+#include "client/cli/doctor/ports.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "client/doctor/checks.h"
+#include "client/cli/doctor/checks.h"
 
 #include <fmt/core.h>
 #include <linux/capability.h>
@@ -12,7 +12,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "client/doctor/ports.h"
+#include "client/cli/doctor/ports.h"
 
 namespace palpate::doctor {
 namespace {

@@ -1,4 +1,4 @@
-#include "client/doctor/ports.h"
+#include "client/cli/doctor/ports.h"
 
 #include <arpa/inet.h>
 #include <fmt/core.h>

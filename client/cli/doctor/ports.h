@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/doctor/checks.h"
+#include "client/cli/doctor/checks.h"
 
 namespace palpate::doctor {
 
