@@ -14,8 +14,8 @@
 #include "client/sdk/words.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"
+#include "common/felt_tool/tool_file.h"
 #include "common/files/text_file.h"
-#include "common/tool/tool_file.h"
 
 namespace palpate::cli {
 namespace {

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "common/error/error.h"
-#include "common/tool/tool_file.h"
+#include "common/felt_tool/tool_file.h"
 #include "server/kept/layer_toml.h"
 #include "server/kept/state_file.h"
 

@@ -1,4 +1,4 @@
-#include "common/tool/tool_file.h"
+#include "common/felt_tool/tool_file.h"
 
 #include <fmt/format.h>
 
