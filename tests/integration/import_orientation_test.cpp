@@ -2,7 +2,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "client/view/scene/slice_view.h"
+#include "client/view/drawing/slice_view.h"
 #include "tests/integration/image_bytes.h"
 #include "tests/integration/import_support.h"
 #include "tests/support/orientations.h"

@@ -4,8 +4,8 @@
 #include <future>
 #include <numbers>
 
-#include "client/view/live/brush.h"
-#include "client/view/live/history.h"
+#include "client/view/palpated/brush.h"
+#include "client/view/palpated/history.h"
 #include "tests/support/live_view.h"
 #include "tests/support/restarted_daemon.h"
 

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "client/view/drawing/solids.h"
 #include "client/view/render/shader_program.h"
-#include "client/view/scene/solids.h"
 #include "common/error/error.h"
 #include "tests/support/frame_rig.h"
 #include "tests/support/refusal.h"

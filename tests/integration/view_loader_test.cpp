@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "client/view/live/live_feed.h"
+#include "client/view/palpated/live_feed.h"
 #include "tests/support/live_view.h"
 #include "tests/support/nrrd.h"
 #include "tests/support/restarted_daemon.h"

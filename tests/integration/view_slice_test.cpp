@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/view/scene/slice_view.h"
+#include "client/view/drawing/slice_view.h"
 #include "tests/support/frame_rig.h"
 
 namespace palpate::view {

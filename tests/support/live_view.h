@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "client/view/live/live_feed.h"
+#include "client/view/palpated/live_feed.h"
 #include "tests/support/patience.h"
 
 namespace palpate::test {

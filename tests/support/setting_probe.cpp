@@ -7,7 +7,7 @@
 
 #include "client/cli/setting.h"
 #include "client/sdk/settings.h"
-#include "client/view/live/setting_change.h"
+#include "client/view/palpated/setting_change.h"
 #include "server/haptics/settings.h"
 
 using namespace palpate;

@@ -15,10 +15,10 @@
 #include <thread>
 #include <vector>
 
-#include "client/view/live/live_feed.h"
+#include "client/view/drawing/patient_axes.h"
+#include "client/view/palpated/live_feed.h"
 #include "client/view/render/frame_renderer.h"
 #include "client/view/render/offscreen_context.h"
-#include "client/view/scene/patient_axes.h"
 
 namespace palpate::view {
 namespace {

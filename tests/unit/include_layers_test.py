@@ -135,13 +135,13 @@ LAYERS = {
                             "client/cli/doctor", "client/files", "client/sdk"],
     "client/shading": [],
     "client/view/volume": COMMON + ["client/sdk"],
-    "client/view/scene": COMMON + ["client/sdk", "client/view/volume"],
-    "client/view/render": COMMON + ["client/shading", "client/view/volume", "client/view/scene"],
-    "client/view/live": COMMON + ["client/files", "client/sdk", "client/view/volume"],
+    "client/view/drawing": COMMON + ["client/sdk", "client/view/volume"],
+    "client/view/render": COMMON + ["client/shading", "client/view/volume", "client/view/drawing"],
+    "client/view/palpated": COMMON + ["client/files", "client/sdk", "client/view/volume"],
     "client/view/app": COMMON + ["common/arguments", "common/wire", "client/program",
                                  "client/sdk",
-                                 "client/view/volume", "client/view/scene",
-                                 "client/view/render", "client/view/live"],
+                                 "client/view/volume", "client/view/drawing",
+                                 "client/view/render", "client/view/palpated"],
 }
 
 # Library: its includes, and the folders that may use it.

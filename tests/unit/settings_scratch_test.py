@@ -83,7 +83,7 @@ class ScratchTest(unittest.TestCase):
             "-isystem", "/usr/include/eigen3", "-o", probe,
             *(self.root / source for source in (
                 "tests/support/setting_probe.cpp", "client/cli/setting.cpp",
-                "client/view/live/setting_change.cpp")), "-lfmt")
+                "client/view/palpated/setting_change.cpp")), "-lfmt")
         said = dict(line.split(": ", 1) for line in run(probe, KEY).splitlines())
         self.assertEqual(said["daemon's check"], f"{KEY} from 0 to 2.5 N, 0.25 at first")
         self.assertEqual(said["palpate set"], "tremor_force 1.25; give 0 to 2.5 N")

@@ -1,5 +1,5 @@
 // The outline of the brush is that of a ball in perspective.
-#include "client/view/scene/brush_ball.h"
+#include "client/view/drawing/brush_ball.h"
 
 #include <gtest/gtest.h>
 

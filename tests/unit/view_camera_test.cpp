@@ -1,5 +1,5 @@
 // The camera: rays agree with the matrices, drags with what is dragged.
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 
 #include <gtest/gtest.h>
 

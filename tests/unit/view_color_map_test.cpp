@@ -1,4 +1,4 @@
-#include "client/view/scene/color_map.h"
+#include "client/view/drawing/color_map.h"
 
 #include <gtest/gtest.h>
 

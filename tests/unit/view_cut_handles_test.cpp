@@ -1,5 +1,5 @@
 // Handles of crop box and planes, under random cameras and in random places of the volume.
-#include "client/view/scene/cut_handles.h"
+#include "client/view/drawing/cut_handles.h"
 
 #include <gtest/gtest.h>
 

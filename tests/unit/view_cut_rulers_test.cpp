@@ -1,9 +1,9 @@
 // Cuts in mm, in lattices that lie in every direction.
-#include "client/view/scene/cut_rulers.h"
+#include "client/view/drawing/cut_rulers.h"
 
 #include <gtest/gtest.h>
 
-#include "client/view/scene/cut_handles.h"
+#include "client/view/drawing/cut_handles.h"
 
 namespace palpate::view {
 namespace {

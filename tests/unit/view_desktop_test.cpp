@@ -7,9 +7,9 @@
 #include <fstream>
 #include <thread>
 
-#include "client/view/live/child_program.h"
-#include "client/view/live/file_dialog.h"
-#include "client/view/live/local_daemon.h"
+#include "client/view/palpated/child_program.h"
+#include "client/view/palpated/file_dialog.h"
+#include "client/view/palpated/local_daemon.h"
 #include "common/error/error.h"
 #include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"

@@ -1,5 +1,5 @@
 // The wireframe of H that the viewer computes is the daemon's H.
-#include "client/view/scene/haptic_patch.h"
+#include "client/view/drawing/haptic_patch.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Undo and redo of what the user did, among changes of others; judged by a model of its own.
-#include "client/view/live/history.h"
+#include "client/view/palpated/history.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <optional>
 #include <random>
 
-#include "client/view/live/setting_change.h"
+#include "client/view/palpated/setting_change.h"
 #include "common/error/error.h"
 
 namespace palpate::view {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <random>
 
-#include "client/view/scene/distances.h"
-#include "client/view/scene/readout.h"
-#include "client/view/scene/value_window.h"
+#include "client/view/drawing/distances.h"
+#include "client/view/drawing/readout.h"
+#include "client/view/drawing/value_window.h"
 
 namespace palpate::view {
 namespace {

@@ -1,4 +1,4 @@
-#include "client/view/scene/orientation_cube.h"
+#include "client/view/drawing/orientation_cube.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "client/view/scene/overlay.h"
+#include "client/view/drawing/overlay.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "client/view/scene/solids.h"
+#include "client/view/drawing/solids.h"
 
 namespace palpate::view {
 namespace {

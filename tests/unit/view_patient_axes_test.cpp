@@ -1,4 +1,4 @@
-#include "client/view/scene/patient_axes.h"
+#include "client/view/drawing/patient_axes.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 #include "tests/support/orientations.h"
 #include "tests/support/places.h"
 

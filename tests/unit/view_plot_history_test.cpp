@@ -1,5 +1,5 @@
 // What the plots of the viewer show.
-#include "client/view/live/plot_history.h"
+#include "client/view/palpated/plot_history.h"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
-#include "client/view/scene/saved_view.h"
+#include "client/view/drawing/saved_view.h"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 
 namespace palpate::view {
 namespace {

@@ -1,5 +1,5 @@
 // Names and times of the session panel.
-#include "client/view/live/session_words.h"
+#include "client/view/palpated/session_words.h"
 
 #include <gtest/gtest.h>
 

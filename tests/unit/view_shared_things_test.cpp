@@ -1,5 +1,5 @@
 // Who changed what is for everyone, and when it is worth pointing out.
-#include "client/view/live/shared_things.h"
+#include "client/view/palpated/shared_things.h"
 
 #include <gtest/gtest.h>
 

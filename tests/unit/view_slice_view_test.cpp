@@ -1,4 +1,4 @@
-#include "client/view/scene/slice_view.h"
+#include "client/view/drawing/slice_view.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // What the bar of the viewer says of the forces.
-#include "client/view/live/state_line.h"
+#include "client/view/palpated/state_line.h"
 
 #include <gtest/gtest.h>
 

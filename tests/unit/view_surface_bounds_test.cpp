@@ -1,4 +1,4 @@
-#include "client/view/scene/surface_bounds.h"
+#include "client/view/drawing/surface_bounds.h"
 
 #include <gtest/gtest.h>
 

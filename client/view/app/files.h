@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "client/view/live/file_dialog.h"
-#include "client/view/live/local_daemon.h"
-#include "client/view/live/volume_loader.h"
+#include "client/view/palpated/file_dialog.h"
+#include "client/view/palpated/local_daemon.h"
+#include "client/view/palpated/volume_loader.h"
 
 namespace palpate::view {
 

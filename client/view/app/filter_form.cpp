@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "client/view/scene/cut_handles.h"
+#include "client/view/drawing/cut_handles.h"
 
 namespace palpate::view {
 

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "client/sdk/edit.h"
-#include "client/view/scene/view_options.h"
+#include "client/view/drawing/view_options.h"
 #include "common/bricks/volume_event.h"
 
 namespace palpate::view {

@@ -14,7 +14,7 @@
 #include <cmath>
 
 #include "client/view/app/preferences.h"
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 
 namespace palpate::view {
 

@@ -7,9 +7,9 @@
 #include <string>
 
 #include "client/sdk/server_choice.h"
-#include "client/view/scene/camera.h"
-#include "client/view/scene/patient_axes.h"
-#include "client/view/scene/view_options.h"
+#include "client/view/drawing/camera.h"
+#include "client/view/drawing/patient_axes.h"
+#include "client/view/drawing/view_options.h"
 
 namespace palpate::view {
 

@@ -4,7 +4,7 @@
 
 #include "client/view/app/overlays.h"
 #include "client/view/app/widgets.h"
-#include "client/view/scene/orientation_cube.h"
+#include "client/view/drawing/orientation_cube.h"
 
 namespace palpate::view {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
-#include "client/view/scene/readout.h"
+#include "client/view/drawing/readout.h"
 
 namespace palpate::view {
 namespace {

@@ -1,9 +1,9 @@
 #include <cmath>
 
 #include "client/view/app/overlays.h"
-#include "client/view/scene/camera.h"
-#include "client/view/scene/patient_axes.h"
-#include "client/view/scene/readout.h"
+#include "client/view/drawing/camera.h"
+#include "client/view/drawing/patient_axes.h"
+#include "client/view/drawing/readout.h"
 
 namespace palpate::view {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "client/view/app/layout.h"
 #include "client/view/app/viewer.h"
-#include "client/view/scene/readout.h"
+#include "client/view/drawing/readout.h"
 
 namespace palpate::view {
 

@@ -3,8 +3,8 @@
 
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
-#include "client/view/scene/cut_rulers.h"
-#include "client/view/scene/patient_axes.h"
+#include "client/view/drawing/cut_rulers.h"
+#include "client/view/drawing/patient_axes.h"
 
 namespace palpate::view {
 namespace {

@@ -6,7 +6,7 @@
 #include "client/sdk/words.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
-#include "client/view/live/setting_change.h"
+#include "client/view/palpated/setting_change.h"
 
 namespace palpate::view {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
-#include "client/view/scene/value_window.h"
+#include "client/view/drawing/value_window.h"
 
 namespace palpate::view {
 namespace {

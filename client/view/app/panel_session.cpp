@@ -15,7 +15,7 @@
 #include "client/view/app/overlays.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
-#include "client/view/live/session_words.h"
+#include "client/view/palpated/session_words.h"
 
 namespace palpate::view {
 namespace {

@@ -7,8 +7,8 @@
 #include "client/view/app/panels.h"
 #include "client/view/app/slice_pane.h"
 #include "client/view/app/widgets.h"
-#include "client/view/scene/readout.h"
-#include "client/view/scene/value_window.h"
+#include "client/view/drawing/readout.h"
+#include "client/view/drawing/value_window.h"
 
 namespace palpate::view {
 namespace {

@@ -5,7 +5,7 @@
 #include "client/sdk/words.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
-#include "client/view/live/state_line.h"
+#include "client/view/palpated/state_line.h"
 
 namespace palpate::view {
 namespace {

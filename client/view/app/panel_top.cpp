@@ -11,7 +11,7 @@
 #include "client/view/app/input.h"
 #include "client/view/app/panels.h"
 #include "client/view/app/widgets.h"
-#include "client/view/live/shared_things.h"
+#include "client/view/palpated/shared_things.h"
 
 namespace palpate::view {
 namespace {

@@ -10,7 +10,7 @@
 #include <optional>
 #include <vector>
 
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 
 namespace palpate::view {
 

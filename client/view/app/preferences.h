@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "client/view/scene/patient_axes.h"
-#include "client/view/scene/saved_view.h"
+#include "client/view/drawing/patient_axes.h"
+#include "client/view/drawing/saved_view.h"
 
 namespace palpate::view {
 

@@ -10,10 +10,10 @@
 #include "client/view/app/overlays.h"
 #include "client/view/app/tool_measure.h"
 #include "client/view/app/widgets.h"
-#include "client/view/scene/cut_handles.h"
-#include "client/view/scene/orientation_cube.h"
-#include "client/view/scene/slice_view.h"
-#include "client/view/scene/value_window.h"
+#include "client/view/drawing/cut_handles.h"
+#include "client/view/drawing/orientation_cube.h"
+#include "client/view/drawing/slice_view.h"
+#include "client/view/drawing/value_window.h"
 
 namespace palpate::view {
 namespace {

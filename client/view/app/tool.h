@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 #include "client/view/volume/view_volume.h"
 
 namespace palpate::view {

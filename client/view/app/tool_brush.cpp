@@ -3,7 +3,7 @@
 
 #include "client/view/app/tool.h"
 #include "client/view/app/viewer.h"
-#include "client/view/scene/readout.h"
+#include "client/view/drawing/readout.h"
 
 namespace palpate::view {
 namespace {

@@ -6,7 +6,7 @@
 #include <array>
 #include <optional>
 
-#include "client/view/scene/cut_handles.h"
+#include "client/view/drawing/cut_handles.h"
 
 namespace palpate::view {
 

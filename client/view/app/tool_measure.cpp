@@ -3,7 +3,7 @@
 #include <imgui.h>
 
 #include "client/view/app/tool.h"
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 
 namespace palpate::view {
 namespace {

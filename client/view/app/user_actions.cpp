@@ -4,7 +4,7 @@
 #include <memory>
 #include <utility>
 
-#include "client/view/live/shared_things.h"
+#include "client/view/palpated/shared_things.h"
 #include "common/error/error.h"
 
 namespace palpate::view {

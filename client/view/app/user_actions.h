@@ -7,11 +7,11 @@
 #include <optional>
 #include <string>
 
-#include "client/view/live/brush.h"
-#include "client/view/live/history.h"
-#include "client/view/live/live_feed.h"
-#include "client/view/live/setting_change.h"
-#include "client/view/scene/cut_handles.h"
+#include "client/view/drawing/cut_handles.h"
+#include "client/view/palpated/brush.h"
+#include "client/view/palpated/history.h"
+#include "client/view/palpated/live_feed.h"
+#include "client/view/palpated/setting_change.h"
 
 namespace palpate::view {
 

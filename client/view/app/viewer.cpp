@@ -8,11 +8,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "client/view/scene/brush_ball.h"
-#include "client/view/scene/haptic_patch.h"
-#include "client/view/scene/readout.h"
-#include "client/view/scene/surface_bounds.h"
-#include "client/view/scene/value_window.h"
+#include "client/view/drawing/brush_ball.h"
+#include "client/view/drawing/haptic_patch.h"
+#include "client/view/drawing/readout.h"
+#include "client/view/drawing/surface_bounds.h"
+#include "client/view/drawing/value_window.h"
 #include "common/error/error.h"
 #include "common/error/number_text.h"
 #include "common/isosurface/sub_cell.h"

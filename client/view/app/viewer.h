@@ -25,11 +25,11 @@
 #include "client/view/app/tool_cuts.h"
 #include "client/view/app/tool_hand.h"
 #include "client/view/app/user_actions.h"
-#include "client/view/live/brush.h"
-#include "client/view/live/live_feed.h"
-#include "client/view/live/session_words.h"
+#include "client/view/drawing/distances.h"
+#include "client/view/palpated/brush.h"
+#include "client/view/palpated/live_feed.h"
+#include "client/view/palpated/session_words.h"
 #include "client/view/render/frame_renderer.h"
-#include "client/view/scene/distances.h"
 
 namespace palpate::view {
 

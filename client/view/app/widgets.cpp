@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "client/sdk/words.h"
-#include "client/view/live/shared_things.h"
+#include "client/view/palpated/shared_things.h"
 #include "common/error/one_line.h"
 
 namespace palpate::view {

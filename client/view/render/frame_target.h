@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 
 namespace palpate::view {
 

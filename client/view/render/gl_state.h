@@ -3,7 +3,7 @@
 // Threads: that of the current OpenGL 4.3 context.
 #pragma once
 
-#include "client/view/scene/camera.h"
+#include "client/view/drawing/camera.h"
 
 namespace palpate::view {
 

@@ -7,8 +7,8 @@
 // Threads: that of the current OpenGL 4.3 context. Errors: those of ShaderProgram.
 #pragma once
 
+#include "client/view/drawing/overlay.h"
 #include "client/view/render/shader_program.h"
-#include "client/view/scene/overlay.h"
 
 namespace palpate::view {
 

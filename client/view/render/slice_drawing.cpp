@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "client/shading/shading.h"
-#include "client/view/scene/slice_view.h"
+#include "client/view/drawing/slice_view.h"
 
 namespace palpate::view {
 namespace {

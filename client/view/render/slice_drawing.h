@@ -8,11 +8,11 @@
 #include <cstdint>
 #include <optional>
 
+#include "client/view/drawing/patient_axes.h"
+#include "client/view/drawing/slice_view.h"
+#include "client/view/drawing/view_options.h"
 #include "client/view/render/frame_target.h"
 #include "client/view/render/volume_programs.h"
-#include "client/view/scene/patient_axes.h"
-#include "client/view/scene/slice_view.h"
-#include "client/view/scene/view_options.h"
 
 namespace palpate::view {
 

@@ -21,11 +21,11 @@
 #include <map>
 #include <memory>
 
+#include "client/view/drawing/camera.h"
+#include "client/view/drawing/view_options.h"
 #include "client/view/render/brick_cache.h"
 #include "client/view/render/shader_program.h"
 #include "client/view/render/volume_programs.h"
-#include "client/view/scene/camera.h"
-#include "client/view/scene/view_options.h"
 
 namespace palpate::view {
 

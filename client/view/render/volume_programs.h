@@ -9,9 +9,9 @@
 #include <optional>
 #include <string>
 
+#include "client/view/drawing/color_map.h"
 #include "client/view/render/brick_cache.h"
 #include "client/view/render/shader_program.h"
-#include "client/view/scene/color_map.h"
 
 namespace palpate::view {
 

@@ -1,4 +1,4 @@
-// The values that slices show from black to white (client/view/scene/value_window.h).
+// The values that slices show from black to white (client/view/drawing/value_window.h).
 import { clamp } from "../view/geometry";
 import type { Volume } from "../wire/contract";
 import type { ValueWindow } from "../wire/messages";

@@ -1,4 +1,4 @@
-// The camera of the desktop viewer (client/view/scene/camera.h): it turns about the point that it looks at, and
+// The camera of the desktop viewer (client/view/drawing/camera.h): it turns about the point that it looks at, and
 // keeps the device or the patient upright.
 //
 // Frames: D device (mm); U what is upright (x right, y up, z to the front); V view (mm, x right, y up, z towards

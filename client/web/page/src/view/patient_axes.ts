@@ -1,4 +1,4 @@
-// The patient's axes in a volume (client/view/scene/patient_axes.h). P is the patient's frame, LPS: x to the
+// The patient's axes in a volume (client/view/drawing/patient_axes.h). P is the patient's frame, LPS: x to the
 // patient's left, y to posterior, z to superior. Where it is not known, the axes of the world W stand in for it,
 // without letters.
 import type { Placement, Volume } from "../wire/contract";

@@ -65,7 +65,7 @@ export class PalpationScene {
     new three.LineBasicMaterial({ color: 0x808c9e, transparent: true, opacity: 0.6 }),
   );
   private letters: { sprite: three.Sprite; face: Vec3; outward: Vec3 }[] = [];
-  // In the desktop viewer's colours (client/view/scene/overlay.h).
+  // In the desktop viewer's colours (client/view/drawing/overlay.h).
   private readonly hip = seenThrough(new three.SphereGeometry(1, 24, 16), 0xeb4b3c);
   private readonly scpH = seenThrough(new three.BoxGeometry(1.6, 1.6, 1.6), 0x3cc85a);
   private readonly scpV = seenThrough(new three.OctahedronGeometry(1.25), 0x4682ff);

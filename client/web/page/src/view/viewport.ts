@@ -20,7 +20,7 @@ import { PalpationScene } from "./scene";
 import type { Tool } from "./tool";
 import { isMaterialAbove, layersOf } from "./layers";
 
-// The desktop viewer's (client/view/scene/view_options.h).
+// The desktop viewer's (client/view/drawing/view_options.h).
 const kSurfaceColor: Vec3 = [0.87, 0.8, 0.7];
 const kVeilColor: Vec3 = [0.45, 0.75, 1];
 const kPatientAngles = [20, 10]; // azimuth and elevation of the first look

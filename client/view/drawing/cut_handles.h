@@ -1,0 +1,97 @@
+// Handles of crop box and clip planes: an arrow on each face of the box, and on each plane an arrow
+// and a disc whose rim turns the plane. What the pointer hits, and what a drag makes of the cuts.
+//
+// Frames: D (mm), I (voxels); pixels from the picture's upper left corner.
+// Threads: plain values and pure functions.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <tuple>
+
+#include "client/view/drawing/camera.h"
+#include "client/view/drawing/overlay.h"
+#include "client/view/drawing/view_options.h"
+
+namespace palpate::view {
+
+// All that is cut away.
+struct Cuts {
+  CropBox crop{};
+  decltype(SurfaceOptions::planes) planes{};
+  friend bool operator==(const Cuts&, const Cuts&) = default;
+};
+inline constexpr std::size_t kClipPlanes = std::tuple_size_v<decltype(Cuts::planes)>;
+
+Cuts CutsOf(const SurfaceOptions& surface);
+void SetCuts(const Cuts& cuts, SurfaceOptions& surface);
+
+// The least share of the volume that stays between two faces of the crop box.
+inline constexpr double kLeastCrop = 0.01;
+
+// A point of the lattice with its layer of background, from fractions of it.
+Vec3 PointOfFractions(const Vec3& fractions, const Vec3i& lattice_size);
+// The offsets at which a plane of this normal cuts nothing of the lattice (the second) and
+// everything (the first); in voxels.
+std::array<double, 2> OffsetRange(const Vec3& normal_I, const Vec3i& lattice_size);
+
+struct CutScene {
+  Cuts cuts{};
+  AffineMap X_DI{};
+  Vec3i lattice_size = Vec3i::Zero();
+  // A plane's handle is at the point of the plane that is nearest to this one.
+  std::array<Vec3, kClipPlanes> pivots_I{};
+  // Of the handles' size: 1 on screens of about 100 pixels per inch.
+  double scale = 1.0;
+};
+
+struct CutHandle {
+  enum class Kind {
+    kFace,   // of the crop box
+    kPlane,  // moves a plane along its normal
+    kRim,    // turns a plane
+  };
+  Kind kind = Kind::kFace;
+  std::size_t number =
+      0;  // of a face: 2 · axis, and one more for the greater end; else the plane's
+  friend bool operator==(const CutHandle&, const CutHandle&) = default;
+};
+
+// The handle under the pointer, the nearest of several. An arrow that points to the eye is none.
+std::optional<CutHandle> HandleAt(const CutScene& scene, const Projection& projection,
+                                  const Eigen::Vector2d& at_px);
+
+// A drag of a handle. The place where the pointer took it stays under the pointer, as far as the
+// cuts can follow: faces stay in the volume and apart, planes within the volume.
+class CutDrag {
+ public:
+  CutDrag(const CutHandle& handle, const CutScene& scene, const Projection& projection,
+          const Eigen::Vector2d& at_px);
+
+  const CutHandle& handle() const { return handle_; }
+  // The cuts and pivots with the pointer here.
+  CutScene At(const Projection& projection, const Eigen::Vector2d& at_px) const;
+
+ private:
+  Vec3 DirectionAt(const Projection& projection, const Eigen::Vector2d& at_px) const;
+  void Turn(const Vec3& direction_D, CutScene& scene) const;
+
+  CutHandle handle_;
+  CutScene begun_;
+  Vec3 origin_D_ = Vec3::Zero();
+  Vec3 along_D_ = Vec3::UnitX();  // of length 1: of the arrow
+  double taken_mm_ = 0.0;         // along the arrow
+  // Of a rim: a sphere about the origin, on which the taken point moves.
+  double radius_mm_ = 0.0;
+  Vec3 taken_D_ = Vec3::UnitX();                         // direction from the origin
+  Eigen::Vector2d beside_px_ = Eigen::Vector2d::Zero();  // of the pointer from the rim
+  bool is_near_ = true;                                  // on the side of the eye
+};
+
+// Adds the edges of the crop box.
+void AddCropBox(const CutScene& scene, Overlay& overlay);
+// Adds all handles; `lit`: the one that the pointer has.
+void AddCutHandles(const CutScene& scene, const std::optional<CutHandle>& lit,
+                   const Projection& projection, Overlay& overlay);
+
+}  // namespace palpate::view
