@@ -1,7 +1,7 @@
 """palpate-view as a person has it: in a window on a screen of its own, with pointer and keys.
 
 Controls are found by their text. The places below are pixels of the window's layout
-(client/view/app/layout.h) on 1280 by 800 pixels, as it begins: left, top, right, bottom.
+(client/view/viewer/layout.h) on 1280 by 800 pixels, as it begins: left, top, right, bottom.
 """
 
 import os

@@ -138,10 +138,14 @@ LAYERS = {
     "client/view/drawing": COMMON + ["client/sdk", "client/view/volume"],
     "client/view/render": COMMON + ["client/shading", "client/view/volume", "client/view/drawing"],
     "client/view/palpated": COMMON + ["client/files", "client/sdk", "client/view/volume"],
-    "client/view/app": COMMON + ["common/arguments", "common/wire", "client/program",
-                                 "client/sdk",
-                                 "client/view/volume", "client/view/drawing",
-                                 "client/view/render", "client/view/palpated"],
+    "client/view/viewer": COMMON + ["common/arguments", "common/wire", "client/program",
+                                    "client/sdk", "client/view/volume", "client/view/drawing",
+                                    "client/view/render", "client/view/palpated"],
+    "client/view/panels": COMMON + ["client/sdk", "client/view/drawing", "client/view/palpated",
+                                    "client/view/viewer"],
+    "client/view/window": COMMON + ["common/arguments", "client/program", "client/sdk",
+                                    "client/view/render", "client/view/viewer",
+                                    "client/view/panels"],
 }
 
 # Library: its includes, and the folders that may use it.
@@ -166,8 +170,11 @@ LIBRARIES = {
                               "client/web/http"]),
     "prometheus-cpp": (r"prometheus/", ["server/metrics", "server/app", "client/web/app"]),
     "TBB": (r"tbb/", ["server/volume/load", "server/volume/edit", "server/app", "server/lab"]),
-    "OpenGL": (r"epoxy/|GL/", ["client/view/render", "client/view/app"]),
-    "GLFW, Dear ImGui, libpng": (r"GLFW/|imgui|backends/imgui|png", ["client/view/app"]),
+    "OpenGL": (r"epoxy/|GL/", ["client/view/render", "client/view/viewer",
+                                 "client/view/panels", "client/view/window"]),
+    "Dear ImGui": (r"imgui|backends/imgui", ["client/view/viewer", "client/view/panels",
+                                             "client/view/window"]),
+    "GLFW, libpng": (r"GLFW/|png", ["client/view/window"]),
     "libnats": (r"nats/", ["client/web/nats"]),
     "zstd and xxHash": (r"zstd|xxhash", ["common/bricks", "server/recording"]),
 }

@@ -1,5 +1,5 @@
 // What Esc closes, and when it stops the forces.
-#include "client/view/app/escape.h"
+#include "client/view/viewer/escape.h"
 
 #include <gtest/gtest.h>
 

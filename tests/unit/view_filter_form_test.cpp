@@ -1,5 +1,5 @@
 // A filter that palpated takes, of whatever was set before.
-#include "client/view/app/filter_form.h"
+#include "client/view/viewer/filter_form.h"
 
 #include <gtest/gtest.h>
 

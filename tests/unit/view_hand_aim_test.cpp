@@ -1,4 +1,4 @@
-#include "client/view/app/hand_aim.h"
+#include "client/view/viewer/hand_aim.h"
 
 #include <gtest/gtest.h>
 

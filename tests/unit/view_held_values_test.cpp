@@ -1,5 +1,5 @@
 // A control shows the user's value until palpated has it, and not for ever.
-#include "client/view/app/held_values.h"
+#include "client/view/viewer/held_values.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // In every window the parts lie beside each other within it, and the view has its half.
-#include "client/view/app/layout.h"
+#include "client/view/viewer/layout.h"
 
 #include <gtest/gtest.h>
 

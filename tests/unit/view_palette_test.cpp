@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "client/view/app/theme.h"
+#include "client/view/viewer/theme.h"
 
 namespace palpate::view {
 namespace {

@@ -1,5 +1,5 @@
 // The brush under the pointer, on a surface of which every depth is known.
-#include "client/view/app/pointer_stroke.h"
+#include "client/view/viewer/pointer_stroke.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // What the window remembers comes back, and a damaged file never stops a start.
-#include "client/view/app/preferences.h"
+#include "client/view/viewer/preferences.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
