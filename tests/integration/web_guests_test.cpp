@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "client/web/http/guest.h"
-#include "common/wire/envelope.h"
+#include "client/web/wire/envelope.h"
 #include "tests/support/web_rig.h"
 
 namespace palpate::test {

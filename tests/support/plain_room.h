@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/web/nats/room_copy.h"
+#include "client/web/room/room_copy.h"
 #include "client/web/volume/blob_name.h"
 #include "client/web/volume/manifest.h"
 #include "common/bricks/zstd_codec.h"

@@ -1,5 +1,5 @@
 // What guests' browsers and rooms get of the contract's messages.
-#include "common/wire/envelope.h"
+#include "client/web/wire/envelope.h"
 
 #include <gtest/gtest.h>
 

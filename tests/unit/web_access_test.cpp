@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "client/sdk/settings.h"
-#include "client/web/access/access.h"
+#include "client/web/logins/access.h"
 #include "tests/support/refusal.h"
 
 namespace palpate::web {

@@ -8,7 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "common/wire/envelope.h"
+#include "client/web/wire/envelope.h"
 
 namespace palpate::web {
 namespace {

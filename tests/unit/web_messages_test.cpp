@@ -4,8 +4,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "client/web/source/rights.h"
-#include "client/web/source/topic_text.h"
+#include "client/web/upstream/rights.h"
+#include "client/web/upstream/topic_text.h"
 
 namespace palpate::web {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <variant>
 
-#include "client/web/nats/remote_steering.h"
+#include "client/web/room/remote_steering.h"
 
 namespace palpate::web {
 namespace {

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/web/nats/room_copy.h"
+#include "client/web/room/room_copy.h"
 #include "tests/support/plain_room.h"
 
 namespace palpate::web {

@@ -5,7 +5,7 @@
 #include <set>
 #include <string>
 
-#include "client/web/nats/room_state.h"
+#include "client/web/room/room_state.h"
 
 namespace palpate::web {
 namespace {

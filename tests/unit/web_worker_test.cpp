@@ -1,5 +1,5 @@
 // Work that waits: the newest of a key, in order, each called once.
-#include "client/web/source/worker.h"
+#include "client/web/upstream/worker.h"
 
 #include <gtest/gtest.h>
 

@@ -4,9 +4,9 @@
 #include <fstream>
 #include <functional>
 
-#include "client/web/access/steering_rules.h"
 #include "client/web/app/secret_file.h"
 #include "client/web/http/origins.h"
+#include "client/web/logins/steering_rules.h"
 #include "common/error/error.h"
 
 namespace palpate::web {

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "client/sdk/server_choice.h"
-#include "client/web/access/access.h"
 #include "client/web/app/nats_config.h"
 #include "client/web/http/http_options.h"
+#include "client/web/logins/access.h"
 #include "common/wire/address.h"
 
 namespace palpate::web {

@@ -7,7 +7,7 @@
 
 #include "client/web/app/config.h"
 #include "client/web/app/secret_file.h"
-#include "client/web/nats/subjects.h"
+#include "client/web/room/subjects.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"
 

@@ -23,9 +23,9 @@
 #include "client/web/app/metrics.h"
 #include "client/web/http/server.h"
 #include "client/web/hub/hub.h"
-#include "client/web/nats/room_publisher.h"
-#include "client/web/nats/room_source.h"
-#include "client/web/source/palpated_source.h"
+#include "client/web/room/room_publisher.h"
+#include "client/web/room/room_source.h"
+#include "client/web/upstream/palpated_source.h"
 #include "common/error/one_line.h"
 
 namespace palpate::web {

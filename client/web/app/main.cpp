@@ -8,10 +8,10 @@
 
 #include "client/program/server_options.h"
 #include "client/sdk/calls.h"
-#include "client/web/access/secret.h"
 #include "client/web/app/config.h"
 #include "client/web/app/gateway.h"
 #include "client/web/app/nats_user.h"
+#include "client/web/logins/secret.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
 #include "common/error/one_line.h"

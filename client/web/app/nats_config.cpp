@@ -4,7 +4,7 @@
 #include <string>
 
 #include "client/web/app/secret_file.h"
-#include "client/web/nats/subjects.h"
+#include "client/web/room/subjects.h"
 #include "common/error/error.h"
 
 namespace palpate::web {

@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "client/web/nats/nats_options.h"
+#include "client/web/room/nats_options.h"
 
 namespace palpate::web {
 

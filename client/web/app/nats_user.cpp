@@ -6,8 +6,8 @@
 #include <functional>
 #include <vector>
 
-#include "client/web/access/secret.h"
-#include "client/web/nats/subjects.h"
+#include "client/web/logins/secret.h"
+#include "client/web/room/subjects.h"
 #include "common/error/error.h"
 
 namespace palpate::web {

@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/web/access/sessions.h"
+#include "client/web/logins/sessions.h"
 #include "client/web/volume/blob.h"
 
 namespace palpate::web {

@@ -15,7 +15,7 @@
 #include <string>
 #include <utility>
 
-#include "client/web/access/sessions.h"
+#include "client/web/logins/sessions.h"
 
 namespace palpate::web {
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <string_view>
 
-#include "client/web/access/sessions.h"
 #include "client/web/http/http_options.h"
+#include "client/web/logins/sessions.h"
 
 namespace palpate::web {
 

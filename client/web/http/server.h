@@ -12,9 +12,9 @@
 #include <cstdint>
 #include <memory>
 
-#include "client/web/access/access.h"
 #include "client/web/http/http_options.h"
 #include "client/web/hub/hub.h"
+#include "client/web/logins/access.h"
 
 namespace palpate::web {
 

@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "client/web/access/access.h"
 #include "client/web/http/answer.h"
 #include "client/web/http/connections.h"
 #include "client/web/http/http_options.h"
@@ -15,6 +14,7 @@
 #include "client/web/http/quiet_log.h"
 #include "client/web/http/static_files.h"
 #include "client/web/hub/hub.h"
+#include "client/web/logins/access.h"
 
 namespace palpate::web {
 

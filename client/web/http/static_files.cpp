@@ -7,7 +7,7 @@
 #include <memory>
 #include <utility>
 
-#include "client/web/access/secret.h"
+#include "client/web/logins/secret.h"
 #include "common/error/error.h"
 
 namespace palpate::web {

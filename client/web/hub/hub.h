@@ -1,5 +1,5 @@
 // The newest of everything that guests are told: one message per topic, and one pose. Messages are
-// bytes of an Envelope (common/wire/envelope.h), or JSON of what only the gateway knows.
+// bytes of an Envelope (client/web/wire/envelope.h), or JSON of what only the gateway knows.
 //
 // A subscriber is a guest's connection. It learns that a topic or the pose is new and reads the
 // newest when it can write. So a slow guest skips values and costs no memory.
@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "client/web/volume/blob.h"
-#include "common/wire/envelope.h"
+#include "client/web/wire/envelope.h"
 
 namespace palpate::web {
 

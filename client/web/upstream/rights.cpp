@@ -1,0 +1,15 @@
+#include "client/web/upstream/rights.h"
+
+namespace palpate::web {
+
+std::string RightsWarning(client::Role role, bool steers) {
+  const client::Role needed = steers ? client::Role::kEditor : client::Role::kViewer;
+  if (role <= needed) return "";
+  const std::string word = steers ? "editor" : "viewer";
+  return "warning: palpated lets this gateway do more than the " + word +
+         " that it needs to be: connect it by loopback TCP" +
+         (steers ? " with TLS and" : ", or by") + " a token of the role " + word +
+         ", not by the socket (see the guide 'Guests in a browser')";
+}
+
+}  // namespace palpate::web
