@@ -2,22 +2,19 @@
 # find_package(palpate-client) reads.
 include(CMakePackageConfigHelpers)
 
+file(GLOB contract CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/common/contract/*.h)
 # None of them includes gRPC or protobuf: unit.include_layers checks it.
 target_sources(palpate_client PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES
   activity.h calls.h client.h connection.h device.h download.h edit.h facts.h hand_lead.h nrrd_file.h placement.h pose.h pose_reader.h progress.h
-  recording.h series.h server_choice.h setting.h settings.h volume.h volume_mirror.h volume_update.h words.h
+  recording.h series.h server_choice.h setting.h setting_list.h settings.h volume.h volume_mirror.h volume_update.h words.h
   ${PROJECT_SOURCE_DIR}/common/bricks/brick.h
   ${PROJECT_SOURCE_DIR}/common/bricks/brick_map.h
   ${PROJECT_SOURCE_DIR}/common/bricks/leaf_type.h
   ${PROJECT_SOURCE_DIR}/common/bricks/typed_brick.h
   ${PROJECT_SOURCE_DIR}/common/bricks/volume_event.h
-  ${PROJECT_SOURCE_DIR}/common/contract/enumeration.h
+  ${contract}
   ${PROJECT_SOURCE_DIR}/common/error/error.h
   ${PROJECT_SOURCE_DIR}/common/geometry/geometry.h)
-target_sources(palpate_client PUBLIC FILE_SET written TYPE HEADERS
-  BASE_DIRS ${PALPATE_CONTRACT_FOLDER} FILES
-  ${PALPATE_CONTRACT_FOLDER}/client/sdk/setting_list.h
-  ${PALPATE_CONTRACT_HEADERS})
 target_compile_features(palpate_client PUBLIC cxx_std_20)
 
 set(names client)
@@ -38,8 +35,7 @@ endforeach()
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/palpate-client)
 install(TARGETS ${targets} EXPORT palpate-client COMPONENT palpate-client
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/palpate
-  FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT palpate-client
-  FILE_SET written DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT palpate-client)
+  FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT palpate-client)
 install(EXPORT palpate-client NAMESPACE palpate:: FILE palpate-client-targets.cmake
   DESTINATION ${package} COMPONENT palpate-client)
 write_basic_package_version_file(

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
-"""Writes what the contract declares into files of the source tree: the settings into
-deploy/config/palpated.toml and deploy/guides/settings.md, and what enumerators say into the page's
+"""Writes what the contract declares into files of the source tree: C++ (common/contract,
+common/wire/values, lists of settings, the layout of recorded ticks), the settings in
+deploy/config/palpated.toml and deploy/guides/settings.md, and what enumerators say, in the page's
 words.ts. Run it when the contract has changed.
 
 --check: only says which file has something else; exit code 1 then.
@@ -21,13 +22,16 @@ BEGIN = "The list of settings begins. It is written by proto/generate/update.py.
 END = "The list of settings ends."
 
 
-def written(folder: pathlib.Path) -> dict[str, str]:
-    """What the list says now, by the names of its files."""
-    subprocess.run(
-        ["protoc", f"--proto_path={ROOT}/proto", f"--contract_out={folder}",
-         f"--plugin=protoc-gen-contract={HERE}/protoc-gen-contract", "--contract_opt=texts",
-         *sorted(map(str, (ROOT / "proto").glob("palpate/v1/*.proto")))], check=True)
-    return {path.name: path.read_text() for path in folder.iterdir()}
+def written(kind: str) -> dict[str, str]:
+    """What the contract says now, by the names of its files. kind: as protoc-gen-contract has it."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        subprocess.run(
+            ["protoc", f"--proto_path={ROOT}/proto", f"--contract_out={folder}",
+             f"--plugin=protoc-gen-contract={HERE}/protoc-gen-contract", f"--contract_opt={kind}",
+             *sorted(map(str, (ROOT / "proto").glob("palpate/v1/*.proto")))], check=True)
+        return {str(path.relative_to(folder)): path.read_text()
+                for path in folder.rglob("*") if path.is_file()}
 
 
 def with_list(text: str, listed: str, begin: str, end: str) -> str:
@@ -43,20 +47,26 @@ def main() -> int:
     check = sys.argv[1:] == ["--check"]
     if sys.argv[1:] and not check:
         raise SystemExit(__doc__)
-    with tempfile.TemporaryDirectory() as folder:
-        lists = written(pathlib.Path(folder))
-    stale = 0
+    files, lists = written("cpp"), written("texts")
     for name, (listed, left, right) in FILES.items():
-        path = ROOT / name
-        before, now = path.read_text() if path.exists() else "", lists[listed]
+        files[name] = lists[listed]
         if left is not None:
-            now = with_list(before, now, f"{left}{BEGIN}{right}", f"{left}{END}{right}")
-        if now == before:
+            files[name] = with_list((ROOT / name).read_text(), lists[listed],
+                                    f"{left}{BEGIN}{right}", f"{left}{END}{right}")
+    gone = {str(path.relative_to(ROOT)) for path in (ROOT / "common/contract").glob("*.h")
+            if path.name != "enumeration.h"} - files.keys()
+    if gone:
+        raise SystemExit(f"not written any more: delete {' '.join(sorted(gone))}")
+    stale = 0
+    for name, now in files.items():
+        path = ROOT / name
+        if path.exists() and path.read_text() == now:
             continue
         stale += 1
         print(f"{name}: "
               f"{'not as the contract has it: run proto/generate/update.py' if check else 'written'}")
         if not check:
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(now)
     return 1 if check and stale else 0
 

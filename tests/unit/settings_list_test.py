@@ -34,8 +34,8 @@ def generate(field, *more):
         return done.returncode, done.stderr
 
 
-class Texts(unittest.TestCase):
-    def test_palpated_toml_and_the_guide_have_the_list(self):
+class Written(unittest.TestCase):
+    def test_the_tree_has_what_the_contract_declares(self):
         done = subprocess.run([PROTO / "generate/update.py", "--check"], capture_output=True,
                               text=True, check=False)
         self.assertEqual((done.returncode, done.stdout), (0, ""), done.stderr)

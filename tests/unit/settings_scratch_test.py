@@ -73,14 +73,8 @@ class ScratchTest(unittest.TestCase):
         say("table of the guide", line)
 
     def test_programs(self):
-        made, probe = self.root / "made", self.root / "probe"
-        made.mkdir()
-        run("protoc", f"--proto_path={self.root}/proto", f"--contract_out={made}",
-            f"--plugin=protoc-gen-contract={self.root}/proto/generate/protoc-gen-contract",
-            "--contract_opt=cpp",
-            *sorted((self.root / "proto/palpate/v1").glob("*.proto")))
-        run("c++", "-std=c++20", "-O0", "-Wall", "-Wextra", "-Werror", "-I", self.root, "-I", made,
-            "-isystem", "/usr/include/eigen3", "-o", probe,
+        probe = self.root / "probe"
+        run("c++", "-std=c++20", "-O0", "-Wall", "-Wextra", "-Werror", "-I", self.root, "-isystem", "/usr/include/eigen3", "-o", probe,
             *(self.root / source for source in (
                 "tests/support/setting_probe.cpp", "client/cli/setting.cpp",
                 "client/view/palpated/setting_change.cpp")), "-lfmt")
