@@ -219,6 +219,8 @@ class Session {
   std::vector<FeltBall> FieldsFor(const HapticSettings& felt, const SettingsUpdate& settings,
                                   const AffineMap& X_DI, const VolumeSnapshot& volume,
                                   const LoadProgress& progress) const;
+  // Throws kConflict if the settings have another revision.
+  void RequireRevision(const std::optional<std::uint64_t>& expected) const;
   // Throws kUnavailable if the servo does not run, because then nobody would feel a change.
   void RequireServo() const;
   void TellBeforeOtherVolume(const HapticSettings& felt, const AffineMap& X_DI, double isovalue,
