@@ -66,7 +66,6 @@ VolumeReader::Event VolumeReader::Next(std::chrono::milliseconds timeout) {
   }
   losses_in_a_row_ = 0;
   bytes_received_ += response.ByteSizeLong();
-  ++messages_received_;
   try {
     const VolumeMessage message = palpate::FromProto(std::move(response));
     mirror_.Apply(message.event);

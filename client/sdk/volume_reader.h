@@ -60,7 +60,6 @@ class VolumeReader {
   std::uint64_t losses() const { return losses_; }
   // Bytes of all messages so far, without the transport's frames.
   std::uint64_t bytes_received() const { return bytes_received_; }
-  std::uint64_t messages_received() const { return messages_received_; }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -78,7 +77,6 @@ class VolumeReader {
   int damaged_in_a_row_ = 0;
   std::uint64_t losses_ = 0;
   std::uint64_t bytes_received_ = 0;
-  std::uint64_t messages_received_ = 0;
 };
 
 }  // namespace palpate::client

@@ -51,7 +51,7 @@ class TickComputation {
     renderer_.glides = true;
   }
 
-  // Returns the sample without its times and without SCP_V (samples/scp_v.h). `scene` must stay
+  // Returns the sample without its times and without SCP_V (server/pump/scp_v.h). `scene` must stay
   // valid until Run returns.
   TickSample Run(const Scene& scene, const TickInput& input) noexcept;
 

@@ -50,19 +50,4 @@ Vec3 OmniTorques_n_mm(const OmniJoints& joints, const Vec3& force_M_n) {
   return OmniJacobian(joints).transpose() * force_M_n;
 }
 
-bool OmniJointsAt(const Vec3& p_M_mm, OmniJoints& joints) {
-  const double x = p_M_mm.x(), z = p_M_mm.z() + kBackMm;
-  // In the plane of the arm, in links: (reach, height) = (cos s + sin e, sin s - cos e). With e = o
-  // + 90°, this is the sum of the unit vectors at s and o. The sum's direction bisects the two.
-  const double reach = std::hypot(x, z) / kOmniLinkMm;
-  const double height = (p_M_mm.y() - kRiseMm) / kOmniLinkMm;
-  const double length = std::hypot(reach, height);
-  if (!(reach > 0.0) || !(length <= 2.0)) return false;
-  const double middle_rad = std::atan2(height, reach), half_rad = std::acos(0.5 * length);
-  joints.base_rad = std::atan2(-x, z);
-  joints.shoulder_rad = middle_rad + half_rad;
-  joints.elbow_rad = middle_rad - half_rad + 0.5 * std::numbers::pi;
-  return true;
-}
-
 }  // namespace palpate

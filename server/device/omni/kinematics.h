@@ -48,8 +48,4 @@ Mat3 OmniJacobian(const OmniJoints& joints);
 // The joint torques that put this force on the hand.
 Vec3 OmniTorques_n_mm(const OmniJoints& joints, const Vec3& force_M_n);
 
-// Computes the joints for a position, with the elbow up: the arm cannot fold the other way. Returns
-// false, and sets nothing, if the links are too short or the position is on the base's axis.
-bool OmniJointsAt(const Vec3& p_M_mm, OmniJoints& joints);
-
 }  // namespace palpate
