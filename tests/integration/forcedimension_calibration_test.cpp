@@ -75,7 +75,7 @@ TEST_F(ForceDimensionTest, AnArmMovesByItselfOnlyWithForcesOffAndAfterAWarning) 
   EXPECT_TRUE(Pushes());
   EXPECT_EQ(fake().auto_inits, 1);
   EXPECT_EQ(fake().drd_stops, 1);
-  EXPECT_EQ((*device_)->health().connections, 1u);
+  EXPECT_EQ(device_->health().connections, 1u);
   (*device_)->Calibrate();
   EXPECT_TRUE(device_->Logs("forces are on", kPush));
   EXPECT_EQ(fake().auto_inits, 1);

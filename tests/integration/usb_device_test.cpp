@@ -176,31 +176,6 @@ TEST_F(AnsweringUsbDeviceTest, IsAskedForEachReadingAndAgainWhereAQuestionIsLost
   EXPECT_TRUE(Eventually([&] { return device_->health().readings > readings + 100; }));
 }
 
-// A servo that resumes with its old force would kick the hand.
-TEST_F(UsbDeviceTest, WritesZeroWhenTheServoDoesNotAndUntilItWroteZero) {
-  StartStreaming();
-  ASSERT_TRUE(Eventually([&] { return stylus_.Forces().size() > 10; }));
-  EXPECT_FALSE(IsOn(stylus_.Forces().back()));
-  EXPECT_EQ(device_->health().watchdog_zeros, 0u);  // the servo has not begun
-  for (int i = 0; i < 3; ++i) {
-    ASSERT_TRUE(ServeUntilOn(2.0));
-    const std::uint64_t zeros = device_->health().watchdog_zeros;
-    EXPECT_TRUE(Eventually([&] {
-      return !IsOn(stylus_.Forces().back()) && device_->health().watchdog_zeros > zeros;
-    }));
-    EXPECT_EQ(stylus_.Forces().back().x_n, 0.0);
-    const auto before = static_cast<std::ptrdiff_t>(stylus_.Forces().size());
-    EXPECT_TRUE(Eventually([&] {
-      device_->Write({{Vec3(2.0, 0.0, 0.0)}, true}, 0.001);
-      EXPECT_NE(device_->Read(state_), DeviceStatus::kOk);
-      return std::ssize(stylus_.Forces()) > before + 20;
-    }));
-    const std::vector<PlainForce> forces = stylus_.Forces();
-    EXPECT_TRUE(std::none_of(forces.begin() + before, forces.end(), IsOn));
-  }
-  EXPECT_TRUE(ServeUntilOn(2.0));
-}
-
 // Returns the number of the thread with this name.
 int ThreadNamed(const std::string& name) {
   for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
@@ -267,33 +242,6 @@ TEST_F(UsbDeviceTest, StopsInGoodOrderAndStartsAgain) {
   // It does not wait for a device that is dead.
   stylus_.SetFaults({.silent = true, .deaf = true});
   device_->Stop();
-}
-
-TEST_F(UsbDeviceTest, IsLookedForUntilItIsPluggedInAndAgainWhenItWasPulledOut) {
-  device_->Start();
-  ASSERT_TRUE(Eventually([&] { return HasProblem("not found"); }));
-  // Time for further tries, which are no news.
-  std::this_thread::sleep_for(2 * DeviceLink::kRetry);
-  EXPECT_EQ(TakeLines("not found"), 1u);
-  for (const char* port : {"1-1", "1-1", "1-4"}) {
-    bus_.Plug(port, stylus_);
-    ASSERT_TRUE(Eventually([&] { return StreamsWell(); }));
-    EXPECT_GE(TakeLines(std::string(port) + ": connected"), 1u);
-    ASSERT_TRUE(ServeUntilOn(1.0));
-    bus_.Unplug(port);
-    // If it was silent just before, it is not found.
-    ASSERT_TRUE(Eventually([&] { return HasProblem("unplugged") || HasProblem("not found"); }));
-    EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
-  }
-  std::this_thread::sleep_for(2 * DeviceLink::kRetry);
-  const std::size_t unplugged = TakeLines("unplugged");
-  EXPECT_GE(unplugged, 1u);
-  EXPECT_EQ(unplugged + TakeLines("not found"), 3u);
-  // Whether it is really gone is more than the host can know: zero force was tried.
-  std::vector<UsbEvent> late = stylus_.Events();
-  std::erase_if(late, [](const UsbEvent& event) { return event.kind != UsbEvent::Kind::kLateOut; });
-  ASSERT_FALSE(late.empty());
-  EXPECT_EQ(late.back().bytes, (Bytes{0xa5, 0, 0, 0}));
 }
 
 TEST_F(UsbDeviceTest, IsGivenUpAfterAFaultThatStaysAndConnectedAgain) {
@@ -420,20 +368,6 @@ TEST_F(UsbTimes, KeepsUpWithTheBus) {
               MedianOf(sent));
   EXPECT_GT(MedianOf(read), 0.95);
   EXPECT_LT(MedianOf(sent), 1.2);
-}
-
-TEST_F(UsbTimes, EachReadingIsAnsweredByAForce) {
-  stylus_.waits_for_forces = true;
-  StartStreaming();
-  ASSERT_TRUE(Serve(0.0, [&] { return device_->health().readings > 100; }));
-  const DeviceHealth before = device_->health();
-  ASSERT_TRUE(Serve(0.0, [&] { return device_->health().readings > 2000; }));
-  const DeviceHealth after = device_->health();
-  const auto forces = static_cast<double>(after.forces_written - before.forces_written);
-  const double share = forces / static_cast<double>(after.readings - before.readings);
-  std::printf("forces for each reading %.3f\n", share);
-  EXPECT_GT(share, 0.9);
-  EXPECT_LT(share, 1.1);
 }
 
 TEST_F(UsbTimes, TheForceEndsSoonAfterTheServo) {

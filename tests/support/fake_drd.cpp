@@ -375,6 +375,7 @@ int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double 
   call->last_command_ns = FakeDrdNowNs();
   call->commanded = true;
   ++call->forces_set;
+  if (!is_zero) ++call->pushes;
   return call->force_result;
 }
 #endif

@@ -101,8 +101,8 @@ struct FakeDrdDevice {
   std::atomic<bool> in_auto_init = false;
   std::atomic<bool> needs_drd_stop = false;
   std::atomic<int> opens = 0, closes = 0, positions_read = 0, statuses_read = 0, forces_set = 0,
-                   force_calls_while_off = 0, enable_ons = 0, enable_offs = 0, stops = 0,
-                   gravity_sets = 0, auto_inits = 0, drd_stops = 0;
+                   pushes = 0, force_calls_while_off = 0, enable_ons = 0, enable_offs = 0,
+                   stops = 0, gravity_sets = 0, auto_inits = 0, drd_stops = 0;
   std::atomic<int> concurrent_calls = 0;  // began while another thread was in a call for it
 
   bool IsWatchdogTripped(std::int64_t now_ns) const {

@@ -106,7 +106,15 @@ void hdMakeCurrentDevice(unsigned int which) {
 void hdDisableDevice(unsigned int which) {
   const std::lock_guard lock(fake.mutex);
   Note("hdDisableDevice");
-  if (set_up.erase(which) == 0) fake.breaches.emplace_back("hdDisableDevice of no device");
+  if (const auto found = set_up.find(which); found != set_up.end()) {
+    fake.force = {};  // it has no force then, we assume
+    FakeHdDevice& device = fake.devices[found->second];
+    device.force = {};
+    device.motors_on = false;
+    set_up.erase(found);
+  } else {
+    fake.breaches.emplace_back("hdDisableDevice of no device");
+  }
   if (runs) fake.breaches.emplace_back("hdDisableDevice while the scheduler runs");
   if (callback != nullptr) fake.breaches.emplace_back("hdDisableDevice with a callback");
   handle = set_up.empty() ? 0 : set_up.begin()->first;
@@ -132,6 +140,7 @@ void hdEndFrame(unsigned int which) {
   device.force = next_force;
   ++device.frames;
   const bool is_zero = next_force == std::array<double, 3>{};
+  fake.pushes += is_zero ? 0 : 1;
   fake.zero_frames_at_end = is_zero ? fake.zero_frames_at_end + 1 : 0;
   if (device.error != 0) fake.error_stack.emplace_back(device.error, which);
   if (fake.unplugged_error != 0) fake.error_stack.emplace_back(fake.unplugged_error, which);
@@ -196,10 +205,12 @@ void hdGetDoublev(unsigned int name, double* value) {
 void hdSetDoublev(unsigned int name, const double* value) {
   const std::lock_guard lock(fake.mutex);
   NeedFrame("hdSetDoublev");
-  if (name == 0x2700)
-    next_force = {value[0], value[1], value[2]};
-  else
+  if (name != 0x2700) {
     fake.error_stack.emplace_back(0x0100, handle);
+    return;
+  }
+  next_force = {value[0], value[1], value[2]};
+  ++fake.forces_set;
 }
 
 const char* hdGetString(unsigned int name) {

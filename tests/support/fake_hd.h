@@ -2,8 +2,8 @@
 // behaviour and read what it saw. It checks the library's required order of calls and notes each
 // breach.
 //
-// In another process, the file that PALPATE_FAKE_HD_HAND names leads its hand: position, buttons and
-// the stylus's axes x, y, z, as text. Whoever writes it renames it into its place.
+// In another process, the file that PALPATE_FAKE_HD_HAND names leads its hand: position, buttons
+// and the stylus's axes x, y, z, as text. Whoever writes it renames it into its place.
 //
 // Threads: the scheduler's own thread calls the callback. A test locks the mutex to read.
 #pragma once
@@ -55,6 +55,8 @@ struct FakeHdRecord {
   std::string device_name{"none was asked for"};
   std::uint64_t frames = 0;
   std::uint64_t inits = 0;
+  std::uint64_t forces_set = 0;
+  std::uint64_t pushes = 0;  // frames with a force
   std::uint64_t calibration_updates = 0;
   std::array<double, 3> force{};         // of the newest finished frame
   std::uint64_t zero_frames_at_end = 0;  // in a row until now

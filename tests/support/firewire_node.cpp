@@ -21,8 +21,6 @@ namespace {
 
 constexpr std::uint32_t kKernelVersion = 5;
 constexpr int kBandwidthUnits = 4915;
-// A mode does not stop root. Nobody, not even root, may write this file.
-constexpr const char* kForbidden = "/proc/sys/kernel/osrelease";
 
 using Kind = FirewireEvent::Kind;
 

@@ -24,21 +24,24 @@ inline const Wrench kPush{.force_n = Vec3(0.5, -0.25, 1.0), .torque_n_mm = Vec3(
 inline constexpr const char* kSigma = "sigma.7";
 
 // A sigma.7, the model that has all, unless the test says otherwise.
-class ForceDimensionTest : public ::testing::Test {
- protected:
-  ForceDimensionTest() {
+class ForceDimensionRig {
+ public:
+  ForceDimensionRig() {
     fake().watchdog_slack_ms = 60'000;  // this machine may stop for long
     Be(kSigma, true, true, true);
   }
-  ~ForceDimensionTest() override {
+  ~ForceDimensionRig() {
     device_.reset();
     EXPECT_EQ(drd_.Breaches(), breaches_);
     EXPECT_EQ(fake().gripper_force, 0.0);
   }
 
   FakeDrdDevice& fake(int n = 0) { return drd_.device(n); }
+  static void Name(FakeDrdDevice& device, const char* name) {
+    std::snprintf(device.system_name, sizeof device.system_name, "%s", name);
+  }
   void Be(const char* name, bool has_wrist, bool has_torque, bool has_gripper) {
-    std::snprintf(fake().system_name, sizeof fake().system_name, "%s", name);
+    Name(fake(), name);
     fake().has_wrist = has_wrist;
     fake().has_active_wrist = has_torque;
     fake().has_gripper = has_gripper;
@@ -48,7 +51,6 @@ class ForceDimensionTest : public ::testing::Test {
     device_.reset();
     device_ = std::make_unique<ServedDevice>(std::make_unique<ForceDimensionBus>(options));
   }
-  Vec3 Felt_M_n() { return hand_.Felt_n(); }
   bool Feels(const Wrench& wrench_M) {
     return (hand_.Felt_n() - wrench_M.force_n).norm() < 1e-9 &&
            (hand_.FeltTorque_n_mm() - wrench_M.torque_n_mm).norm() < 1e-9;
@@ -81,5 +83,83 @@ class ForceDimensionTest : public ::testing::Test {
   std::vector<std::string> breaches_{};  // expected of the test
 };
 
+class ForceDimensionTest : public ::testing::Test, protected ForceDimensionRig {};
+
 }  // namespace forcedimension
+
+// An omega.3, which has a force only.
+class OmegaRig : public forcedimension::ForceDimensionRig {
+ public:
+  static constexpr const char *kKind = "forcedimension", *kModel = "omega.3";
+  static constexpr const char *kOther = "54321", *kBoth = "12345, 54321";
+  static constexpr const char *kAbsent = "plug it in", *kLost = "unplugged";
+  static constexpr const char* kSilent = "no reading for 100 ms";
+  static constexpr std::size_t kLinesOfALoss = 1;
+  static constexpr bool kForgetsItsPlace = false;
+  static constexpr double kPlaceMm = 1e-9, kForceN = 1e-3;
+  static inline const Vec3 kRest = Vec3::Zero();
+
+  OmegaRig() { Be(kModel, false, false, false); }
+  ~OmegaRig() {
+    device_.reset();
+    EXPECT_FALSE(fake().opened || fake(1).opened);
+  }
+
+  void Make(const std::string& serial = "") {
+    ForceDimensionRig::Make({.model = kModel, .serial = serial});
+  }
+  void Plug() { fake().present = true; }
+  void Unplug() { fake().present = false; }
+  void PlugOther() {
+    Name(fake(1), kModel);
+    fake(1).present = true;
+  }
+  // Too early for a reading, says the library.
+  void SetSilent(bool silent) { fake().position_result = silent ? 1 : 0; }
+  void Place(const Vec3& p_mm) { hand_.Place(p_mm); }
+  Vec3 Felt_n() { return hand_.Felt_n(); }
+  // Without a program it brakes by itself.
+  bool IsLetGoOf() { return fake().present ? ForceDimensionRig::IsLetGoOf() : Felt_n().isZero(); }
+  DeviceTally Tally() {
+    const auto count = [](int n) { return static_cast<std::uint64_t>(n); };
+    return {.readings = count(fake().positions_read),
+            .forces = count(fake().forces_set),
+            .pushes = count(fake().pushes)};
+  }
+  std::uint64_t Touches() { return static_cast<std::uint64_t>(fake().enable_ons); }
+  bool IsTouched() { return fake().opened; }
+  bool IsOtherDriven() { return fake(1).opened; }
+  std::vector<Hindrance> Hindrances() {
+    const auto without_library = [this](const std::string& library, const char* told) {
+      return Hindrance{
+          .make = [=, this] { ForceDimensionRig::Make({.library = library, .model = kModel}); },
+          .told = {told, "forcedimension_library"},
+          .comes_by_itself = false};
+    };
+    const auto is_another = [this](const char* name, const char* told) {
+      return Hindrance{.make = [=, this] { Be(name, true, false, true), Make(); },
+                       .undo = [this] { Be(kModel, false, false, false); },
+                       .told = {told},
+                       .comes_by_itself = false};
+    };
+    const auto use = [this](bool both) {
+      fake().used_by_another = true;
+      fake(1).present = both;
+      Make();
+    };
+    const auto leave = [this] { fake().used_by_another = fake(1).present = false; };
+    return {without_library("libdrd-not-there.so", "ldconfig"),
+            without_library(kFakeDrdMissing, "dhdSetForceAndTorqueAndGripperForce"),
+            without_library(kFakeDrdOld, "3.9.0"),
+            {.make = [=] { use(false); }, .undo = leave, .told = {"another program"}},
+            {.make = [=] { use(true); }, .undo = leave, .told = {kOther}},
+            {.make = [this] { Make("777"); }, .told = {"12345"}, .comes_by_itself = false},
+            is_another("omega.7", "\"omega.7\""),
+            is_another("novelty", "delta.3")};
+  }
+  bool Pushes() {
+    return device_->Serve(kPush, [&] { return (Felt_n() - kPush.force_n).norm() < kForceN; });
+  }
+};
+
 }  // namespace palpate::test

@@ -139,7 +139,8 @@ class Service:
     def __init__(self):
         self.state = dict(STATE)    # replaced at each change: sessions may keep an old one
         self.sessions, self.newest, self.opened, self.closed = {}, None, 0, 0
-        self.counts = dict.fromkeys(("messages", "forces", "probes", "grip_probes", "replies"), 0)
+        self.counts = dict.fromkeys(
+            ("messages", "forces", "pushes", "probes", "grip_probes", "replies"), 0)
         self.breaches, self.messages = [], collections.deque(maxlen=2000)
         self.last_force, self.last_ns, self.close_code = None, 0, None
         self.zero_repeats = self.most_unanswered = self.pongs = 0
@@ -312,6 +313,7 @@ class Service:
             self.last_force = force
         self.counts["messages"] += 1
         self.counts["forces"] += force is not None
+        self.counts["pushes"] += force not in (None, ZERO)
         self.counts["probes"] += probed[0]
         self.counts["grip_probes"] += probed[1]
         self.messages.append((now, force))

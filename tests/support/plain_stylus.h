@@ -37,8 +37,6 @@ class PlainStylus final : public EmulatedUsbDevice {
   explicit PlainStylus(bool answers = false) : EmulatedUsbDevice(Spec()), answers_(answers) {}
 
   std::atomic<bool> mute = false;  // no readings come; transfers still work
-  // Sends each reading only after the force that answers the one before, or after 20 ms.
-  std::atomic<bool> waits_for_forces = false;
   std::atomic<bool> calibrated = true;
   std::atomic<bool> babbles = false;  // readings are longer than any transfer, so transfers fail
 
@@ -68,13 +66,10 @@ class PlainStylus final : public EmulatedUsbDevice {
     if (bytes.size() != 4 || bytes[0] != 0xa5) return;
     const auto x = static_cast<std::int16_t>(bytes[2] | bytes[3] << 8);
     forces_.push_back({.time_ns = NowNs(), .motors_on = bytes[1] != 0, .x_n = x / 100.0});
-    waited_ms_ = kMostWaitMs;
     if (answers_) Answer();
   }
   void OnMillisecond() override {
-    if (answers_ || (waits_for_forces && waited_ms_++ < kMostWaitMs)) return;
-    waited_ms_ = 0;
-    Answer();
+    if (!answers_) Answer();
   }
   void Answer() {
     if (!streams_ || mute) return;
@@ -86,9 +81,7 @@ class PlainStylus final : public EmulatedUsbDevice {
     x_ = static_cast<std::int16_t>((x_ + 1) % 1000);
   }
 
-  static constexpr int kMostWaitMs = 20;
   const bool answers_;
-  int waited_ms_ = 0;
   bool streams_ = false;
   std::uint8_t number_ = 0;
   std::int16_t x_ = 0;

@@ -4,34 +4,42 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <sstream>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "server/device/stream/streamed_device.h"
 #include "tests/support/patience.h"
 
 namespace palpate::test {
 
+// What a hand is pushed with.
+inline const Wrench kPush{.force_n = Vec3(0.5, -0.25, 1.0)};
+
 class ServedDevice {
  public:
-  explicit ServedDevice(std::unique_ptr<StreamBus> bus)
-      : device_(std::make_unique<StreamedDevice>(std::move(bus), "palpate-test", 0)) {
+  explicit ServedDevice(std::unique_ptr<HapticDevice> device) : device_(std::move(device)) {
     device_->Start();
   }
+  explicit ServedDevice(std::unique_ptr<StreamBus> bus)
+      : ServedDevice(std::make_unique<StreamedDevice>(std::move(bus), "palpate-test", 0)) {}
 
-  StreamedDevice& operator*() { return *device_; }
-  StreamedDevice* operator->() { return device_.get(); }
+  HapticDevice& operator*() { return *device_; }
+  HapticDevice* operator->() { return device_.get(); }
+  DeviceHealth health() const { return device_->health(); }
   const DeviceState& state() const { return state_; }
   DeviceStatus status() const { return status_; }
 
   bool Streams() {
-    return Eventually([&] { return device_->health().connection == DeviceConnection::kStreaming; });
+    return Eventually([&] { return health().connection == DeviceConnection::kStreaming; });
   }
   bool HasProblem(const std::string& part) {
-    return Eventually([&] { return device_->health().problem.find(part) != std::string::npos; });
+    return Eventually([&] { return health().problem.find(part) != std::string::npos; });
   }
   bool HasLogged(const std::string& part) {
     while (const std::optional<DeviceEvent> event = device_->NextEvent()) {
@@ -47,6 +55,14 @@ class ServedDevice {
     return Serve(wrench_M, [&] { return HasLogged(part); });
   }
   const std::string& log() const { return log_; }
+  // Of the log so far, the lines with this part.
+  std::size_t CountLines(const std::string& part) {
+    HasLogged(part);
+    std::istringstream lines(log_);
+    std::size_t count = 0;
+    for (std::string line; std::getline(lines, line);) count += line.find(part) != line.npos;
+    return count;
+  }
   // What was logged so far counts no more.
   void Forget() {
     while (device_->NextEvent()) {
@@ -60,9 +76,8 @@ class ServedDevice {
     return Eventually([&] {
       status_ = device_->Read(state_);
       const bool may = status_ == DeviceStatus::kOk && state_.calibrated;
-      device_->Write({.wrench_M = may ? wrench_M(state_) : Wrench{},
-                      .motors_on = status_ != DeviceStatus::kFault},
-                     0.001);
+      const bool on = may || (motors_on_while_stale && status_ == DeviceStatus::kStale);
+      device_->Write({.wrench_M = may ? wrench_M(state_) : Wrench{}, .motors_on = on}, 0.001);
       return is_so();
     });
   }
@@ -73,27 +88,26 @@ class ServedDevice {
     return Serve(Wrench{}, [&] { return status_ == status; });
   }
 
+  bool motors_on_while_stale = false;  // as while the safety stage lowers a force
+
  private:
-  std::unique_ptr<StreamedDevice> device_;
+  std::unique_ptr<HapticDevice> device_;
   DeviceState state_;
   DeviceStatus status_ = DeviceStatus::kFault;
   std::string log_;
 };
 
-// A plane on each side of the middle, 1 mm away, of 0.5 N/mm: the hand goes 2 mm into it.
-template <class Hand>
-void ExpectPushedOutOfPlanes(ServedDevice& device, Hand& hand) {
-  for (int n = 0; n < 6; ++n) {
-    Vec3 into = Vec3::Zero();
-    into[n / 2] = n % 2 == 0 ? 1.0 : -1.0;
-    hand.Place(3.0 * into);
-    const auto plane = [&](const DeviceState& state) {
-      const double depth_mm = state.p_MHip_mm.dot(into) - 1.0;
-      return Wrench{.force_n = -0.5 * std::max(depth_mm, 0.0) * into};
-    };
-    EXPECT_TRUE(device.Serve(plane, [&] { return (hand.Felt_n() + into).norm() < 1e-3; }))
-        << into.transpose() << ", felt " << hand.Felt_n().transpose();
-  }
-}
+// What a device has counted so far. Pushes: forces that are not zero.
+struct DeviceTally {
+  std::uint64_t readings = 0, forces = 0, pushes = 0;
+};
+
+// What keeps palpated from a device: how to make it so, and how to undo that.
+struct Hindrance {
+  std::function<void()> make;  // with a new device
+  std::function<void()> undo = [] {};
+  std::vector<std::string> told{};  // parts of the problem that the device has
+  bool comes_by_itself = true;      // once it is undone
+};
 
 }  // namespace palpate::test

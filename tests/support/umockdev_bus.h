@@ -20,6 +20,10 @@
 
 namespace palpate::test {
 
+// For a node that may not be opened: a mode does not stop root. Nobody, not even root, may write
+// this file.
+inline constexpr const char* kForbidden = "/proc/sys/kernel/osrelease";
+
 // What answers for a node of /dev.
 class UmockdevNode {
  public:

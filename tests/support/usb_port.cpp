@@ -48,7 +48,10 @@ UsbPort::UsbPort(EmulatedUsbDevice& device, const std::string& node, bool may_op
   if (pipe_ < 0 || fcntl(pipe_, F_SETPIPE_SZ, 4096) < 0) {
     throw std::runtime_error("cannot use " + node);
   }
-  chmod(node.c_str(), may_open ? 0666 : 0);
+  chmod(node.c_str(), 0666);
+  if (!may_open && (unlink(node.c_str()) != 0 || symlink(kForbidden, node.c_str()) != 0)) {
+    throw std::runtime_error("cannot forbid " + node);
+  }
   const std::scoped_lock lock(device_.mutex_);
   device_.in_.clear();
   device_.stalls_.clear();

@@ -27,8 +27,8 @@ class UsbTestbed {
   UsbTestbed();
   ~UsbTestbed();
 
-  // `port`: as in /sys/bus/usb/devices, on bus 1: "1-2". may_open: the node's mode lets its owner
-  // open it. The mode does not stop root.
+  // `port`: as in /sys/bus/usb/devices, on bus 1: "1-2". may_open: opening it succeeds; if
+  // not, then not for root either.
   void Plug(const std::string& port, EmulatedUsbDevice& device, bool may_open = true);
   // Pulls the device out: running transfers end, later calls find no device.
   void Unplug(const std::string& port);

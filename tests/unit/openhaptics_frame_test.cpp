@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cstdint>
 #include <numbers>
-#include <thread>
 
 #include "server/device/openhaptics/hd_servo.h"
 #include "tests/support/allocation_count.h"
@@ -123,24 +122,6 @@ TEST_F(HdFrameTest, ForcesAreFiniteAndLimitedByTheirNorm) {
   EXPECT_TRUE(ForceOf(Vec3(1e300, 0, 0)).isApprox(Vec3(2, 0, 0)));
   EXPECT_EQ(ForceOf(Vec3(0, kNan, 0)), Vec3::Zero());
   EXPECT_EQ(ForceOf(Vec3(0, 0, test::kInfinity)), Vec3::Zero());
-}
-
-TEST_F(HdFrameTest, AnOldForceIsZeroAndANewOneBeginsAtZero) {
-  Write(Vec3(1, 0, 0));
-  std::this_thread::sleep_for(std::chrono::milliseconds(DeviceSeat::kServoSilentMs + 1));
-  Frame();
-  EXPECT_EQ(frame_library.force_n, Vec3::Zero());
-  EXPECT_FALSE(frame_library.motors_on);
-  EXPECT_EQ(servo_.seat.counts.watchdog_zeros, 1u);
-  // The old force does not come back in one step: zero stays until the servo says zero.
-  EXPECT_EQ(FrameWith(Vec3(1, 0, 0)), Vec3::Zero());
-  EXPECT_EQ(servo_.Read(state_), DeviceStatus::kStale);
-  EXPECT_TRUE(test::Eventually([&] {
-    FrameWith(Vec3::Zero());
-    return servo_.Read(state_) == DeviceStatus::kOk;
-  }));
-  EXPECT_EQ(ForceOf(Vec3(1, 0, 0)), Vec3(1, 0, 0));
-  EXPECT_TRUE(frame_library.motors_on);
 }
 
 TEST_F(HdFrameTest, MotorsAreOffUntilTheyMayPushAndWhileItStops) {

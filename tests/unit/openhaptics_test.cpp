@@ -1,22 +1,18 @@
 // The device over a library of our own: its order of calls, and what it does about the library's
 // troubles. openhaptics_frame_test.cpp has the frames. What a real device does is not shown here.
-#include <dlfcn.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <chrono>
 #include <functional>
 #include <memory>
-#include <mutex>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "server/device/openhaptics/hd_errors.h"
-#include "server/device/openhaptics/openhaptics_device.h"
 #include "tests/support/device_numbers.h"
-#include "tests/support/fake_hd.h"
+#include "tests/support/openhaptics_rig.h"
 #include "tests/support/patience.h"
 #include "tests/support/places.h"
 #include "tests/support/refusal.h"
@@ -26,11 +22,10 @@ namespace {
 
 using std::chrono::milliseconds;
 using test::Eventually;
+using test::kPush;
 using testing::Refusal;
 using Clock = std::chrono::steady_clock;
 using Texts = std::vector<std::string>;
-
-constexpr unsigned int kCommError = 0x0302;
 
 bool HasText(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
@@ -45,73 +40,14 @@ std::string MessageOf(const std::function<void()>& act) {
   return "";
 }
 
-// Each test releases its device, and the fake starts anew.
-class OpenHapticsTest : public ::testing::Test {
+class OpenHapticsTest : public ::testing::Test, protected test::OpenHapticsRig {
  protected:
-  OpenHapticsTest() {
-    void* library = dlopen(test::kFakeHd, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
-    EXPECT_NE(library, nullptr) << dlerror();
-    hd_ = reinterpret_cast<FakeHd::Instance>(dlsym(library, FakeHd::kInstance))();
-    Set([](FakeHdRecord& hd) { hd = {}; });
-  }
-  ~OpenHapticsTest() override {
-    device_.reset();
-    EXPECT_EQ(Get(&FakeHd::breaches), Texts{});
-  }
-
-  void Set(const std::function<void(FakeHdRecord&)>& change) {
-    const std::lock_guard lock(hd_->mutex);
-    change(*hd_);
-  }
-  template <class Value>
-  Value Get(Value FakeHdRecord::*member) {
-    const std::lock_guard lock(hd_->mutex);
-    return hd_->*member;
-  }
-  bool HasForce(const Vec3& force_n) { return Vec3(Get(&FakeHd::force).data()).isApprox(force_n); }
-
-  void Start() {
-    device_ = std::make_unique<OpenHapticsDevice>(
-        OpenHapticsOptions{.library = test::kFakeHd, .device_name = ""});
-    device_->Start();
-  }
   void StartStreaming() {
-    Start();
-    ASSERT_TRUE(Eventually([&] { return IsStreaming(); }));
-  }
-  bool IsStreaming() const { return device_->health().connection == DeviceConnection::kStreaming; }
-  bool HasProblem(const std::string& part) {
-    return Eventually([&] { return HasText(device_->health().problem, part); });
-  }
-  // Ticks like the servo until it is so. The last state is in state_.
-  bool Tick(const Vec3& force_n, const std::function<bool()>& is_so) {
-    return Eventually([&] {
-      status_ = device_->Read(state_);
-      // The safety stage does the same after a halt of this machine.
-      const Vec3 safe_n = status_ == DeviceStatus::kStale ? Vec3(0, 0, 0) : force_n;
-      device_->Write({.wrench_M = {safe_n}, .motors_on = true}, 0.001);
-      return is_so();
-    });
-  }
-  bool TickUntil(DeviceStatus status) {
-    return Tick(Vec3(1, 0, 0), [&] { return status_ == status; });
-  }
-  bool TickUntilForce() {
-    return Tick(Vec3(1, 0, 0), [&] { return HasForce(Vec3(1, 0, 0)); });
-  }
-  int CountEvents(const std::string& part) {
-    while (const std::optional<DeviceEvent> event = device_->NextEvent()) {
-      events_.push_back(event->text);
-    }
-    return static_cast<int>(std::ranges::count_if(
-        events_, [&](const std::string& text) { return HasText(text, part); }));
+    Make();
+    ASSERT_TRUE(device_->Streams());
   }
 
-  FakeHd* hd_ = nullptr;
-  std::unique_ptr<OpenHapticsDevice> device_;
   DeviceState state_;
-  DeviceStatus status_ = DeviceStatus::kFault;
-  Texts events_;
 };
 
 TEST_F(OpenHapticsTest, AMissingLibraryOrFunctionIsNamed) {
@@ -145,18 +81,19 @@ TEST_F(OpenHapticsTest, FramesCarryPosesInAndForcesOut) {
     hd.buttons = 2;
   });
   StartStreaming();
-  EXPECT_EQ(Refusal([&] { device_->Start(); }), ErrorKind::kConflict);
+  EXPECT_EQ(Refusal([&] { (*device_)->Start(); }), ErrorKind::kConflict);
   double last_mm = 0.0;
-  ASSERT_TRUE(Tick(Vec3(0.5, -0.25, 1.0), [&] {
-    EXPECT_EQ(state_.p_MHip_mm.x(), state_.p_MHip_mm.y());  // none is torn
-    EXPECT_EQ(state_.p_MHip_mm.x(), state_.p_MHip_mm.z());
-    EXPECT_GE(state_.p_MHip_mm.x(), last_mm);
-    last_mm = state_.p_MHip_mm.x();
-    return device_->health().readings >= 1000 && HasForce(Vec3(0.5, -0.25, 1.0));
+  const DeviceState& state = device_->state();
+  ASSERT_TRUE(device_->Serve(kPush, [&] {
+    EXPECT_EQ(state.p_MHip_mm.x(), state.p_MHip_mm.y());  // none is torn
+    EXPECT_EQ(state.p_MHip_mm.x(), state.p_MHip_mm.z());
+    EXPECT_GE(state.p_MHip_mm.x(), last_mm);
+    last_mm = state.p_MHip_mm.x();
+    return device_->health().readings >= 1000 && Feels(kPush.force_n);
   }));
-  EXPECT_EQ(state_.buttons, 2u);
-  EXPECT_FALSE(state_.docked);
-  EXPECT_TRUE(state_.calibrated);
+  EXPECT_EQ(state.buttons, 2u);
+  EXPECT_FALSE(state.docked);
+  EXPECT_TRUE(state.calibrated);
   const DeviceHealth health = device_->health();
   EXPECT_EQ(health.identity, "Fake Touch, serial number 12345, firmware 1.25");
   EXPECT_EQ(health.corrupt_frames, 0u);
@@ -169,31 +106,20 @@ TEST_F(OpenHapticsTest, TheLimitIsTheLowerOfTheLibrarysAndTheDatasheets) {
   for (const auto& limits_n : cases) {
     Set([&](FakeHdRecord& hd) { hd.max_force_n = limits_n.first; });
     StartStreaming();
-    EXPECT_TRUE(Tick(Vec3(0, 100, 0), [&] { return HasForce({0, limits_n.second, 0}); }));
-    device_->Stop();
+    EXPECT_TRUE(device_->Serve(Wrench{.force_n = Vec3(0, 100, 0)}, [&] {
+      return Feels({0, limits_n.second, 0});
+    }));
+    (*device_)->Stop();
   }
-  EXPECT_EQ(device_->spec().max_force_n, 3.3);
-}
-
-TEST_F(OpenHapticsTest, ADeviceThatIsNotThereIsLookedForAgain) {
-  Set([](FakeHdRecord& hd) { hd.init_error = kCommError; });
-  Start();
-  ASSERT_TRUE(Eventually([&] { return Get(&FakeHd::inits) >= 3; }));
-  EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
-  EXPECT_EQ(device_->health().connection, DeviceConnection::kAbsent);
-  EXPECT_TRUE(HasProblem("HD_COMM_ERROR")) << device_->health().problem;
-  EXPECT_EQ(CountEvents("HD_COMM_ERROR"), 1);
-  Set([](FakeHdRecord& hd) { hd.init_error = 0; });
-  ASSERT_TRUE(Eventually([&] { return IsStreaming(); }));
-  EXPECT_EQ(device_->health().problem, "");
+  EXPECT_EQ((*device_)->spec().max_force_n, 3.3);
 }
 
 TEST_F(OpenHapticsTest, ADeviceThatComesWithAnErrorIsLetGoOfAndAGarbageHandleIsNone) {
   const auto calls_of = [&](const FakeHdRecord& behaviour) {
     Set([&](FakeHdRecord& hd) { hd = behaviour; });
-    Start();
+    Make();
     EXPECT_TRUE(Eventually([&] { return !device_->health().problem.empty(); }));
-    device_->Stop();
+    (*device_)->Stop();
     return Get(&FakeHd::calls);
   };
   EXPECT_EQ(calls_of({.init_error = 0x0301, .init_gives_handle = true}),
@@ -206,32 +132,15 @@ TEST_F(OpenHapticsTest, ALoopThatDoesNotStartIsTakenDownAndTriedAgain) {
     hd.start_error = 0x0304;
     hd.rate_error = 0x0101;  // no matter
   });
-  Start();
-  ASSERT_TRUE(HasProblem("HD_TIMER_ERROR"));
+  Make();
+  ASSERT_TRUE(device_->HasProblem("HD_TIMER_ERROR"));
   ASSERT_TRUE(Eventually([&] {
     const Texts calls = Get(&FakeHd::calls);
     return calls.size() >= 8 && calls.back() == "hdDisableDevice";
   }));
   Set([](FakeHdRecord& hd) { hd.start_error = 0; });
-  ASSERT_TRUE(Eventually([&] { return IsStreaming(); }));
-  EXPECT_GE(CountEvents("rate"), 1);
-}
-
-TEST_F(OpenHapticsTest, APluggedOutDeviceIsAFaultAndComesBack) {
-  StartStreaming();
-  ASSERT_TRUE(TickUntilForce());
-  const std::uint64_t connections = device_->health().connections;
-  Set([](FakeHdRecord& hd) { hd.init_error = hd.unplugged_error = kCommError; });
-  ASSERT_TRUE(TickUntil(DeviceStatus::kFault));
-  ASSERT_TRUE(Tick(Vec3(1, 0, 0),
-                   [&] { return device_->health().connection == DeviceConnection::kAbsent; }));
-  EXPECT_TRUE(HasForce(Vec3::Zero()));
-  EXPECT_GE(CountEvents("lost"), 1);
-  EXPECT_GE(device_->health().transfer_errors, 10u);
-  Set([](FakeHdRecord& hd) { hd.init_error = hd.unplugged_error = 0; });
-  ASSERT_TRUE(TickUntilForce());
-  ASSERT_TRUE(TickUntil(DeviceStatus::kOk));
-  EXPECT_TRUE(Eventually([&] { return device_->health().connections > connections; }));
+  ASSERT_TRUE(device_->Streams());
+  EXPECT_GE(device_->CountLines("rate"), 1);
 }
 
 TEST_F(OpenHapticsTest, WarmMotorsAreAWarningAndNoFault) {
@@ -239,35 +148,24 @@ TEST_F(OpenHapticsTest, WarmMotorsAreAWarningAndNoFault) {
   StartStreaming();
   for (int i = 0; i < 5; ++i) {
     Set([](FakeHdRecord& hd) { hd.errors = {0x0200}; });
-    ASSERT_TRUE(Tick(Vec3(1, 0, 0), [&] { return Get(&FakeHd::errors).empty(); }));
+    ASSERT_TRUE(device_->Serve(kPush, [&] { return Get(&FakeHd::errors).empty(); }));
   }
-  ASSERT_TRUE(TickUntilForce());
-  ASSERT_TRUE(Eventually([&] { return CountEvents("HD_WARM_MOTORS") >= 1; }));
-  EXPECT_LE(CountEvents("HD_WARM_MOTORS"), 1 + (Clock::now() - began) / std::chrono::seconds(10));
+  ASSERT_TRUE(Pushes());
+  ASSERT_TRUE(device_->Logs("HD_WARM_MOTORS"));
+  EXPECT_LE(device_->CountLines("HD_WARM_MOTORS"),
+            1 + (Clock::now() - began) / std::chrono::seconds(10));
   EXPECT_EQ(device_->health().transfer_errors, 0u);
-}
-
-TEST_F(OpenHapticsTest, ALoopThatStandsStillIsGivenUpAndStartedAgain) {
-  StartStreaming();
-  ASSERT_TRUE(TickUntil(DeviceStatus::kOk));
-  const std::uint64_t connections = device_->health().connections;
-  Set([](FakeHdRecord& hd) { hd.stands_still = true; });
-  ASSERT_TRUE(TickUntil(DeviceStatus::kFault));
-  ASSERT_TRUE(HasProblem("stands still"));
-  Set([](FakeHdRecord& hd) { hd.stands_still = false; });
-  ASSERT_TRUE(TickUntil(DeviceStatus::kOk));
-  EXPECT_TRUE(Eventually([&] { return device_->health().connections > connections; }));
 }
 
 TEST_F(OpenHapticsTest, CalibrateWaitsForTheInkwell) {
   StartStreaming();
-  device_->Calibrate();
+  (*device_)->Calibrate();
   const std::uint64_t readings = device_->health().readings;
   ASSERT_TRUE(Eventually([&] { return device_->health().readings > readings + 200; }));
   EXPECT_EQ(Get(&FakeHd::calibration_updates), 0u);
   Set([](FakeHdRecord& hd) { hd.inkwell_switch = 0; });
   ASSERT_TRUE(Eventually([&] { return Get(&FakeHd::calibration_updates) == 1; }));
-  ASSERT_TRUE(Eventually([&] { return CountEvents("was calibrated") == 1; }));
+  ASSERT_TRUE(device_->Logs("was calibrated"));
   EXPECT_TRUE(device_->health().docked);
 }
 
@@ -328,21 +226,21 @@ TEST_F(OpenHapticsTest, HowToCalibrateDependsOnTheStyle) {
   };
   start(4);
   EXPECT_FALSE(device_->health().calibrated);
-  EXPECT_TRUE(HasProblem("inkwell"));
-  device_->Stop();
+  EXPECT_TRUE(device_->HasProblem("inkwell"));
+  (*device_)->Stop();
   start(1);
-  EXPECT_TRUE(HasProblem("reset pose"));
-  device_->Stop();
+  EXPECT_TRUE(device_->HasProblem("reset pose"));
+  (*device_)->Stop();
   start(0);
   EXPECT_TRUE(device_->health().calibrated);
-  EXPECT_EQ(Refusal([&] { device_->Calibrate(); }), ErrorKind::kInvalidArgument);
+  EXPECT_EQ(Refusal([&] { (*device_)->Calibrate(); }), ErrorKind::kInvalidArgument);
 }
 
 TEST_F(OpenHapticsTest, StopEndsWithZeroForceAndInOrder) {
   StartStreaming();
-  ASSERT_TRUE(TickUntilForce());
+  ASSERT_TRUE(Pushes());
   const Clock::time_point began = Clock::now();
-  device_->Stop();
+  (*device_)->Stop();
   // It waits for frames with zero force, but not for ever.
   EXPECT_TRUE(Get(&FakeHd::zero_frames_at_end) >= 1 || Clock::now() - began >= milliseconds(50));
   Texts calls = Get(&FakeHd::calls);
@@ -354,23 +252,23 @@ TEST_F(OpenHapticsTest, StopEndsWithZeroForceAndInOrder) {
             (Texts{"hdInitDevice", "hdSetSchedulerRate", "hdScheduleAsynchronous",
                    "hdStartScheduler", "hdStopScheduler", "hdUnschedule", "hdDisableDevice"}));
   const std::uint64_t frames = Get(&FakeHd::frames);
-  device_->Write({{Vec3(1, 0, 0)}}, 0.001);
-  EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
-  device_->Stop();
+  (*device_)->Write({{Vec3(1, 0, 0)}}, 0.001);
+  EXPECT_EQ((*device_)->Read(state_), DeviceStatus::kFault);
+  (*device_)->Stop();
   EXPECT_EQ(Get(&FakeHd::frames), frames);
-  device_->Start();
-  EXPECT_TRUE(TickUntilForce());
+  (*device_)->Start();
+  EXPECT_TRUE(Pushes());
 }
 
 TEST_F(OpenHapticsTest, ALibraryThatHangsDoesNotHoldStop) {
   StartStreaming();
-  ASSERT_TRUE(TickUntilForce());
+  ASSERT_TRUE(Pushes());
   Set([](FakeHdRecord& hd) { hd.hangs_in_stop = true; });
-  device_->Stop();
-  EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
-  EXPECT_EQ(CountEvents("does not release the device"), 1);
-  device_->Write({{Vec3(1, 0, 0)}}, 0.001);
-  EXPECT_TRUE(Eventually([&] { return HasForce(Vec3::Zero()); }));
+  (*device_)->Stop();
+  EXPECT_EQ((*device_)->Read(state_), DeviceStatus::kFault);
+  EXPECT_EQ(device_->CountLines("does not release the device"), 1);
+  (*device_)->Write({{Vec3(1, 0, 0)}}, 0.001);
+  EXPECT_TRUE(Eventually([&] { return Feels(Vec3::Zero()); }));
   device_.reset();
   Set([](FakeHdRecord& hd) { hd.hangs_in_stop = false; });
   EXPECT_TRUE(Eventually([&] { return Get(&FakeHd::calls).back() == "hdDisableDevice"; }));

@@ -1,0 +1,103 @@
+// A Novint Falcon on an emulated USB bus, in this process, and the hand that holds it.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/device/falcon/falcon_protocol.h"
+#include "server/device/usb/usb_bus.h"
+#include "tests/support/falcon_emulator.h"
+#include "tests/support/falcon_stand.h"
+#include "tests/support/served_device.h"
+#include "tests/support/usb_testbed.h"
+
+namespace palpate::test {
+
+class FalconRig {
+ public:
+  using Kind = UsbEvent::Kind;
+  static constexpr const char *kKind = "falcon", *kPort = "1-2";
+  static constexpr const char *kOther = "1-4", *kBoth = "1-2, 1-4";
+  static constexpr const char *kAbsent = "not found: plug it in", *kLost = "unplugged";
+  static constexpr const char* kSilent = "no reading for 100 ms";
+  static constexpr std::size_t kLinesOfALoss = 1;
+  static constexpr bool kForgetsItsPlace = false;  // the emulated one is homed at once
+  static constexpr double kPlaceMm = 0.1, kForceN = 0.05;
+  static inline const Vec3 kRest = Vec3::Zero();
+
+  FalconRig() { Plug(); }
+  ~FalconRig() { device_.reset(); }
+
+  // The port stands for a serial number.
+  void Make(const std::string& port = "") { MakeWith({port, firmware_.file()}); }
+  void Plug() { bus_.Plug(kPort, falcon_); }
+  void Unplug() { bus_.Unplug(kPort); }
+  void PlugOther() { bus_.Plug(kOther, other_); }
+  void SetSilent(bool silent) { falcon_.SetFaults({.silent = silent}); }
+  void Place(const Vec3& p_mm) {
+    place_mm_ = p_mm;
+    falcon_.SetPath([counts = FalconStand::At(p_mm)](int) { return counts; });
+  }
+  Vec3 Felt_n() {
+    const std::vector<FalconCommand> forces = falcon_.Forces();
+    return FalconStand::ForceOf(forces.empty() ? FalconCommand{} : forces.back(), place_mm_);
+  }
+  // Whether it is really gone is more than the host can know: a zero is tried.
+  bool IsLetGoOf() {
+    std::vector<UsbEvent> outs = falcon_.Events();
+    std::erase_if(outs, [](const UsbEvent& event) {
+      return event.kind != Kind::kOut && event.kind != Kind::kLateOut;
+    });
+    const auto last = DecodeFalconCommand(outs.back().bytes);
+    return last && FalconStand::IsZero(*last);
+  }
+  DeviceTally Tally() {
+    const std::vector<FalconCommand> forces = falcon_.Forces();
+    const auto pushes =
+        std::ranges::count_if(forces, [](const auto& it) { return !FalconStand::IsZero(it); });
+    return {.readings = device_->health().readings,
+            .forces = forces.size(),
+            .pushes = static_cast<std::uint64_t>(pushes)};
+  }
+  std::uint64_t Touches() { return falcon_.Forces().size(); }
+  bool IsTouched() { return falcon_.CountOf(Kind::kOpen) > 0; }
+  bool IsOtherDriven() { return !other_.Forces().empty(); }
+  std::vector<Hindrance> Hindrances() {
+    const auto plug = [this](bool may_open) {
+      Unplug();
+      bus_.Plug(kPort, falcon_, may_open);
+    };
+    return {{.make = [=, this] { plug(true), MakeWith({}); },
+             .told = {"falcon_firmware"},
+             .comes_by_itself = false},
+            {.make = [=, this] { plug(false), Make(); },
+             .undo = [=] { plug(true); },
+             .told = {"70-palpate.rules"}},
+            {.make = [this] { falcon_.SetFaults({.busy = true}), Make(); },
+             .undo = [this] { falcon_.SetFaults({}); },
+             .told = {"another program"}},
+            {.make = [this] { Make("1-3"); }, .told = {"1-3"}, .comes_by_itself = false}};
+  }
+  bool Pushes() {
+    Place(kRest);
+    return device_->Serve(kPush, [&] { return (Felt_n() - kPush.force_n).norm() < kForceN; });
+  }
+
+  std::unique_ptr<ServedDevice> device_;
+
+ private:
+  void MakeWith(const FalconOptions& options) {
+    device_.reset();
+    device_ = std::make_unique<ServedDevice>(
+        std::make_unique<UsbBus>(std::make_unique<FalconProtocol>(options)));
+  }
+
+  const FalconFirmware firmware_{};
+  FalconEmulator falcon_, other_;
+  UsbTestbed bus_;
+  Vec3 place_mm_ = kRest;
+};
+
+}  // namespace palpate::test
