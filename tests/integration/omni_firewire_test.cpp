@@ -1,9 +1,13 @@
 // The Phantom Omni on an emulated FireWire bus, in this process: how it is set up and let go of,
-// which way its readings and forces go, and what may go wrong. firewire_card_test.cpp tests the
-// emulation; device_daemon_test.cpp has the whole daemon.
+// what a bus reset does, and what may go wrong. device_conformance_test.cpp has what all kinds of
+// devices promise, device_daemon_test.cpp the whole daemon.
 #include "server/device/omni/omni_firewire.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/firewire-cdev.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -23,18 +27,9 @@ const std::atomic<bool> kNever{false};
 
 class OmniFirewireTest : public ::testing::Test, protected OmniRig {
  protected:
-  bool Serve(const Wrench& wrench_M, const std::function<bool()>& is_so) {
-    return device_->Serve(wrench_M, is_so);
-  }
-  bool HasProblem(const std::string& part) { return device_->HasProblem(part); }
   void Start() {
     Make();
     ASSERT_TRUE(device_->Streams());
-  }
-  std::vector<FirewireEvent> EventsOf(Kind kind) const {
-    std::vector<FirewireEvent> events = omni_.Events();
-    std::erase_if(events, [&](const FirewireEvent& event) { return event.kind != kind; });
-    return events;
   }
 
   EmulatedFirewireDevice camera_{0x0814430001234567};
@@ -61,14 +56,7 @@ TEST_F(OmniFirewireTest, IsSetUpInTheVendorsOrderAndLetGoOfWithoutForce) {
   EXPECT_NE(log.find("first packet: 00 00 1e 00 00 00 00 00 00 00 "), std::string::npos) << log;
   ASSERT_TRUE(Pushes());
   (*device_)->Stop();
-  EXPECT_FALSE(omni_.Forces().back().force_enabled);
-  EXPECT_EQ(omni_.ForceOnHand(), (std::array<int, 3>{}));
-  const FirewireEvent last = EventsOf(Kind::kWrite).back();
-  EXPECT_EQ(last.number, static_cast<std::int64_t>(Omni::kControl));
-  EXPECT_EQ(last.bytes, Bytes{0});
-  EXPECT_GE(last.time_ns, omni_.Forces().back().time_ns);  // motors off first
-  EXPECT_TRUE(
-      Eventually([&] { return omni_.CountOf(Kind::kClose) == omni_.CountOf(Kind::kOpen); }));
+  ExpectLetGoInOrder();
 }
 
 TEST_F(OmniFirewireTest, ButtonsAndTheDockAreRead) {
@@ -78,12 +66,12 @@ TEST_F(OmniFirewireTest, ButtonsAndTheDockAreRead) {
     OmniHand hand = OmniStand::At(kRest);
     hand.pressed = pressed;
     omni_.SetHand(hand);
-    EXPECT_TRUE(Serve(Wrench{}, [&] { return device_->state().buttons == pressed; }));
+    EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().buttons == pressed; }));
   }
   omni_.SetHand(OmniStand::Docked());
-  EXPECT_TRUE(Serve(Wrench{}, [&] { return device_->state().docked; }));
+  EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return device_->state().docked; }));
   // Where the published driver has the dock.
-  EXPECT_TRUE(Serve(Wrench{}, [&] {
+  EXPECT_TRUE(device_->Serve(Wrench{}, [&] {
     return (device_->state().p_MHip_mm - Vec3(0.0, -70.6, -86.7)).norm() < 0.1;
   })) << device_->state().p_MHip_mm.transpose();
 }
@@ -94,7 +82,7 @@ TEST_F(OmniFirewireTest, WithoutMotorFiguresItsMotorsStayOff) {
   EXPECT_EQ((*device_)->spec().max_force_n, 0.0);
   Place(kRest);
   const std::size_t before = omni_.Forces().size();
-  EXPECT_TRUE(Serve(kPush, [&] { return omni_.Forces().size() > before + 200; }));
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return omni_.Forces().size() > before + 200; }));
   for (const OmniForcePacket& packet : omni_.Forces()) EXPECT_FALSE(packet.force_enabled);
 }
 
@@ -108,7 +96,7 @@ TEST_F(OmniFirewireTest, AnotherProgramsDeviceIsLeftAlone) {
   const std::size_t before = omni_.CountOf(Kind::kWrite);
   bus_.SetFaults({.taken_channels = 1u << 5});
   Make();
-  EXPECT_TRUE(HasProblem("another program uses it"));
+  EXPECT_TRUE(device_->HasProblem("another program uses it"));
   EXPECT_EQ(omni_.CountOf(Kind::kWrite), before);
   bus_.SetFaults({});
   EXPECT_TRUE(device_->Streams());
@@ -130,7 +118,7 @@ TEST_F(OmniFirewireTest, PassingAnswersAreAskedAgain) {
   device_.reset();
   omni_.AnswerNext(1'000'000, RCODE_BUSY);
   Make();
-  EXPECT_TRUE(HasProblem("stays busy"));
+  EXPECT_TRUE(device_->HasProblem("stays busy"));
   omni_.AnswerNext(0, 0);
   EXPECT_TRUE(device_->Streams());
 }
@@ -155,7 +143,7 @@ TEST_F(OmniFirewireTest, ABusResetIsFollowedByItsRegistersWhileForcesGoOn) {
                written.back().number == static_cast<std::int64_t>(Omni::kControl) &&
                written.back().bytes == Bytes{Omni::kStreams};
       };
-      EXPECT_TRUE(Serve(kPush, is_restored));
+      EXPECT_TRUE(device_->Serve(kPush, is_restored));
       EXPECT_TRUE(Pushes());
       went_on = device_->health().connections == connections;
       if (!went_on) continue;
@@ -183,15 +171,15 @@ TEST_F(OmniFirewireTest, ADeviceThatIsDeafAfterABusResetHearsZeroFirst) {
   const auto reset = [&] {
     bus_.BusReset();
     omni_.AnswerNext(1'000'000, RCODE_BUSY);
-    EXPECT_TRUE(Serve(kPush, [&] {
+    EXPECT_TRUE(device_->Serve(kPush, [&] {
       return std::exchange(heard, omni_.Forces().size()) == omni_.Forces().size();
     }));
   };
   reset();
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(300);
-  EXPECT_TRUE(Serve(kPush, [&] { return std::chrono::steady_clock::now() > end; }));
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return std::chrono::steady_clock::now() > end; }));
   omni_.AnswerNext(0, 0);
-  EXPECT_TRUE(Serve(kPush, [&] { return omni_.Forces().size() > heard; }));
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return omni_.Forces().size() > heard; }));
   EXPECT_FALSE(omni_.Forces()[heard].force_enabled);
   // Let go of meanwhile, it is stopped by its register.
   ASSERT_TRUE(Pushes());
@@ -207,7 +195,7 @@ TEST_F(OmniFirewireTest, ADeviceThatBeganAnewAtABusResetIsNotCalibrated) {
   omni_.begins_anew_at_reset = true;
   Place(kRest);
   bus_.BusReset();
-  EXPECT_TRUE(Serve(Wrench{}, [&] { return !device_->state().calibrated; }));
+  EXPECT_TRUE(device_->Serve(Wrench{}, [&] { return !device_->state().calibrated; }));
   EXPECT_TRUE(Pushes());
 }
 
@@ -232,7 +220,7 @@ TEST_F(OmniFirewireTest, AnOldForceEndsWhileADeviceIsSetUp) {
   omni_.SetStream({.silent = true});
   const std::size_t heard = omni_.Forces().size();
   Make();
-  EXPECT_TRUE(HasProblem("sends no packets"));
+  EXPECT_TRUE(device_->HasProblem("sends no packets"));
   EXPECT_GT(omni_.Forces().size(), heard + 1);
   EXPECT_FALSE(omni_.Forces()[heard].force_enabled);
   EXPECT_EQ(omni_.ForceOnHand(), (std::array<int, 3>{}));
@@ -244,8 +232,8 @@ TEST_F(OmniFirewireTest, ChannelsThatAreLostAtABusResetEndItsForce) {
   omni_.keeps_registers_at_reset = true;
   bus_.SetFaults({.loses_channels_at_reset = true});
   bus_.BusReset();
-  EXPECT_TRUE(Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
-  EXPECT_TRUE(HasProblem("took a channel back"));
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
+  EXPECT_TRUE(device_->HasProblem("took a channel back"));
   EXPECT_TRUE(Eventually([&] {
     return omni_.Register(Omni::kControl) == 0 && omni_.ForceOnHand() == std::array<int, 3>{};
   }));
@@ -262,7 +250,8 @@ TEST_F(OmniFirewireTest, PacketsOfEightAMillisecondAndOf64BytesAreRead) {
   ASSERT_TRUE(Pushes());
   const DeviceHealth before = device_->health();
   const std::size_t forces = omni_.Forces().size();
-  EXPECT_TRUE(Serve(kPush, [&] { return device_->health().readings > before.readings + 8000; }));
+  EXPECT_TRUE(
+      device_->Serve(kPush, [&] { return device_->health().readings > before.readings + 8000; }));
   // The kernel tells of each eighth packet: about a force a millisecond.
   EXPECT_LT(omni_.Forces().size(), forces + 2000);
   EXPECT_EQ(device_->health().corrupt_frames, 0u);
@@ -275,12 +264,26 @@ TEST_F(OmniFirewireTest, PacketsThatAreNoneAreDropped) {
     ASSERT_TRUE(Pushes());
     const std::uint64_t corrupt = device_->health().corrupt_frames;
     omni_.SetStream(bad);
-    EXPECT_TRUE(Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return device_->status() == DeviceStatus::kFault; }));
     EXPECT_GT(device_->health().corrupt_frames, corrupt);
     EXPECT_TRUE(Eventually([&] { return omni_.ForceOnHand() == std::array<int, 3>{}; }));
     omni_.SetStream({});
     ASSERT_TRUE(device_->Streams());
   }
+}
+
+// The tests above end with no such mistake.
+TEST_F(OmniFirewireTest, TheEmulatedCardNotesWhatNoDriverMayDo) {
+  const int node = open(bus_.Plug(camera_).c_str(), O_RDWR | O_CLOEXEC);
+  ASSERT_GE(node, 0);
+  std::array<char, 100> event{};
+  for (int n = 0; n < 2; ++n) {  // nothing has said that there is one
+    EXPECT_EQ(read(node, event.data(), event.size()), -1);
+  }
+  fw_cdev_get_cycle_timer timer{};
+  EXPECT_EQ(ioctl(node, FW_CDEV_IOC_GET_CYCLE_TIMER, &timer), -1);
+  EXPECT_EQ(camera_.Mistakes().size(), 2u);
+  close(node);
 }
 
 }  // namespace

@@ -12,10 +12,10 @@
 #include <nlohmann/json.hpp>
 
 #include "common/files/descriptor.h"
-#include "server/device/falcon/kinematics.h"
 #include "tests/support/daemon.h"
-#include "tests/support/falcon_emulator.h"
+#include "tests/support/falcon_rig.h"
 #include "tests/support/firewire_testbed.h"
+#include "tests/support/haply_rig.h"
 #include "tests/support/omni_stand.h"
 #include "tests/support/places.h"
 #include "tests/support/touch_emulator.h"
@@ -185,9 +185,7 @@ class FalconHand {
     constexpr int kSteps = 300;
     falcon_.SetPath([from_mm = at_mm_, to_mm](int step) {
       const double share = std::min(1.0, static_cast<double>(step) / kSteps);
-      Vec3 angles_rad;
-      EXPECT_TRUE(FalconAnglesAt(from_mm + share * (to_mm - from_mm), angles_rad));
-      return FalconCountsFromAngles(angles_rad);
+      return FalconStand::At(from_mm + share * (to_mm - from_mm));
     });
     at_mm_ = to_mm;
     const std::size_t before = falcon_.Forces().size();
@@ -206,18 +204,11 @@ class FalconHand {
 
 class FalconProveRun : public ProveRun {
  protected:
-  FalconProveRun() {
-    std::ofstream(folder_.path() / "firmware.bin") << std::string(5000, 'x');
-    bus_.Plug("1-2", falcon_);
-    Start("kind = \"falcon\"\nfalcon_firmware = \"" + (folder_.path() / "firmware.bin").string() +
-              "\"\n",
-          bus_.wrapper());
-  }
+  FalconProveRun() { Start(rig_.config(), rig_.wrapper()); }
   ~FalconProveRun() override { daemon_.reset(); }
 
-  FalconEmulator falcon_;
-  UsbTestbed bus_;
-  FalconHand hand_{falcon_};
+  FalconRig rig_{};
+  FalconHand hand_{rig_.falcon_};
 };
 
 TEST_F(FalconProveRun, AFalconIsProven) { ExpectProven("falcon", hand_.hand()); }
@@ -227,7 +218,7 @@ TEST_F(FalconProveRun, AMirroredAxisAndAPulledPlugAreRefused) {
   Prove({"--forces", "falcon"});
   EXPECT_FALSE(Read(hand_.hand(), {{-15, -40, 0}}));
   ExpectRefused("axes", "x is mirrored");
-  bus_.Unplug("1-2");
+  rig_.Unplug();
   Prove();
   ExpectRefused("find", "plug it in");
 }
@@ -399,23 +390,20 @@ TEST_F(ProveRun, AForceDimensionDeviceIsProven) {
 }
 
 TEST_F(ProveRun, AHaplyDeviceIsProvenAndAServiceThatDoesNotRunIsNamed) {
-  HaplyService service;
-  HaplyHand hand(service);
+  HaplyRig rig;
+  HaplyHand& hand = rig.hand_;
   Vec3 at_mm = kFreeMm;
   hand.Place(at_mm);
-  const std::string config = "kind = \"haply\"\nhaply_port = " + std::to_string(service.port()) +
-                             "\nhaply_events_port = " + std::to_string(service.events_port()) +
-                             "\n";
-  Start(config);
+  Start(rig.config());
   ExpectProven("haply", Slowly(hand, at_mm, 3, [&](const std::string& way) {
                  if (way == "away from you") hand.Turn(0.0, Vec3::UnitZ());
                  if (way == "down") hand.Turn(M_PI / 2, -Vec3::UnitX());
                  if (way == "to the right") hand.Turn(M_PI / 2, -Vec3::UnitZ());
                }));
-  EXPECT_EQ(service.Report()["breaches"], nlohmann::json::array());
+  EXPECT_EQ(rig.Report()["breaches"], nlohmann::json::array());
   daemon_.reset();
-  service.Restart(std::chrono::hours(1));
-  Start(config);
+  rig.service_.Restart(std::chrono::hours(1));
+  Start(rig.config());
   Prove();
   ExpectRefused("find", "haply-inverse-service");
   daemon_.reset();

@@ -131,17 +131,6 @@ class AnsweringUsbDeviceTest : public UsbDeviceTest {
   AnsweringUsbDeviceTest() : UsbDeviceTest(true) {}
 };
 
-TEST_F(UsbDeviceTest, MotorsHaveNoCurrentUntilTheyMay) {
-  StartStreaming();
-  EXPECT_TRUE(Eventually([&] {
-    device_->Write({{Vec3(1.0, 0.0, 0.0)}}, 0.001);
-    return stylus_.Forces().size() > 50;
-  }));
-  device_->Stop();
-  const std::vector<PlainForce> forces = stylus_.Forces();
-  EXPECT_TRUE(std::none_of(forces.begin(), forces.end(), IsOn));
-}
-
 TEST_F(UsbDeviceTest, ExchangesReadingsAndForces) {
   EXPECT_EQ(device_->Read(state_), DeviceStatus::kFault);
   StartStreaming();

@@ -15,17 +15,14 @@
 
 namespace palpate::test {
 
-class FalconRig {
+// The emulated one is homed at once.
+class FalconRig : public DeviceRig {
  public:
   using Kind = UsbEvent::Kind;
   static constexpr const char *kKind = "falcon", *kPort = "1-2";
   static constexpr const char *kOther = "1-4", *kBoth = "1-2, 1-4";
-  static constexpr const char *kAbsent = "not found: plug it in", *kLost = "unplugged";
-  static constexpr const char* kSilent = "no reading for 100 ms";
-  static constexpr std::size_t kLinesOfALoss = 1;
-  static constexpr bool kForgetsItsPlace = false;  // the emulated one is homed at once
+  static constexpr const char* kAbsent = "not found: plug it in";
   static constexpr double kPlaceMm = 0.1, kForceN = 0.05;
-  static inline const Vec3 kRest = Vec3::Zero();
 
   FalconRig() { Plug(); }
   ~FalconRig() { device_.reset(); }
@@ -57,7 +54,7 @@ class FalconRig {
     const std::vector<FalconCommand> forces = falcon_.Forces();
     const auto pushes =
         std::ranges::count_if(forces, [](const auto& it) { return !FalconStand::IsZero(it); });
-    return {.readings = device_->health().readings,
+    return {.readings = device_ ? device_->health().readings : forces.size(),
             .forces = forces.size(),
             .pushes = static_cast<std::uint64_t>(pushes)};
   }
@@ -84,8 +81,19 @@ class FalconRig {
     Place(kRest);
     return device_->Serve(kPush, [&] { return (Felt_n() - kPush.force_n).norm() < kForceN; });
   }
+  std::vector<std::string> wrapper() const { return bus_.wrapper(); }
+  std::string config() const {
+    return "kind = \"falcon\"\nfalcon_firmware = \"" + firmware_.file().string() + "\"\n";
+  }
+  void ExpectLetGoInOrder() {
+    EXPECT_TRUE(Eventually([&] { return falcon_.CountOf(Kind::kClose) > 0; }));
+    EXPECT_TRUE(IsLetGoOf());
+    EXPECT_EQ(falcon_.CountOf(Kind::kRelease), falcon_.CountOf(Kind::kClaim));
+    EXPECT_EQ(falcon_.CountOf(Kind::kAttachDriver), falcon_.CountOf(Kind::kDetachDriver));
+    EXPECT_EQ(falcon_.firmware(), firmware_.bytes());
+  }
 
-  std::unique_ptr<ServedDevice> device_;
+  FalconEmulator falcon_;
 
  private:
   void MakeWith(const FalconOptions& options) {
@@ -95,7 +103,7 @@ class FalconRig {
   }
 
   const FalconFirmware firmware_{};
-  FalconEmulator falcon_, other_;
+  FalconEmulator other_;
   UsbTestbed bus_;
   Vec3 place_mm_ = kRest;
 };

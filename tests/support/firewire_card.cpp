@@ -228,7 +228,7 @@ void FirewireCard::Deliver(EmulatedFirewireDevice& from, const FirewirePacket& p
           header);
   PutWord(kInvalidStampBits << 16 | Stamp(), header);
   header.insert(header.end(), packet.payload.begin(), packet.payload.end());
-  FirewireCounts counts{.unheard = 1};
+  std::uint64_t lost = 0;
   for (const auto& node : nodes_) {
     for (auto& [ioctl, client] : node->clients_) {
       const auto& context = client.context;
@@ -236,18 +236,15 @@ void FirewireCard::Deliver(EmulatedFirewireDevice& from, const FirewirePacket& p
           (context->tags >> packet.tag & 1) == 0) {
         continue;
       }
-      counts = {.lost = 1};
-      if (context->queued.empty()) continue;
-      counts = {.delivered = 1};
+      lost = context->queued.empty() ? 1 : 0;
+      if (lost > 0) continue;
       Bytes slot = header;
       slot.resize(context->header_bytes, kOldMemory);
       node->Complete(client, std::move(slot), Stamp());
     }
   }
   const std::scoped_lock lock(from.mutex_);
-  from.counts_.delivered += counts.delivered;
-  from.counts_.lost += counts.lost;
-  from.counts_.unheard += counts.unheard;
+  from.counts_.lost += lost;
 }
 
 void FirewireCard::Send(FirewireNode& node, FirewireNode::Client& client) {

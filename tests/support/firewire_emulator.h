@@ -54,9 +54,7 @@ struct FirewirePacket {
 };
 
 struct FirewireCounts {
-  std::uint64_t delivered = 0;  // packets of this device that a context of the host took
   std::uint64_t lost = 0;       // no receive descriptor was queued
-  std::uint64_t unheard = 0;    // no context listened
 };
 
 // Faults of the bus's isochronous resources.

@@ -95,8 +95,6 @@ void FirewireTestbed::BusReset() { impl_->card.BusReset(); }
 
 void FirewireTestbed::SetFaults(const FirewireFaults& faults) { impl_->card.SetFaults(faults); }
 
-EmulatedFirewireDevice& FirewireTestbed::host() { return impl_->host; }
-
 std::vector<std::string> FirewireTestbed::wrapper() const { return impl_->bus.wrapper(); }
 
 }  // namespace palpate::test

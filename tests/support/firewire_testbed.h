@@ -34,8 +34,6 @@ class FirewireTestbed {
   void BusReset();
   void SetFaults(const FirewireFaults& faults);
 
-  // The card's own node, fw0.
-  EmulatedFirewireDevice& host();
   // Returns what to put before a command.
   std::vector<std::string> wrapper() const;
 

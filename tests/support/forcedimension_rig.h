@@ -24,7 +24,7 @@ inline const Wrench kPush{.force_n = Vec3(0.5, -0.25, 1.0), .torque_n_mm = Vec3(
 inline constexpr const char* kSigma = "sigma.7";
 
 // A sigma.7, the model that has all, unless the test says otherwise.
-class ForceDimensionRig {
+class ForceDimensionRig : public DeviceRig {
  public:
   ForceDimensionRig() {
     fake().watchdog_slack_ms = 60'000;  // this machine may stop for long
@@ -79,7 +79,6 @@ class ForceDimensionRig {
   TemporaryFolder folder_;
   FakeDrd drd_{folder_.path()};
   ForceDimensionHand hand_{drd_.device()};
-  std::unique_ptr<ServedDevice> device_;
   std::vector<std::string> breaches_{};  // expected of the test
 };
 
@@ -92,12 +91,10 @@ class OmegaRig : public forcedimension::ForceDimensionRig {
  public:
   static constexpr const char *kKind = "forcedimension", *kModel = "omega.3";
   static constexpr const char *kOther = "54321", *kBoth = "12345, 54321";
-  static constexpr const char *kAbsent = "plug it in", *kLost = "unplugged";
-  static constexpr const char* kSilent = "no reading for 100 ms";
-  static constexpr std::size_t kLinesOfALoss = 1;
-  static constexpr bool kForgetsItsPlace = false;
-  static constexpr double kPlaceMm = 1e-9, kForceN = 1e-3;
-  static inline const Vec3 kRest = Vec3::Zero();
+  static constexpr bool kEndsItsForce = true;
+  static constexpr int kRateHz = 2000;
+  static constexpr double kMostLost = 10.0;
+  static inline const Vec3 kBelow{0.0, -70.0, 0.0};
 
   OmegaRig() { Be(kModel, false, false, false); }
   ~OmegaRig() {
@@ -156,6 +153,17 @@ class OmegaRig : public forcedimension::ForceDimensionRig {
             {.make = [this] { Make("777"); }, .told = {"12345"}, .comes_by_itself = false},
             is_another("omega.7", "\"omega.7\""),
             is_another("novelty", "delta.3")};
+  }
+  // A real daemon is braked by the device when it is late.
+  std::string config() {
+    fake().watchdog_slack_ms = 0;
+    return "kind = \"forcedimension\"\nforcedimension_library = \"" + std::string(kFakeDrd) +
+           "\"\n";
+  }
+  void ExpectLetGoInOrder() {
+    EXPECT_TRUE(ForceDimensionRig::IsLetGoOf());
+    EXPECT_EQ(fake().closes, 1);
+    EXPECT_EQ(fake().force_off_cause, 0);  // its watchdog had nothing to do
   }
   bool Pushes() {
     return device_->Serve(kPush, [&] { return (Felt_n() - kPush.force_n).norm() < kForceN; });

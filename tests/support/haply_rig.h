@@ -16,17 +16,15 @@
 
 namespace palpate::test {
 
-class HaplyRig {
+class HaplyRig : public DeviceRig {
  public:
   using Json = nlohmann::json;
   static constexpr const char* kKind = "haply";
   static constexpr const char *kOther = "0B2C", *kBoth = "049D, 0B2C";
-  static constexpr const char *kAbsent = "plug it in", *kLost = "unplugged";
-  static constexpr const char* kSilent = "no reading for 100 ms";
-  static constexpr std::size_t kLinesOfALoss = 1;
-  static constexpr bool kForgetsItsPlace = false;
-  static constexpr double kPlaceMm = 1e-6, kForceN = 1e-3;
-  static inline const Vec3 kRest = Vec3::Zero();
+  static constexpr bool kEndsItsForce = true;
+  static constexpr int kRateHz = 2000;
+  static constexpr double kMostLost = 10.0;
+  static inline const Vec3 kBelow{0.0, -70.0, 0.0};
 
   ~HaplyRig() {
     device_.reset();
@@ -95,13 +93,21 @@ class HaplyRig {
              .undo = [this] { service_.Restart(milliseconds(0)); },
              .told = {"haply-inverse-service"}}};
   }
+  std::string config() const {
+    return "kind = \"haply\"\nhaply_port = " + std::to_string(service_.port()) +
+           "\nhaply_events_port = " + std::to_string(service_.events_port()) + "\n";
+  }
+  void ExpectLetGoInOrder() {
+    EXPECT_TRUE(Eventually([&] { return Report()["sessions_closed"] == 1; }));
+    EXPECT_TRUE(IsLastZero());
+    EXPECT_EQ(Report()["close_code"], 1000);
+  }
   bool Pushes() {
     return device_->Serve(kPush, [&] { return (Felt_n() - kPush.force_n).norm() < kForceN; });
   }
 
   HaplyService service_;
   HaplyHand hand_{service_};
-  std::unique_ptr<ServedDevice> device_;
   bool asks_too_early_ = false;  // an answer that nobody asked for was taken for one
 
  private:

@@ -51,10 +51,8 @@ STATE = {
     "status": {"calibrated": True, "in_use": False, "power_supply": True, "ready": True,
                "started": True},
     "control_mode": "idle",         # while no force is commanded
-    "freeze_state": False,          # position, grip and force stay in the replies as they are
     "needs_probes": False,          # old values if there was neither a force nor a probe
     "ignores_forces": False,        # current_cursor_force and felt_force stay zero
-    "idle_after_ms": None,          # a force is forgotten so long after the last message
     # The service. With None, GET gives 404.
     "version": "3.5.2", "force_scale": 1.0,
     "http_text": None,              # a path's body, instead of the usual one
@@ -139,8 +137,7 @@ class Service:
     def __init__(self):
         self.state = dict(STATE)    # replaced at each change: sessions may keep an old one
         self.sessions, self.newest, self.opened, self.closed = {}, None, 0, 0
-        self.counts = dict.fromkeys(
-            ("messages", "forces", "pushes", "probes", "grip_probes", "replies"), 0)
+        self.counts = dict.fromkeys(("forces", "pushes", "replies"), 0)
         self.breaches, self.messages = [], collections.deque(maxlen=2000)
         self.last_force, self.last_ns, self.close_code = None, 0, None
         self.zero_repeats = self.most_unanswered = self.pongs = 0
@@ -311,17 +308,13 @@ class Service:
         session.force, session.at_ns, self.last_ns = force, now, now
         if force is not None:
             self.last_force = force
-        self.counts["messages"] += 1
         self.counts["forces"] += force is not None
         self.counts["pushes"] += force not in (None, ZERO)
-        self.counts["probes"] += probed[0]
-        self.counts["grip_probes"] += probed[1]
         self.messages.append((now, force))
-        if not self.state["freeze_state"]:
-            is_fresh = force is not None or not self.state["needs_probes"]
-            session.view = tuple(self.state if is_fresh or one else old
-                                 for one, old in zip(probed, session.view))
-            session.shown_force = force
+        is_fresh = force is not None or not self.state["needs_probes"]
+        session.view = tuple(self.state if is_fresh or one else old
+                             for one, old in zip(probed, session.view))
+        session.shown_force = force
         self.reply(session)
 
     # --- replies
@@ -507,11 +500,8 @@ class Service:
     def report(self, wanted):
         now, newest, felt = time.monotonic_ns(), self.newest, ZERO
         live = [s for s in self.sessions.values() if s.force is not None]
-        idle_ms = self.state["idle_after_ms"]
         if live and not self.state["ignores_forces"]:
-            last = max(live, key=lambda session: session.at_ns)
-            if idle_ms is None or now - last.at_ns < idle_ms * 1e6:
-                felt = last.force
+            felt = max(live, key=lambda session: session.at_ns).force
         count = wanted.get("messages", 0)
         return {
             "counts": self.counts, "breaches": self.breaches, "zero_repeats": self.zero_repeats,

@@ -130,7 +130,7 @@ void OmniFirewireEmulator::OnPacket(const FirewirePacket& packet, std::uint64_t 
       packet.sy != 0) {
     return Blame("sent a packet that is no force packet: length, speed, tag or sy");
   }
-  OmniForcePacket force{.time_ns = NowNs(), .cycle = cycle, .raw = packet.payload};
+  OmniForcePacket force{.time_ns = NowNs(), .cycle = cycle};
   for (std::size_t n = 0; n < 3; ++n) {
     const auto word = static_cast<int>(WordAt(packet.payload, 2 * n));
     if (word > kMotorMost) Blame("sent a motor word above 0xfff");

@@ -49,7 +49,6 @@ struct OmniForcePacket {
   std::array<int, 3> motors{};  // counts; 0: no force
   bool force_enabled = false;
   unsigned dock_light = 0;  // bits 0 and 1 of its status
-  Bytes raw{};
 };
 
 class OmniFirewireEmulator final : public EmulatedFirewireDevice {

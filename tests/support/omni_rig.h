@@ -16,15 +16,13 @@
 
 namespace palpate::test {
 
-class OmniRig {
+class OmniRig : public DeviceRig {
  public:
   using Kind = FirewireEvent::Kind;
   using Omni = OmniFirewireEmulator;
-  static constexpr const char* kKind = "omni_firewire";
+  static constexpr const char* kKind = "omni-firewire";
   static constexpr const char *kOther = "11129400000", *kBoth = "11129400000, 70427300007";
-  static constexpr const char *kAbsent = "not found: plug it in", *kLost = "unplugged";
-  static constexpr const char* kSilent = "no reading for 100 ms";
-  static constexpr std::size_t kLinesOfALoss = 1;
+  static constexpr const char* kAbsent = "not found: plug it in";
   static constexpr bool kForgetsItsPlace = true;  // its encoders count anew
   static constexpr double kPlaceMm = 0.1, kForceN = 0.05;
   static inline const Vec3 kRest = OmniStand::kRest;
@@ -51,9 +49,11 @@ class OmniRig {
   }
   void PlugOther() { bus_.Plug(other_); }
   void SetSilent(bool silent) { omni_.SetStream({.silent = silent}); }
+  void Dock() { omni_.SetHand(OmniStand::Docked()); }
   // Docks until it is calibrated, and holds the stylus there.
   void Place(const Vec3& p_mm) {
     place_mm_ = p_mm;
+    if (!device_) return omni_.SetHand(OmniStand::At(p_mm));
     const DeviceState& state = device_->state();
     EXPECT_TRUE(device_->Serve(Wrench{}, [&] {
       const bool calibrated = device_->status() == DeviceStatus::kOk && state.calibrated;
@@ -69,10 +69,13 @@ class OmniRig {
   }
   DeviceTally Tally() {
     const std::vector<OmniForcePacket> forces = omni_.Forces();
+    const auto pushes = std::ranges::count_if(forces, [](const OmniForcePacket& force) {
+      return force.force_enabled && force.motors != std::array<int, 3>{};
+    });
     return {.readings = omni_.packets_sent(),
             .forces = forces.size(),
-            .pushes = static_cast<std::uint64_t>(
-                std::ranges::count(forces, true, &OmniForcePacket::force_enabled))};
+            .pushes = static_cast<std::uint64_t>(pushes),
+            .lost = omni_.Counts().lost};
   }
   std::uint64_t Touches() { return omni_.CountOf(Kind::kWrite); }
   bool IsTouched() { return Touches() > 0; }
@@ -85,6 +88,9 @@ class OmniRig {
             {.make = [this] { bus_.SetFaults({.taken_channels = ~std::uint64_t{0}}), Make(); },
              .undo = [this] { bus_.SetFaults({}); },
              .told = {"no free channel"}},
+            {.make = [this] { bus_.SetFaults({.no_bandwidth = true}), Make(); },
+             .undo = [this] { bus_.SetFaults({}); },
+             .told = {"no free channel"}},
             {.make = [this] { omni_.vendor_quadlet = 0x00112233, Make(); },
              .undo = [this] { omni_.vendor_quadlet = 0x000b9900; },
              .told = {"not those of a Phantom Omni"},
@@ -93,13 +99,33 @@ class OmniRig {
              .told = {"12345678901"},
              .comes_by_itself = false}};
   }
+  std::vector<std::string> wrapper() const { return bus_.wrapper(); }
+  std::string config() const {
+    return "kind = \"omni-firewire\"\nmotor_counts_per_n_mm = [2.0, -3.0, 4.0]\n";
+  }
+  // Motors off first, then its stream.
+  void ExpectLetGoInOrder() {
+    const OmniForcePacket force = omni_.Forces().back();
+    EXPECT_FALSE(force.force_enabled);
+    EXPECT_EQ(omni_.ForceOnHand(), (std::array<int, 3>{}));
+    const FirewireEvent last = EventsOf(Kind::kWrite).back();
+    EXPECT_EQ(last.number, static_cast<std::int64_t>(Omni::kControl));
+    EXPECT_EQ(last.bytes, Bytes{0});
+    EXPECT_GE(last.time_ns, force.time_ns);
+    EXPECT_TRUE(
+        Eventually([&] { return omni_.CountOf(Kind::kClose) == omni_.CountOf(Kind::kOpen); }));
+  }
+  std::vector<FirewireEvent> EventsOf(Kind kind) const {
+    std::vector<FirewireEvent> events = omni_.Events();
+    std::erase_if(events, [&](const FirewireEvent& event) { return event.kind != kind; });
+    return events;
+  }
   // At rest.
   bool Pushes() {
     Place(kRest);
     return device_->Serve(kPush, [&] { return (Felt_n() - kPush.force_n).norm() < kForceN; });
   }
 
-  std::unique_ptr<ServedDevice> device_;
   Omni omni_;
   Omni other_{0x80df6000};
   FirewireTestbed bus_;

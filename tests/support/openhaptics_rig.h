@@ -18,7 +18,7 @@
 
 namespace palpate::test {
 
-class OpenHapticsRig {
+class OpenHapticsRig : public DeviceRig {
  public:
   static constexpr unsigned int kCommError = 0x0302;
   static constexpr const char* kKind = "openhaptics";
@@ -27,9 +27,6 @@ class OpenHapticsRig {
   static constexpr const char *kAbsent = "cannot set up the device", *kLost = "is lost";
   static constexpr const char* kSilent = "stands still";
   static constexpr std::size_t kLinesOfALoss = 2;
-  static constexpr bool kForgetsItsPlace = false;
-  static constexpr double kPlaceMm = 1e-9, kForceN = 1e-9;
-  static inline const Vec3 kRest = Vec3::Zero();
 
   OpenHapticsRig() {
     void* library = dlopen(kFakeHd, RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
@@ -94,7 +91,6 @@ class OpenHapticsRig {
     return device_->Serve(kPush, [&] { return Feels(kPush.force_n); });
   }
 
-  std::unique_ptr<ServedDevice> device_;
   FakeHd* hd_ = nullptr;
 
  private:

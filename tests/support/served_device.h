@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -97,9 +98,43 @@ class ServedDevice {
   std::string log_;
 };
 
-// What a device has counted so far. Pushes: forces that are not zero.
+// What a device has counted so far. Pushes: forces that are not zero. Lost: readings that the host
+// did not take.
 struct DeviceTally {
-  std::uint64_t readings = 0, forces = 0, pushes = 0;
+  std::uint64_t readings = 0, forces = 0, pushes = 0, lost = 0;
+};
+
+// What a rig of a kind has if it says nothing else. A rig has an emulated device, the hand that
+// holds it, and, once Make was called, a device of palpated's in this process.
+class DeviceRig {
+ public:
+  // Parts of what is told of a device that is not there, that was pulled out, that sends nothing.
+  static constexpr const char *kAbsent = "plug it in", *kLost = "unplugged";
+  static constexpr const char* kSilent = "no reading for 100 ms";
+  static constexpr std::size_t kLinesOfALoss = 1;
+  static constexpr bool kForgetsItsPlace = false;  // when it is pulled out
+  static constexpr bool kEndsItsForce = false;     // when palpated is killed
+  static constexpr int kRateHz = 1000;
+  static constexpr double kMostLost = 0.0;                  // of a second's readings
+  static constexpr double kPlaceMm = 1e-6, kForceN = 1e-3;  // how exactly it is read and pushed
+  static inline const Vec3 kRest = Vec3::Zero();
+  static inline const Vec3 kBelow{0.0, -47.0, 0.0};  // palpated's sphere
+
+  // Whom palpated is started by.
+  std::vector<std::string> wrapper() const { return {}; }
+  void Dock() {}
+
+  std::unique_ptr<ServedDevice> device_;
+};
+
+// For typed tests.
+struct RigNames {
+  template <class Rig>
+  static std::string GetName(int) {
+    std::string name = Rig::kKind;
+    std::ranges::replace(name, '-', '_');
+    return name;
+  }
 };
 
 // What keeps palpated from a device: how to make it so, and how to undo that.

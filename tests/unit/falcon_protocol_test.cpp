@@ -11,8 +11,8 @@
 
 #include "server/device/falcon/bring_up.h"
 #include "server/device/falcon/falcon_protocol.h"
-#include "server/device/falcon/kinematics.h"
 #include "tests/support/falcon_emulator.h"
+#include "tests/support/falcon_stand.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/usb_error.h"
 
@@ -20,6 +20,7 @@ namespace palpate {
 namespace {
 
 using test::Bytes;
+using test::FalconStand;
 
 Bytes Transfer(const FalconReport& report) {
   Bytes bytes = {0x31, 0x60};
@@ -29,19 +30,7 @@ Bytes Transfer(const FalconReport& report) {
 }
 
 FalconReport HomedAt(const Vec3& p_D_mm) {
-  Vec3 angles;
-  EXPECT_TRUE(FalconAnglesAt(p_D_mm, angles));
-  return {.encoders = FalconCountsFromAngles(angles), .buttons = 0, .homed = 7};
-}
-
-// The force that the motors' counts put on the hand.
-Vec3 ForceOf(const FalconCommand& command, const Vec3& p_D_mm) {
-  Vec3 angles;
-  Mat3 jacobian;
-  EXPECT_TRUE(FalconAnglesAt(p_D_mm, angles));
-  EXPECT_TRUE(FalconJacobianAt(p_D_mm, angles, jacobian));
-  const Vec3 counts(command.motors[0], command.motors[1], command.motors[2]);
-  return jacobian.transpose().inverse() * (counts / kFalconMotorCountsPerNmm);
+  return {.encoders = FalconStand::At(p_D_mm), .buttons = 0, .homed = 7};
 }
 
 class FalconProtocolTest : public ::testing::Test {
@@ -102,22 +91,15 @@ TEST_F(FalconProtocolTest, WithoutFirmwareItSaysWhereThatIs) {
 
 class FalconFirmwareTest : public FalconProtocolTest {
  protected:
-  FalconFirmwareTest() {
-    std::mt19937 random(1);
-    for (int n = 0; n < 5'000; ++n) firmware_.push_back(static_cast<std::uint8_t>(random()));
-    std::ofstream(file_, std::ios::binary) << std::string(firmware_.begin(), firmware_.end());
-    protocol_.emplace(FalconOptions{.firmware_file = file_});
-  }
+  FalconFirmwareTest() { protocol_.emplace(FalconOptions{.firmware_file = firmware_.file()}); }
 
-  test::TemporaryFolder folder_{};
-  const std::string file_ = folder_.path() / "firmware.bin";
-  Bytes firmware_{};
+  const test::FalconFirmware firmware_{};
 };
 
 TEST_F(FalconFirmwareTest, IsUploadedWhole) {
   UsbLink link(protocol_->match());
   protocol_->SetUp(link, false);
-  EXPECT_EQ(falcon_.firmware(), firmware_);
+  EXPECT_EQ(falcon_.firmware(), firmware_.bytes());
   EXPECT_FALSE(falcon_.Forces().empty());
 }
 
@@ -132,16 +114,17 @@ TEST_F(FalconFirmwareTest, ThatDoesNotRunIsNamed) {
   falcon_.cannot_run = true;
   const BusError error = FailureOfSetUp();
   EXPECT_EQ(error.fault(), BusFault::kTimeout);
-  EXPECT_TRUE(test::Says(error, file_)) << error.what();
+  EXPECT_TRUE(test::Says(error, firmware_.file())) << error.what();
 }
 
 TEST_F(FalconFirmwareTest, FileIsReadWithinLimits) {
-  EXPECT_EQ(ReadFalconFirmware(file_), firmware_);
-  const std::string empty = folder_.path() / "empty", huge = folder_.path() / "huge";
+  EXPECT_EQ(ReadFalconFirmware(firmware_.file()), firmware_.bytes());
+  const test::TemporaryFolder folder;
+  const std::string empty = folder.path() / "empty", huge = folder.path() / "huge";
   std::ofstream{empty};
   std::ofstream(huge) << std::string(kMaxFalconFirmwareBytes + 1, 'x');
   for (const std::string& bad :
-       {std::string(folder_.path() / "none"), folder_.path().string(), empty, huge}) {
+       {std::string(folder.path() / "none"), folder.path().string(), empty, huge}) {
     EXPECT_THROW(ReadFalconFirmware(bad), BusError) << bad;
   }
 }
@@ -217,7 +200,7 @@ TEST_F(FalconProtocolTest, AForceIsOnTheHandWhereItWasRead) {
     const Vec3 force = Vec3(any(random), any(random), any(random)) / 16.0;
     const FalconCommand command = Encoded(force, true);
     ASSERT_EQ(command.lights, kFalconGreenLight);
-    ASSERT_LT((ForceOf(command, state_.p_MHip_mm) - force).norm(), 0.01);
+    ASSERT_LT((FalconStand::ForceOf(command, state_.p_MHip_mm) - force).norm(), 0.01);
   }
   // Towards the user: all three thighs outwards, which is the negative count.
   Receive(HomedAt(Vec3::Zero()));
