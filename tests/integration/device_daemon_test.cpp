@@ -19,7 +19,6 @@
 #include "tests/support/forcedimension_rig.h"
 #include "tests/support/haply_rig.h"
 #include "tests/support/omni_rig.h"
-#include "tests/support/patience.h"
 #include "tests/support/touch_emulator.h"
 
 namespace palpate::test {
@@ -176,32 +175,31 @@ TYPED_TEST(StreamedDaemon, IsReadAndAnsweredAtItsRate) {
   EXPECT_GE(answered[5], 0.99);
 }
 
+struct TouchRig : DeviceRig {
+  TouchRig() { bus.Plug("1-2", touch); }
+  std::vector<std::string> wrapper() const { return bus.wrapper(); }
+  std::string config() const { return "kind = \"omni-usb\"\n"; }
+
+  TouchEmulator touch;
+  UsbTestbed bus;
+};
+
 TEST(TouchDaemon, ATouchIsIdentifiedAndNotDriven) {
   using Kind = UsbEvent::Kind;
-  class TouchDaemonRig final : public DaemonRig {
-   public:
-    TouchDaemonRig() {
-      bus_.Plug("1-2", touch);
-      StartOn(bus_.wrapper(), "kind = \"omni-usb\"\n");
-    }
-    ~TouchDaemonRig() { daemon_.reset(); }
-
-    TouchEmulator touch;
-
-   private:
-    UsbTestbed bus_;
-  } rig;
-  EXPECT_TRUE(rig.daemon().process().WaitFor("EMULATED0001"));
+  DaemonOf<TouchRig> of;
+  const TouchEmulator& touch = of.rig.touch;
+  of.Start();
+  EXPECT_TRUE(of.daemon().process().WaitFor("EMULATED0001"));
   ASSERT_TRUE(Eventually(
-      [&] { return rig.Get().health().problem().find("EMULATED0001") != std::string::npos; }));
-  EXPECT_EQ(rig.Get().device().verification_level(), v1::VERIFICATION_LEVEL_NONE);
-  EXPECT_EQ(rig.Enable("omni-usb"), grpc::StatusCode::FAILED_PRECONDITION);
-  EXPECT_TRUE(rig.daemon().WaitForTicks(100));  // the loop goes on without it
-  rig.End();
-  ASSERT_TRUE(Eventually([&] { return rig.touch.CountOf(Kind::kClose) > 0; }));
-  EXPECT_EQ(rig.touch.CountOf(Kind::kRelease), rig.touch.CountOf(Kind::kClaim));
-  EXPECT_EQ(rig.touch.CountOf(Kind::kAttachDriver), rig.touch.CountOf(Kind::kDetachDriver));
-  EXPECT_EQ(rig.touch.garbage_bytes(), 0u);
+      [&] { return of.Get().health().problem().find("EMULATED0001") != std::string::npos; }));
+  EXPECT_EQ(of.Get().device().verification_level(), v1::VERIFICATION_LEVEL_NONE);
+  EXPECT_EQ(of.Enable("omni-usb"), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_TRUE(of.daemon().WaitForTicks(100));  // the loop goes on without it
+  of.End();
+  ASSERT_TRUE(Eventually([&] { return touch.CountOf(Kind::kClose) > 0; }));
+  EXPECT_EQ(touch.CountOf(Kind::kRelease), touch.CountOf(Kind::kClaim));
+  EXPECT_EQ(touch.CountOf(Kind::kAttachDriver), touch.CountOf(Kind::kDetachDriver));
+  EXPECT_EQ(touch.garbage_bytes(), 0u);
 }
 
 // Returns the forces that came after the daemon went on, or was started again.

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <functional>
 #include <string>
-#include <thread>
 
 #include "tests/support/forcedimension_rig.h"
 #include "tests/support/refusal.h"

@@ -1,4 +1,4 @@
-// Force Dimension's devices over a library of our own, in this process: set-up, axes and signs, and
+// Force Dimension's devices over a library of our own, in this process: set-up, and
 // each fault. forcedimension_calibration_test.cpp has what keeps them from forces;
 // device_daemon_test.cpp has the whole daemon, killed and frozen. What a real device does is not
 // shown here.

@@ -11,8 +11,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <functional>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -31,8 +29,6 @@ class OmniFirewireTest : public ::testing::Test, protected OmniRig {
     Make();
     ASSERT_TRUE(device_->Streams());
   }
-
-  EmulatedFirewireDevice camera_{0x0814430001234567};
 };
 
 TEST_F(OmniFirewireTest, IsSetUpInTheVendorsOrderAndLetGoOfWithoutForce) {

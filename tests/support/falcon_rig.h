@@ -19,7 +19,7 @@ namespace palpate::test {
 class FalconRig : public DeviceRig {
  public:
   using Kind = UsbEvent::Kind;
-  static constexpr const char *kKind = "falcon", *kPort = "1-2";
+  static constexpr const char *kKind = "falcon", *kOwn = "1-2";
   static constexpr const char *kOther = "1-4", *kBoth = "1-2, 1-4";
   static constexpr const char* kAbsent = "not found: plug it in";
   static constexpr double kPlaceMm = 0.1, kForceN = 0.05;
@@ -29,8 +29,8 @@ class FalconRig : public DeviceRig {
 
   // The port stands for a serial number.
   void Make(const std::string& port = "") { MakeWith({port, firmware_.file()}); }
-  void Plug() { bus_.Plug(kPort, falcon_); }
-  void Unplug() { bus_.Unplug(kPort); }
+  void Plug() { bus_.Plug(kOwn, falcon_); }
+  void Unplug() { bus_.Unplug(kOwn); }
   void PlugOther() { bus_.Plug(kOther, other_); }
   void SetSilent(bool silent) { falcon_.SetFaults({.silent = silent}); }
   void Place(const Vec3& p_mm) {
@@ -64,14 +64,14 @@ class FalconRig : public DeviceRig {
   std::vector<Hindrance> Hindrances() {
     const auto plug = [this](bool may_open) {
       Unplug();
-      bus_.Plug(kPort, falcon_, may_open);
+      bus_.Plug(kOwn, falcon_, may_open);
     };
     return {{.make = [=, this] { plug(true), MakeWith({}); },
              .told = {"falcon_firmware"},
              .comes_by_itself = false},
             {.make = [=, this] { plug(false), Make(); },
              .undo = [=] { plug(true); },
-             .told = {"70-palpate.rules"}},
+             .told = {"70-palpate.rules", kOwn}},
             {.make = [this] { falcon_.SetFaults({.busy = true}), Make(); },
              .undo = [this] { falcon_.SetFaults({}); },
              .told = {"another program"}},

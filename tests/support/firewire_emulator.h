@@ -54,7 +54,7 @@ struct FirewirePacket {
 };
 
 struct FirewireCounts {
-  std::uint64_t lost = 0;       // no receive descriptor was queued
+  std::uint64_t lost = 0;  // no receive descriptor was queued
 };
 
 // Faults of the bus's isochronous resources.

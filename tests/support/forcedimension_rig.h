@@ -90,7 +90,7 @@ class ForceDimensionTest : public ::testing::Test, protected ForceDimensionRig {
 class OmegaRig : public forcedimension::ForceDimensionRig {
  public:
   static constexpr const char *kKind = "forcedimension", *kModel = "omega.3";
-  static constexpr const char *kOther = "54321", *kBoth = "12345, 54321";
+  static constexpr const char *kOwn = "12345", *kOther = "54321", *kBoth = "12345, 54321";
   static constexpr bool kEndsItsForce = true;
   static constexpr int kRateHz = 2000;
   static constexpr double kMostLost = 10.0;
@@ -150,7 +150,7 @@ class OmegaRig : public forcedimension::ForceDimensionRig {
             without_library(kFakeDrdOld, "3.9.0"),
             {.make = [=] { use(false); }, .undo = leave, .told = {"another program"}},
             {.make = [=] { use(true); }, .undo = leave, .told = {kOther}},
-            {.make = [this] { Make("777"); }, .told = {"12345"}, .comes_by_itself = false},
+            {.make = [this] { Make("777"); }, .told = {kOwn}, .comes_by_itself = false},
             is_another("omega.7", "\"omega.7\""),
             is_another("novelty", "delta.3")};
   }

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "server/device/haply/haply_bus.h"
@@ -19,7 +18,7 @@ namespace palpate::test {
 class HaplyRig : public DeviceRig {
  public:
   using Json = nlohmann::json;
-  static constexpr const char* kKind = "haply";
+  static constexpr const char *kKind = "haply", *kOwn = "049D";
   static constexpr const char *kOther = "0B2C", *kBoth = "049D, 0B2C";
   static constexpr bool kEndsItsForce = true;
   static constexpr int kRateHz = 2000;
@@ -54,13 +53,13 @@ class HaplyRig : public DeviceRig {
   Vec3 Felt_n() { return hand_.Felt_n(); }
   bool IsLastZero() { return Report()["last_force"] == Json::array({0.0, 0.0, 0.0}); }
   // Without its device, its session and with it the force ends.
-  bool IsLetGoOf() { return is_plugged_ ? IsLastZero() : Felt_n().isZero(); }
+  bool IsLetGoOf() { return is_plugged_ && Tally().pushes > 0 ? IsLastZero() : Felt_n().isZero(); }
   DeviceTally Tally() {
     const Json counts = Report()["counts"];
     return {.readings = counts["replies"], .forces = counts["forces"], .pushes = counts["pushes"]};
   }
   std::uint64_t Touches() { return Report()["counts"]["forces"]; }
-  bool IsTouched() { return IsAddressed("049D"); }
+  bool IsTouched() { return IsAddressed(kOwn); }
   bool IsOtherDriven() { return IsAddressed(kOther); }
   std::vector<Hindrance> Hindrances() {
     const auto state = [this](const char* name, Json wrong, Json right, const char* told) {
@@ -79,7 +78,7 @@ class HaplyRig : public DeviceRig {
           .make = [=, this] { MakeWith(wrong); }, .told = {told}, .comes_by_itself = false};
     };
     using std::chrono::milliseconds;
-    return {options({.serial = "777"}, "049D"),
+    return {options({.serial = "777"}, kOwn),
             options({.grip = "777"}, "61F7"),
             options({.model = "minverse"}, "\"inverse3\""),
             state("status", {{"in_use", true}}, {{"in_use", false}}, "another program"),

@@ -20,7 +20,7 @@ class OmniRig : public DeviceRig {
  public:
   using Kind = FirewireEvent::Kind;
   using Omni = OmniFirewireEmulator;
-  static constexpr const char* kKind = "omni-firewire";
+  static constexpr const char *kKind = "omni-firewire", *kOwn = "70427300007";
   static constexpr const char *kOther = "11129400000", *kBoth = "11129400000, 70427300007";
   static constexpr const char* kAbsent = "not found: plug it in";
   static constexpr bool kForgetsItsPlace = true;  // its encoders count anew
@@ -128,6 +128,7 @@ class OmniRig : public DeviceRig {
 
   Omni omni_;
   Omni other_{0x80df6000};
+  EmulatedFirewireDevice camera_{0x0814430001234567};
   FirewireTestbed bus_;
   std::string node_ = bus_.Plug(omni_);
 

@@ -21,8 +21,7 @@ namespace palpate::test {
 class OpenHapticsRig : public DeviceRig {
  public:
   static constexpr unsigned int kCommError = 0x0302;
-  static constexpr const char* kKind = "openhaptics";
-  static constexpr const char* kOther = "Right";
+  static constexpr const char *kKind = "openhaptics", *kOwn = "", *kOther = "Right";
   static constexpr const char* kBoth = nullptr;  // the library has a default device
   static constexpr const char *kAbsent = "cannot set up the device", *kLost = "is lost";
   static constexpr const char* kSilent = "stands still";

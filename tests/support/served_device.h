@@ -120,7 +120,7 @@ class DeviceRig {
   static inline const Vec3 kRest = Vec3::Zero();
   static inline const Vec3 kBelow{0.0, -47.0, 0.0};  // palpated's sphere
 
-  // Whom palpated is started by.
+  // What is put before palpated's command.
   std::vector<std::string> wrapper() const { return {}; }
   void Dock() {}
 

@@ -2,7 +2,6 @@
 // troubles. openhaptics_frame_test.cpp has the frames. What a real device does is not shown here.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <memory>
