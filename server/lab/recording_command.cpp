@@ -99,10 +99,8 @@ void ReplayRecording(const RecordingReplayOptions& options, std::ostream& out) {
 void ExportRecording(const ExportOptions& options, std::ostream& out) {
   if (options.hdf5) {
     throw Error(ErrorKind::kInvalidArgument,
-                "the Python package writes HDF5: python3 -c 'import palpate; "
-                "palpate.open_recording(\"" +
-                    options.recording.string() + "\").to_hdf5(\"" +
-                    (options.output.empty() ? "ticks.h5" : options.output.string()) + "\")'");
+                "the Python package writes HDF5: python3 -c 'import palpate, sys; "
+                "palpate.open_recording(sys.argv[1]).to_hdf5(sys.argv[2])' RECORDING FILE.h5");
   }
   RecordingReader reader(options.recording);
   if (options.output.empty()) {

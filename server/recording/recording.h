@@ -51,7 +51,8 @@ inline constexpr const char* kEndMetadata = "palpate.end";
 
 struct RecordingHeader {
   // The start of the recording, on two clocks at once: UTC since 1970, and CLOCK_MONOTONIC as in
-  // TickSample::time_ns. The second is absent in recordings that an older program made.
+  // TickSample::time_ns. The second is absent in recordings that were converted from an older
+  // format.
   std::int64_t created_unix_ns = 0;
   std::optional<std::int64_t> created_monotonic_ns{};
   std::string program{};  // "palpated 0.1.0"

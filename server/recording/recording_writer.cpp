@@ -16,13 +16,6 @@ namespace {
 // Of what comes between two ticks: many voxels, or many markers.
 constexpr std::size_t kBytesPerChunk = std::size_t{4} << 20;
 
-RecordingHeader HeaderNow(const std::string& program) {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  return {.created_unix_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count(),
-          .created_monotonic_ns = MonotonicNowNs(),
-          .program = program};
-}
-
 // Of damaged times, which may be any number.
 std::int64_t Difference(std::int64_t a, std::int64_t b) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
@@ -39,20 +32,19 @@ std::uint16_t AddChannel(mcap::Writer& file, const std::string& topic,
 
 RecordingWriter::RecordingWriter(std::unique_ptr<RecordingOutput> output,
                                  const std::string& program)
-    : RecordingWriter(std::move(output), HeaderNow(program)) {}
-
-RecordingWriter::RecordingWriter(std::unique_ptr<RecordingOutput> output,
-                                 const RecordingHeader& header)
     : output_(std::move(output)),
       file_(
           [this](std::string_view bytes) {
             output_->Append(bytes);
             counts_.bytes += bytes.size();
           },
-          std::string(kLibraryStart) + header.program),
-      created_unix_ns_(header.created_unix_ns),
-      // Until the first tick comes.
-      time_ns_(static_cast<std::uint64_t>(std::max(header.created_unix_ns, std::int64_t{0}))) {
+          std::string(kLibraryStart) + program) {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  const std::int64_t unix_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
+  const std::int64_t monotonic_ns = MonotonicNowNs();
+  time_from_unix_ns_ = monotonic_ns - unix_ns;
+  // Until the first tick comes.
+  time_ns_ = static_cast<std::uint64_t>(std::max(unix_ns, std::int64_t{0}));
   // The first hand. Others are /hand1/tick, /hand1/keyframe, ...
   const mcap::Texts hand = {{"hand", "0"},
                             {"frame", "D: mm, N; x right, y up, z towards the user"}};
@@ -62,20 +54,16 @@ RecordingWriter::RecordingWriter(std::unique_ptr<RecordingOutput> output,
   keyframe_ = AddChannel<v1::RecordedKeyframe>(file_, kKeyframeTopic, hand);
   event_ = AddChannel<v1::RecordedEvent>(file_, kEventTopic);
   clock_ = AddChannel<v1::RecordedClock>(file_, kClockTopic);
-  mcap::Texts texts = {{"program", header.program},
-                       {"created_unix_ns", std::to_string(header.created_unix_ns)}};
-  if (header.created_monotonic_ns) {
-    texts["created_monotonic_ns"] = std::to_string(*header.created_monotonic_ns);
-    time_from_unix_ns_ = Difference(*header.created_monotonic_ns, header.created_unix_ns);
-  }
-  file_.AddMetadata({kHeaderMetadata, texts});
+  file_.AddMetadata({kHeaderMetadata,
+                     {{"program", program},
+                      {"created_unix_ns", std::to_string(unix_ns)},
+                      {"created_monotonic_ns", std::to_string(monotonic_ns)}}});
   file_.EndChunk();
 }
 
 void RecordingWriter::Append(const TickSample& sample) {
   SkipTo(sample.tick);
   next_tick_ = sample.tick + 1;
-  if (!time_from_unix_ns_) time_from_unix_ns_ = Difference(sample.time_ns, created_unix_ns_);
   const bool is_first = counts_.ticks + waiting_ticks_ == 0;
   time_ns_ = std::max(is_first ? 0 : time_ns_, LogTime(sample.time_ns));
   WriteWaiting();
@@ -147,7 +135,7 @@ void RecordingWriter::WriteWaiting() {
 }
 
 std::uint64_t RecordingWriter::LogTime(std::int64_t time_ns) const {
-  const std::int64_t unix_ns = Difference(time_ns, *time_from_unix_ns_);
+  const std::int64_t unix_ns = Difference(time_ns, time_from_unix_ns_);
   return unix_ns > 0 ? static_cast<std::uint64_t>(unix_ns) : 0;
 }
 

@@ -33,8 +33,6 @@ class RecordingWriter {
  public:
   // Writes the header. `program`: its name and version.
   RecordingWriter(std::unique_ptr<RecordingOutput> output, const std::string& program);
-  // Of a recording that was made before.
-  RecordingWriter(std::unique_ptr<RecordingOutput> output, const RecordingHeader& header);
 
   RecordingWriter(const RecordingWriter&) = delete;
   RecordingWriter& operator=(const RecordingWriter&) = delete;
@@ -72,10 +70,8 @@ class RecordingWriter {
   RecordingCounts counts_;
   mcap::Writer file_;
   std::uint16_t tick_ = 0, scene_ = 0, voxels_ = 0, keyframe_ = 0, event_ = 0,
-                clock_ = 0;  // channels
-  std::int64_t created_unix_ns_;
-  // From UTC to a tick's time; none: the recording began with its first tick.
-  std::optional<std::int64_t> time_from_unix_ns_;
+                clock_ = 0;             // channels
+  std::int64_t time_from_unix_ns_ = 0;  // from UTC to a tick's time
   // Channel and message: of the next sample, whose time is not known yet.
   std::vector<std::pair<std::uint16_t, std::string>> waiting_;
   std::uint64_t time_ns_;  // of the last message

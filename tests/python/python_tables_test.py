@@ -162,7 +162,8 @@ class Hdf5(RecordingTest):
                                "trial.h5"], capture_output=True, text=True, check=False)
         self.assertEqual(told.returncode, 3)
         command = re.search("python3 -c '(.*)'", told.stderr)[1]
-        subprocess.run([sys.executable, "-c", command], check=True, cwd=self.folder)
+        subprocess.run([sys.executable, "-c", command, self.path, "trial.h5"], check=True,
+                       cwd=self.folder)
         self.assertTrue(h5py.is_hdf5(self.folder / "trial.h5"))
 
     def check_plain(self, name, held):

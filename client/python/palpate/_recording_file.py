@@ -177,8 +177,9 @@ class RecordingFile:
     def to_hdf5(self, path: str | os.PathLike[str]) -> None:
         """Writes ticks and markers as HDF5: plain arrays, which MATLAB reads, too.
 
-        The arrays are ticks/force_n, ticks/unix_ns, markers/text ... Their attribute "unit" is that of the contract. Words are their numbers;
-        the attribute "words" names them. Overwrites the file.
+        The arrays are ticks/force_n, ticks/unix_ns, markers/text ... Their attribute "unit" is that
+        of the contract. Words are their numbers; the attribute "words" names them. Overwrites the
+        file.
         Errors: FailedPrecondition (h5py is not installed), OSError.
         Example: palpate.open_recording("trial-7.mcap").to_hdf5("trial-7.h5")
         """
