@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <functional>
@@ -69,7 +70,9 @@ class DaemonOf final : public DaemonRig {
   void ExpectNoForce() {
     const std::uint64_t before = rig.Tally().pushes;
     Rest();
-    EXPECT_FALSE(Press([] { return false; }));
+    int places = 0;
+    EXPECT_FALSE(Press([&] { return ++places == 0; }));
+    EXPECT_EQ(places, std::ceil(-rig.kBelow.y() / 0.5));
     EXPECT_EQ(rig.Tally().pushes, before);
   }
 

@@ -1,7 +1,6 @@
-// Force Dimension's devices over a library of our own, in this process: set-up, and
-// each fault. forcedimension_calibration_test.cpp has what keeps them from forces;
-// device_daemon_test.cpp has the whole daemon, killed and frozen. What a real device does is not
-// shown here.
+// Force Dimension's devices over a library of our own, in this process: set-up, and each fault.
+// forcedimension_calibration_test.cpp has what keeps them from forces; device_daemon_test.cpp has
+// the whole daemon, killed and frozen. What a real device does is not shown here.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -65,6 +64,12 @@ TEST_F(ForceDimensionTest, TheHandleTurnsAsAStylusAndTorqueTurnsItBack) {
              (R_MS * Vec3::UnitY() - turn.up_M).norm() < 1e-9;
     })) << turn.axis.transpose();
   }
+}
+
+TEST_F(ForceDimensionTest, ASilentServoEndsTheTorque) {
+  Make();
+  ASSERT_TRUE(PushesSoon());
+  EXPECT_TRUE(Eventually([&] { return IsLetGoOf(); }));
 }
 
 TEST_F(ForceDimensionTest, TheMiddleOfASigmaIsBesideItsHand) {

@@ -1,6 +1,6 @@
-// Haply's devices over an emulated service in another process: set-up, and each
-// fault. device_daemon_test.cpp has the whole daemon, killed and frozen. What the real service and
-// its filters do is not shown here.
+// Haply's devices over an emulated service in another process: set-up, and each fault.
+// device_daemon_test.cpp has the whole daemon, killed and frozen. What the real service and its
+// filters do is not shown here.
 #include <gtest/gtest.h>
 
 #include <chrono>

@@ -107,6 +107,10 @@ void hdDisableDevice(unsigned int which) {
   const std::lock_guard lock(fake.mutex);
   Note("hdDisableDevice");
   if (const auto found = set_up.find(which); found != set_up.end()) {
+    // A loop that stands still, or has no device any more, cannot write the last zero.
+    if (fake.force != std::array<double, 3>{} && !fake.stands_still && fake.unplugged_error == 0) {
+      fake.breaches.emplace_back("hdDisableDevice under a force");
+    }
     fake.force = {};  // it has no force then, we assume
     FakeHdDevice& device = fake.devices[found->second];
     device.force = {};

@@ -29,8 +29,12 @@ class FalconRig : public DeviceRig {
 
   // The port stands for a serial number.
   void Make(const std::string& port = "") { MakeWith({port, firmware_.file()}); }
-  void Plug() { bus_.Plug(kOwn, falcon_); }
-  void Unplug() { bus_.Unplug(kOwn); }
+  // It comes back at another port.
+  void Plug() { bus_.Plug(port_, falcon_); }
+  void Unplug() {
+    bus_.Unplug(port_);
+    port_ = port_ == kOwn ? "1-3" : kOwn;
+  }
   void PlugOther() { bus_.Plug(kOther, other_); }
   void SetSilent(bool silent) { falcon_.SetFaults({.silent = silent}); }
   void Place(const Vec3& p_mm) {
@@ -63,7 +67,7 @@ class FalconRig : public DeviceRig {
   bool IsOtherDriven() { return !other_.Forces().empty(); }
   std::vector<Hindrance> Hindrances() {
     const auto plug = [this](bool may_open) {
-      Unplug();
+      bus_.Unplug(kOwn);
       bus_.Plug(kOwn, falcon_, may_open);
     };
     return {{.make = [=, this] { plug(true), MakeWith({}); },
@@ -105,6 +109,7 @@ class FalconRig : public DeviceRig {
   const FalconFirmware firmware_{};
   FalconEmulator other_;
   UsbTestbed bus_;
+  std::string port_ = kOwn;
   Vec3 place_mm_ = kRest;
 };
 

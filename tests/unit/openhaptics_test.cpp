@@ -10,11 +10,16 @@
 #include <vector>
 
 #include "server/device/openhaptics/hd_errors.h"
+#include "tests/support/device_conformance.h"
 #include "tests/support/device_numbers.h"
 #include "tests/support/openhaptics_rig.h"
 #include "tests/support/patience.h"
 #include "tests/support/places.h"
 #include "tests/support/refusal.h"
+
+namespace palpate::test {
+INSTANTIATE_TYPED_TEST_SUITE_P(Openhaptics, DeviceConformance, OpenHapticsRig);
+}
 
 namespace palpate {
 namespace {
