@@ -1,7 +1,7 @@
 """Anatomy, measuring and slices in the window: sides, values, lengths, greys.
 
 The panes of the slices are found by their captions; what a pane shows at a pixel is computed here
-as scene/slice_view.h says it.
+as drawing/slice_view.h says it.
 """
 
 import numpy as np

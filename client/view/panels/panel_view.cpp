@@ -15,7 +15,7 @@ namespace {
 
 enum class Shape { kBall, kCube, kOctahedron, kArrow };
 
-// The shapes of scene/overlay.h.
+// The shapes of drawing/overlay.h.
 void DrawShape(Shape shape, const std::array<std::uint8_t, 4>& rgba, const ImVec2& middle,
                float radius) {
   ImDrawList& list = *ImGui::GetWindowDrawList();

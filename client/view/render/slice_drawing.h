@@ -1,5 +1,5 @@
 // Draws slices across the axes of the lattice: values through the colour map, isolines, a
-// cross-hair. scene/slice_view.h maps a slice to its picture.
+// cross-hair. drawing/slice_view.h maps a slice to its picture.
 //
 // Threads: that of the current OpenGL 4.3 context. Errors: those of FrameTarget and ShaderProgram.
 #pragma once
@@ -16,7 +16,7 @@
 
 namespace palpate::view {
 
-// A slice across an axis of the lattice, at a voxel coordinate along the axis. scene/slice_view.h
+// A slice across an axis of the lattice, at a voxel coordinate along the axis. drawing/slice_view.h
 // maps the slice to its picture.
 struct SliceRequest {
   int picture = 2;                                             // 0 to 2: the picture that shows it
