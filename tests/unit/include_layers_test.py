@@ -2,6 +2,7 @@
 in /usr/include, so that the compiler lets anything pass."""
 
 import functools
+import os
 import pathlib
 import re
 import sys
@@ -9,6 +10,7 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
+MAPS = ["common/README.md", "server/README.md", "client/README.md"]
 COMMON = ["common/bricks", "common/error", "common/files", "common/geometry", "common/isosurface"]
 
 # What the contract declares is everybody's.
@@ -346,6 +348,35 @@ class IncludeLayers(unittest.TestCase):
         self.assertTrue(violations("server/recording", ["server/volume/snapshot/snapshot_builder.h"]))
         self.assertTrue(violations("common/isosurface", ["server/volume/snapshot/snapshot.h"]))
         self.assertFalse(violations("server/haptics", ["server/volume/snapshot/snapshot.h", "vector"]))
+
+
+class Map(unittest.TestCase):
+    """The maps: README.md of each top folder, and the walks in how-it-works.md."""
+
+    def links(self, name):
+        """What a document links to in the tree, in its order, by paths from the root."""
+        text = (ROOT / name).read_text()
+        return [os.path.normpath((ROOT / name).parent / link)
+                for link in re.findall(r"\]\((?!https?:)([^)#]+)", text)]
+
+    def test_what_is_named_exists(self):
+        for name in (*MAPS, "proto/README.md", "deploy/guides/how-it-works.md",
+                     "deploy/guides/contributing.md"):
+            links = self.links(name)
+            self.assertGreater(len(links), 8, name)
+            self.assertEqual([link for link in links if not os.path.exists(link)], [], name)
+            for path in re.findall(r"`((?:server|client|common|proto|tests)/[^ `]+)`",
+                                   (ROOT / name).read_text()):
+                self.assertTrue(any(ROOT.glob(path.rstrip("/*") + "*")), f"{name}: {path}")
+
+    def test_every_folder_is_named_and_follows_what_it_includes(self):
+        place = {}
+        for name in MAPS:
+            for link in self.links(name):
+                place.setdefault(os.path.relpath(link, ROOT), len(place))
+        self.assertEqual([folder for folder in LAYERS if folder not in place], [])
+        for folder, below in LAYERS.items():
+            self.assertEqual([one for one in below if place[one] > place[folder]], [], folder)
 
 
 if __name__ == "__main__":
