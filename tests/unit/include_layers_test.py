@@ -187,6 +187,7 @@ LIBRARIES = {
 # precompiled headers would hide that one is missing.
 NAMES = {
     r"grpc::": r"grpc",
+    r"google::protobuf::": r"google/protobuf|palpate/v1/",
     r"v1::": r"palpate/v1/",
     r"openvdb::": r"openvdb/",
     r"Eigen::": r"Eigen/",
@@ -269,7 +270,7 @@ def missing_includes(text, others):
     """What this text names though none of these headers of others declares it."""
     code = re.sub(r'//.*|"(\\.|[^"\\])*"', "", text)
     # What it declares itself needs no header: `namespace grpc { class Status; }`.
-    for own in re.findall(r"namespace (\w+) \{\s*class", code):
+    for own in re.findall(r"namespace ([\w:]+) \{\s*class", code):
         code = re.sub(rf"\b{own}::", "", code)
     return [name for name, header in NAMES.items()
             if re.search(r"\b(" + name + ")", code)
