@@ -147,6 +147,13 @@ TEST_F(OpenHapticsTest, ALoopThatDoesNotStartIsTakenDownAndTriedAgain) {
   EXPECT_GE(device_->CountLines("rate"), 1);
 }
 
+TEST_F(OpenHapticsTest, FramesThatFailAreCounted) {
+  StartStreaming();
+  Unplug();
+  EXPECT_TRUE(device_->ServeUntil(DeviceStatus::kFault));
+  EXPECT_TRUE(Eventually([&] { return device_->health().transfer_errors >= 10; }));
+}
+
 TEST_F(OpenHapticsTest, WarmMotorsAreAWarningAndNoFault) {
   const Clock::time_point began = Clock::now();
   StartStreaming();
