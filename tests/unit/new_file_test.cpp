@@ -10,12 +10,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <thread>
 
+#include "common/files/child_process.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
 
@@ -181,6 +185,19 @@ TEST_F(NewFileTest, AFullDiskHasAKindOfItsOwn) {
   EXPECT_EQ(refused, ErrorKind::kDiskFull);
   EXPECT_EQ(refused_stream, ErrorKind::kDiskFull);
   EXPECT_EQ(Files(), 0);
+}
+
+// As where our standard input is closed: the log of a program may get the number 0.
+TEST(ChildProcessTest, ADescriptorMayHaveANumberThatIsFilledBefore) {
+  Pipe pipe = MakePipe();
+  const Descriptor kept(fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 3));
+  ASSERT_EQ(dup2(pipe.write.get(), STDIN_FILENO), STDIN_FILENO);
+  ChildProcess child({"/bin/echo", "here"}, std::array{-1, STDIN_FILENO, -1},
+                     ChildProcess::Group::kOwnGroup);
+  dup2(kept.get(), STDIN_FILENO);
+  while (!child.Poll()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  std::array<char, 8> said{};
+  EXPECT_EQ(read(pipe.read.get(), said.data(), said.size()), 5);
 }
 
 }  // namespace

@@ -3,15 +3,13 @@
 // Threads: one. Errors: Error with kUnavailable if it cannot be started.
 #pragma once
 
-#include <sys/types.h>
-
 #include <chrono>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "common/files/descriptor.h"
+#include "common/files/child_process.h"
 
 namespace palpate::view {
 
@@ -40,10 +38,13 @@ class ChildProgram {
   // SIGTERM to it and its children; after `patience` SIGKILL.
   void End(std::chrono::milliseconds patience);
   // It goes on after this object.
-  void Leave() { left_ = true; }
+  void Leave() {
+    left_ = true;
+    process_->Leave();
+  }
 
  private:
-  pid_t pid_ = -1;
+  std::optional<ChildProcess> process_;
   Descriptor out_;  // reads what it prints; with a log none, and a read fails
   std::string output_;
   std::optional<int> exit_code_;

@@ -8,8 +8,8 @@
 
 #include "common/error/error.h"
 #include "common/files/descriptor.h"
-#include "server/volume/load/child_process.h"
 #include "server/volume/load/handover.h"
+#include "server/volume/load/importer.h"
 
 namespace palpate {
 namespace {

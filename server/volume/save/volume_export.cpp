@@ -7,7 +7,7 @@
 
 #include "common/error/error.h"
 #include "common/files/new_file.h"
-#include "server/volume/load/child_process.h"
+#include "server/volume/load/importer.h"
 #include "server/volume/save/nrrd_writer.h"
 #include "server/volume/save/volume_pipe.h"
 #include "server/volume/snapshot/grid_form.h"

@@ -1,9 +1,6 @@
-#include "server/volume/load/child_process.h"
+#include "server/volume/load/importer.h"
 
-#include <fcntl.h>
 #include <poll.h>
-#include <signal.h>
-#include <spawn.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -13,13 +10,11 @@
 #include <charconv>
 #include <chrono>
 #include <cstring>
-#include <optional>
+#include <system_error>
 #include <utility>
 
 #include "common/error/error.h"
-#include "common/files/descriptor.h"
-
-extern char** environ;
+#include "common/files/child_process.h"
 
 namespace palpate {
 namespace {
@@ -30,24 +25,10 @@ constexpr auto kPollInterval = std::chrono::milliseconds(50);
 constexpr std::string_view kMessagePrefix = "palpate-import: ";
 constexpr std::string_view kWarningPrefix = "warning: ";
 
-struct Pipe {
-  Descriptor read;
-  Descriptor write;
-};
-
 [[noreturn]] void Fail(const std::string& what, int error) {
   const bool lacks = error == EMFILE || error == ENFILE || error == ENOMEM || error == EAGAIN;
   throw Error(lacks ? ErrorKind::kTooLarge : ErrorKind::kInternal,
               what + ": " + std::strerror(error));
-}
-
-Pipe MakePipe() {
-  std::array<int, 2> ends{};
-  if (pipe2(ends.data(), O_CLOEXEC) != 0) Fail("cannot make a pipe", errno);
-  Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
-  // Only our end is non-blocking: the process may block, we must not.
-  fcntl(pipe.read.get(), F_SETFL, O_NONBLOCK);
-  return pipe;
 }
 
 // A pipe for what we write. As a socket, its end sends no SIGPIPE.
@@ -59,80 +40,24 @@ Pipe MakeSocket() {
   return {Descriptor(ends[0]), Descriptor(ends[1])};
 }
 
-class SpawnSettings {
- public:
-  // descriptors: its standard ones (-1: no input) and kChildDescriptor.
-  explicit SpawnSettings(const std::array<int, 4>& descriptors) {
-    posix_spawn_file_actions_init(&actions_);
-    for (int n = 0; n <= kChildDescriptor; ++n) {
-      if (descriptors[n] < 0) {
-        posix_spawn_file_actions_addopen(&actions_, n, "/dev/null", O_RDONLY, 0);
-      } else {
-        posix_spawn_file_actions_adddup2(&actions_, descriptors[n], n);
-      }
-    }
-    posix_spawnattr_init(&attributes_);
-    // The process does not inherit our signal mask, and does not get the terminal's Ctrl-C: we end
-    // it ourselves.
-    sigset_t none;
-    sigset_t all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    posix_spawnattr_setsigmask(&attributes_, &none);
-    posix_spawnattr_setsigdefault(&attributes_, &all);
-    posix_spawnattr_setpgroup(&attributes_, 0);
-    posix_spawnattr_setflags(
-        &attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+Pipe MakeOutPipe() {
+  try {
+    return MakePipe();
+  } catch (const std::system_error& error) {
+    Fail("cannot make a pipe", error.code().value());
   }
-  ~SpawnSettings() {
-    posix_spawn_file_actions_destroy(&actions_);
-    posix_spawnattr_destroy(&attributes_);
-  }
-  SpawnSettings(const SpawnSettings&) = delete;
-  SpawnSettings& operator=(const SpawnSettings&) = delete;
-  const posix_spawn_file_actions_t* actions() const { return &actions_; }
-  const posix_spawnattr_t* attributes() const { return &attributes_; }
+}
 
- private:
-  posix_spawn_file_actions_t actions_;
-  posix_spawnattr_t attributes_;
-};
-
-// A running process. The destructor kills and reaps it if it still runs.
-class Process {
- public:
-  Process(std::vector<std::string> arguments, const std::array<int, 4>& descriptors) {
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    const SpawnSettings settings(descriptors);
-    const int error = posix_spawn(&pid_, argv[0], settings.actions(), settings.attributes(),
-                                  argv.data(), environ);
-    if (error != 0) {
-      pid_ = -1;
-      Fail("cannot start " + arguments[0] + " (is Palpate installed completely?)", error);
-    }
+ChildProcess Start(const std::vector<std::string>& arguments,
+                   const std::array<int, 4>& descriptors) {
+  try {
+    // In our session: its niceness counts beside us.
+    return {arguments, descriptors, ChildProcess::Group::kOwnGroup};
+  } catch (const std::system_error& error) {
+    Fail("cannot start " + arguments.front() + " (is Palpate installed completely?)",
+         error.code().value());
   }
-  ~Process() {
-    if (pid_ < 0) return;
-    kill(pid_, SIGKILL);
-    while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
-    }
-  }
-  Process(const Process&) = delete;
-  Process& operator=(const Process&) = delete;
-
-  // Returns waitpid's status if the process has ended.
-  std::optional<int> Poll() {
-    int status = 0;
-    if (waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
-    pid_ = -1;
-    return status;
-  }
-
- private:
-  pid_t pid_ = -1;
-};
+}
 
 // Splits the text from a pipe into lines of limited length.
 class Lines {
@@ -203,9 +128,10 @@ ErrorKind KindOf(int exit_code) {
 
 ChildEnd RunChild(const ChildRun& run) {
   Pipe in = run.input ? MakeSocket() : Pipe();
-  Pipe out = MakePipe();
-  Pipe err = MakePipe();
-  Process process(run.arguments, {in.read.get(), out.write.get(), err.write.get(), run.descriptor});
+  Pipe out = MakeOutPipe();
+  Pipe err = MakeOutPipe();
+  ChildProcess process =
+      Start(run.arguments, {in.read.get(), out.write.get(), err.write.get(), run.descriptor});
   in.read.Close();
   out.write.Close();
   err.write.Close();
