@@ -3,11 +3,12 @@
 //
 // Settings: the newest value wins. Values that were overtaken before sending are never sent. All
 // other commands run in order, one after the other, and after the settings that were set before
-// them.
+// them. A Task is one that may take minutes.
 //
 // Threads: any. Errors: none are thrown; the last error is kept as a line for people.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <deque>
@@ -17,6 +18,7 @@
 #include <stop_token>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "client/sdk/client.h"
 
@@ -65,6 +67,56 @@ class Commands {
   std::string problem_;
   std::chrono::steady_clock::time_point problem_until_{};
   std::jthread thread_;
+};
+
+// A call of palpated that may take minutes: one at a time, on a thread of its own.
+//
+// Threads: that of the frames. Errors: as Commands.
+template <class Result>
+class Task {
+ public:
+  // Runs on the call's thread. `progress` returns false once the call is cancelled.
+  using Work = std::function<Result(client::Client&, const client::ProgressFunction& progress)>;
+
+  // `client` must outlive it. The destructor waits for the call: see Commands.
+  explicit Task(client::Client& client) : commands_(client) {}
+
+  // Does nothing if a call runs. `name`: as in Commands::Do.
+  void Start(std::string name, Work work) {
+    if (commands_.busy()) return;
+    progress_ = {};
+    result_.reset();
+    is_cancelled_ = false;
+    commands_.Do(std::move(name), [this, work = std::move(work)](client::Client& client) {
+      Result result = work(client, [this](const client::Progress& progress) {
+        const std::lock_guard lock(mutex_);
+        progress_ = progress;
+        return !is_cancelled_;
+      });
+      const std::lock_guard lock(mutex_);
+      result_ = std::move(result);
+    });
+  }
+  void Cancel() { is_cancelled_ = true; }
+  // None: no call runs.
+  std::optional<client::Progress> progress() const {
+    if (!commands_.busy()) return std::nullopt;
+    const std::lock_guard lock(mutex_);
+    return progress_;
+  }
+  // Returns each result once, when its call has ended.
+  std::optional<Result> Take() {
+    if (commands_.busy()) return std::nullopt;
+    return std::exchange(result_, std::nullopt);
+  }
+  std::string problem() const { return commands_.problem(); }
+
+ private:
+  std::atomic<bool> is_cancelled_{false};
+  mutable std::mutex mutex_;  // guards the next two while a call runs
+  client::Progress progress_;
+  std::optional<Result> result_;
+  Commands commands_;  // last: its thread uses the others
 };
 
 }  // namespace palpate::view

@@ -110,7 +110,7 @@ struct LiveFeed::Line {
   client::Client client;
   SeriesControls series_controls;
   Commands commands{client};
-  Denoiser denoiser{client};
+  Task<client::EditResult> filter{client};
   VolumeLoader loader{client};
   Replayer replayer{client, commands};
   EmergencyStop emergency_stop{client};
@@ -246,7 +246,7 @@ void LiveFeed::TakeHand() {
 void LiveFeed::GiveHandBack() { line_->hand.reset(); }
 client::HandLead* LiveFeed::hand() { return line_->hand.get(); }
 
-Denoiser& LiveFeed::denoiser() { return line_->denoiser; }
+Task<client::EditResult>& LiveFeed::filter() { return line_->filter; }
 VolumeLoader& LiveFeed::loader() { return line_->loader; }
 const VolumeLoader& LiveFeed::loader() const { return line_->loader; }
 Replayer& LiveFeed::replayer() { return line_->replayer; }

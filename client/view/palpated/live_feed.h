@@ -16,7 +16,6 @@
 #include "client/sdk/hand_lead.h"
 #include "client/sdk/server_choice.h"
 #include "client/view/palpated/commands.h"
-#include "client/view/palpated/denoiser.h"
 #include "client/view/palpated/emergency_stop.h"
 #include "client/view/palpated/plot_history.h"
 #include "client/view/palpated/replayer.h"
@@ -109,7 +108,8 @@ class LiveFeed {
   void TakeHand();
   void GiveHandBack();
   client::HandLead* hand();
-  Denoiser& denoiser();
+  // The filter of the volume that runs.
+  Task<client::EditResult>& filter();
   VolumeLoader& loader();
   const VolumeLoader& loader() const;
   Replayer& replayer();

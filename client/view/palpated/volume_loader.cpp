@@ -111,31 +111,20 @@ Outcome Save(client::Calls& palpated, const std::string& file, SaveWhere where, 
 }  // namespace
 
 void VolumeLoader::Begin(const std::string& what, const std::string& path, const Work& work) {
-  const std::lock_guard lock(mutex_);
-  running_ = Running{.what = what + NameOf(path)};
-  is_cancelled_ = false;
-  outcome_.reset();
-  commands_.Do("open or save",
-               [this, path, work](client::Client& client) { Run(client, path, work); });
-}
-
-void VolumeLoader::Run(client::Calls& palpated, const std::string& path, const Work& work) {
-  Outcome outcome{.result = Result::kFailed, .path = path};
-  try {
-    outcome = work(palpated, [this](const client::Progress& progress) {
-      const std::lock_guard lock(mutex_);
-      running_->progress = progress;
-      return !is_cancelled_;
-    });
-  } catch (const Error& error) {
-    if (error.kind() == ErrorKind::kCancelled) outcome.result = Result::kCancelled;
-    outcome.text = error.what();
-  } catch (const std::exception& error) {
-    outcome.text = error.what();
-  }
-  const std::lock_guard lock(mutex_);
-  running_.reset();
-  outcome_ = std::move(outcome);
+  what_ = what + NameOf(path);
+  task_.Start("open or save",
+              [path, work](client::Client& palpated, const client::ProgressFunction& progress) {
+                Outcome outcome{.result = Result::kFailed, .path = path};
+                try {
+                  outcome = work(palpated, progress);
+                } catch (const Error& error) {
+                  if (error.kind() == ErrorKind::kCancelled) outcome.result = Result::kCancelled;
+                  outcome.text = error.what();
+                } catch (const std::exception& error) {
+                  outcome.text = error.what();
+                }
+                return outcome;
+              });
 }
 
 void VolumeLoader::Load(const std::string& source, bool discard_edits) {
@@ -154,20 +143,16 @@ void VolumeLoader::Save(const std::string& file, SaveWhere where, bool overwrite
   });
 }
 
-void VolumeLoader::Cancel() {
-  const std::lock_guard lock(mutex_);
-  is_cancelled_ = true;
-}
-
 std::optional<VolumeLoader::Running> VolumeLoader::running() const {
-  const std::lock_guard lock(mutex_);
-  return running_;
+  const std::optional<client::Progress> progress = task_.progress();
+  if (!progress) return std::nullopt;
+  return Running{.what = what_, .progress = *progress};
 }
 
 std::optional<VolumeLoader::Outcome> VolumeLoader::TakeOutcome() {
-  const std::lock_guard lock(mutex_);
-  if (outcome_) opens_ = false;
-  return std::exchange(outcome_, std::nullopt);
+  std::optional<Outcome> outcome = task_.Take();
+  if (outcome) opens_ = false;
+  return outcome;
 }
 
 }  // namespace palpate::view

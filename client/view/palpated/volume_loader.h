@@ -3,13 +3,12 @@
 // A path is first tried at palpated, which may run on this machine and read the file itself. If
 // palpated is elsewhere or must not read or write there, the voxels go over the connection.
 //
-// Threads: that of the frames; the calls have a thread of their own (Commands). Errors: in the
+// Threads: that of the frames; the calls have a thread of their own (Task). Errors: in the
 // outcome.
 #pragma once
 
 #include <cstdint>
 #include <functional>
-#include <mutex>
 #include <optional>
 #include <string>
 
@@ -43,15 +42,15 @@ class VolumeLoader {
     client::Progress progress{};
   };
 
-  // `client` must outlive it. The destructor waits for the call: see Commands.
-  explicit VolumeLoader(client::Client& client) : commands_(client) {}
+  // `client` must outlive it. The destructor waits for the call: see Task.
+  explicit VolumeLoader(client::Client& client) : task_(client) {}
 
   // Do nothing if something runs.
   // `source`: a file or folder of this machine, or "builtin:NAME".
   void Load(const std::string& source, bool discard_edits);
   // `file`: ends with .nrrd or .vdb.
   void Save(const std::string& file, SaveWhere where, bool overwrite);
-  void Cancel();
+  void Cancel() { task_.Cancel(); }
 
   // True from the begin of a load until its outcome is taken.
   bool opens() const { return opens_; }
@@ -63,14 +62,10 @@ class VolumeLoader {
  private:
   using Work = std::function<Outcome(client::Calls&, const client::ProgressFunction&)>;
   void Begin(const std::string& what, const std::string& path, const Work& work);
-  void Run(client::Calls& palpated, const std::string& path, const Work& work);
 
   bool opens_ = false;
-  mutable std::mutex mutex_;  // guards the next three
-  std::optional<Running> running_;
-  bool is_cancelled_ = false;
-  std::optional<Outcome> outcome_;
-  Commands commands_;  // last: its thread uses the others
+  std::string what_;  // of the newest call
+  Task<Outcome> task_;
 };
 
 }  // namespace palpate::view

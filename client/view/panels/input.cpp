@@ -1,15 +1,10 @@
 #include "client/view/panels/input.h"
 
-#include <imgui_internal.h>
-
-#include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "client/view/panels/overlays.h"
-#include "client/view/panels/panels.h"
 #include "client/view/panels/slice_pane.h"
-#include "client/view/viewer/layout.h"
+#include "client/view/viewer/tool.h"
 #include "client/view/viewer/tool_measure.h"
 
 namespace palpate::view {
@@ -17,94 +12,6 @@ namespace {
 
 constexpr double kOrbit_deg_per_px = 0.4;
 constexpr double kZoomPerStep = 1.15;
-
-// The parts of the screen in the order in which F6 goes through them, by the names of their
-// windows.
-constexpr std::array<const char*, 6> kParts = {"top",  "state", "tools",
-                                               "left", "right", "plots bar"};
-
-void FocusNextPart() {
-  const ImGuiWindow* focused = ImGui::GetCurrentContext()->NavWindow;
-  const auto is_focused = [focused](const char* name) {
-    return focused && focused->RootWindow == ImGui::FindWindowByName(name);
-  };
-  std::size_t part = std::find_if(kParts.begin(), kParts.end(), is_focused) - kParts.begin();
-  for (std::size_t tries = 0; tries < kParts.size(); ++tries) {
-    part = part >= kParts.size() - 1 ? 0 : part + 1;
-    ImGuiWindow* window = ImGui::FindWindowByName(kParts[part]);
-    if (!window || !window->WasActive) continue;
-    ImGui::FocusWindow(window);
-    ImGui::NavInitWindow(window, true);
-    return;
-  }
-}
-
-void ToggleTool(Viewer& viewer, Tool tool) {
-  if (const std::string why = WhyNot(viewer, tool); !why.empty()) {
-    viewer.Say(why);
-    return;
-  }
-  Tool& present = viewer.state().tool;
-  present = present == tool ? Tool::kTurn : tool;
-}
-
-// How the window looks.
-void TakeFrameKey(Viewer& viewer, const KeyPress& press) {
-  constexpr int kStep_percent = 10;
-  Preferences& preferences = viewer.preferences();
-  const bool sides = preferences.left_shown || preferences.right_shown;
-  if (press.ctrl) {
-    int& percent = preferences.font_percent;
-    // Plus is printed on the key of = on many keyboards.
-    if (press.key == "+" || press.key == "=") percent += kStep_percent;
-    if (press.key == "-") percent -= kStep_percent;
-    if (press.key == "0") percent = 100;
-    percent = std::clamp(percent, kLeastFont_percent, kMostFont_percent);
-    return;
-  }
-  if (press.key == "p") preferences.left_shown = preferences.right_shown = !sides;
-  if (press.key == "d") {
-    preferences.plots_shown =
-        !ShowsPlots(preferences, ImGui::GetIO().DisplaySize.y, viewer.state().screen_scale);
-  }
-  if (press.key == "t") {
-    preferences.theme = preferences.theme == Theme::kDark ? Theme::kLight : Theme::kDark;
-  }
-  if (press.key == "f6") FocusNextPart();
-}
-
-void TakeKey(Viewer& viewer, const KeyPress& press) {
-  ViewState& state = viewer.state();
-  TakeFrameKey(viewer, press);
-  if (press.ctrl) {
-    if (press.key == "o") viewer.files().Choose(DialogKind::kOpenFile);
-    if (press.key == "k") OpenConnectDialog(viewer);
-    if (press.key == "s") viewer.files().BeginSave();
-    if (press.key == "z") UndoEdit(viewer);
-    if (press.key == "y") RedoEdit(viewer);
-    return;
-  }
-  if (press.key == "r") viewer.Aim();
-  if (press.key == "g") ToggleTool(viewer, Tool::kHand);
-  if (press.key == "b") ToggleTool(viewer, Tool::kBrush);
-  if (press.key == "m") ToggleTool(viewer, Tool::kMeasure);
-  // Many keyboards have no key of their own for brackets.
-  if (press.key == "[" || press.key == ",") GrowBrush(viewer, -1.0);
-  if (press.key == "]" || press.key == ".") GrowBrush(viewer, 1.0);
-  if (press.key == "h") state.overlay.haptic_surface = !state.overlay.haptic_surface;
-  if (press.key == "v") state.surface.veil.shown = !state.surface.veil.shown;
-  if (press.key == "delete") state.measure.RemoveLast();
-  if (press.key.size() == 1 && press.key >= "1" && press.key <= "6")
-    LookFromKey(viewer, press.key[0] - '0');
-  if (press.key == "+" || press.key == "=") ZoomPointedSlice(viewer, 1.25);
-  if (press.key == "-") ZoomPointedSlice(viewer, 0.8);
-  if (press.key == "c") state.cross_follows_proxy = !state.cross_follows_proxy;
-  if (press.key == "l") state.slices_shown = !state.slices_shown;
-  if (press.key == "f1") state.help_shown = !state.help_shown;
-  if (press.key == "k") PutMarker(viewer);
-  if (press.key == "s") state.view_picture_wanted = true;
-  if (press.key == "f12") state.window_picture_wanted = true;
-}
 
 ViewPointer PointerOf(const Viewer& viewer, const ImVec2& min, const ImageSize& size) {
   const ImGuiIO& io = ImGui::GetIO();
@@ -135,56 +42,7 @@ void Go(Viewer& viewer, bool forward) {
   }
 }
 
-Open OpenNow(Viewer& viewer) {
-  const ViewState& state = viewer.state();
-  // With the field in it that has the keyboard.
-  if (viewer.files().form().shown) return Open::kPathForm;
-  if (state.connect.shown) return Open::kConnect;
-  // Asks for the field itself: WantTextInput is a frame old.
-  const ImGuiID field = ImGui::GetActiveID();
-  if (field != 0 && ImGui::GetInputTextState(field)) return Open::kField;
-  if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) return Open::kPopup;
-  if (state.help_shown) return Open::kHelp;
-  return viewer.files().has_question() ? Open::kQuestion : Open::kNothing;
-}
-
-void Close(Viewer& viewer, Open open) {
-  switch (open) {
-    case Open::kNothing:
-    case Open::kField:  // Dear ImGui restores the text and leaves the field
-      return;
-    case Open::kPopup:
-      // All levels. Dear ImGui may have closed some.
-      if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) ImGui::ClosePopupToLevel(0, true);
-      return;
-    case Open::kPathForm:
-      viewer.files().form().shown = false;
-      return;
-    case Open::kConnect:
-      viewer.state().connect.shown = false;
-      return;
-    case Open::kHelp:
-      viewer.state().help_shown = false;
-      return;
-    case Open::kQuestion:
-      viewer.files().Dismiss();
-  }
-}
-
 }  // namespace
-
-void TakeEscape(Viewer& viewer) {
-  if (viewer.state().escape.Press(OpenNow(viewer), EscapeRule::Clock::now())) {
-    viewer.feed().StopForces();
-  }
-}
-
-void TakeKeys(Viewer& viewer, const std::vector<KeyPress>& keys) {
-  Close(viewer, viewer.state().escape.TakeClosing());
-  for (const KeyPress& press : keys) {
-    if (press.key == "f12" || !ImGui::GetIO().WantTextInput) TakeKey(viewer, press);
-  }
-}
 
 void TakePointer(Viewer& viewer, const ImVec2& min, const ImVec2& size_on_screen) {
   const ImGuiIO& io = ImGui::GetIO();

@@ -111,9 +111,9 @@ std::optional<Vec3> ProxyInWorld(const Viewer& viewer) {
 }
 
 void StartOrCancel(Viewer& viewer, const VolumeLattice& lattice, bool is_level_set) {
-  Denoiser& run = viewer.feed().denoiser();
-  if (const std::optional<double> fraction = run.fraction()) {
-    ImGui::ProgressBar(static_cast<float>(*fraction),
+  Task<client::EditResult>& run = viewer.feed().filter();
+  if (const std::optional<client::Progress> progress = run.progress()) {
+    ImGui::ProgressBar(static_cast<float>(progress->fraction),
                        {0.58f * ImGui::GetContentRegionAvail().x, 0});
     ImGui::SameLine();
     if (ImGui::Button("Cancel")) run.Cancel();
@@ -128,7 +128,12 @@ void StartOrCancel(Viewer& viewer, const VolumeLattice& lattice, bool is_level_s
   ImGui::BeginDisabled(!filter || !moves || !fits);
   if (ImGui::Button("Apply the filter")) {
     const std::string name(NameOf(form.filter.kind));
-    run.Start(*filter, viewer.brush().OtherStroke(name));
+    run.Start("filter", [filter = *filter, done = viewer.brush().OtherStroke(name)](
+                            client::Client& client, const client::ProgressFunction& progress) {
+      client::EditResult result = client.RunFilter(filter, progress);
+      done(result);
+      return result;
+    });
   }
   ImGui::EndDisabled();
   Tip(fits ? "one step to undo" : "the volume is no level set");
@@ -147,7 +152,7 @@ void FilterPart(Viewer& viewer) {
   EditRegion(form);
   StartOrCancel(viewer, *lattice, is_level_set);
   EndAllowed();
-  const std::string problem = viewer.feed().denoiser().problem();
+  const std::string problem = viewer.feed().filter().problem();
   if (!problem.empty()) WrappedText(kWarning, problem);
 }
 
