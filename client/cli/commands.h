@@ -5,6 +5,8 @@
 #pragma once
 
 #include "client/cli/invocation.h"
+#include "client/sdk/server_choice.h"
+#include "common/arguments/arguments.h"
 
 namespace palpate::cli {
 
@@ -28,5 +30,22 @@ void AddMark(arguments::Command& app, Invocation& invocation);
 void AddReplay(arguments::Command& app, Invocation& invocation);
 void AddWho(arguments::Command& app, Invocation& invocation);
 void AddDevice(arguments::Command& app, Invocation& invocation);
+
+// `palpate doctor`: checks whether this machine is fit for the haptic loop, and says what to do.
+struct DoctorValues {
+  bool requested = false;
+  bool json = false;
+};
+
+// The command needs no daemon, so it is not stored in an Invocation.
+void AddDoctor(arguments::Command& app, DoctorValues& values);
+
+// Prints one finding per line, and below it what to do. Also checks the daemon if one runs. Returns
+// the exit code: 0, or that of kFailedPrecondition if something does not work at all. Errors: as
+// WriteOutput.
+int RunDoctor(const client::Server& server, bool json);
+
+// `palpate device prove`: the terminal, the daemon and the folder of a proof.
+void AddProve(arguments::Command& device, Invocation& invocation);
 
 }  // namespace palpate::cli

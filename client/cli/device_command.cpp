@@ -4,11 +4,10 @@
 #include <memory>
 
 #include "client/cli/commands.h"
-#include "client/cli/device_description.h"
+#include "client/cli/description.h"
 #include "client/cli/device_test.h"
 #include "client/cli/output.h"
-#include "client/cli/prove_command.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "client/cli/device_description.h"
+#include "client/cli/description.h"
 #include "client/cli/watch_statistics.h"
 
 namespace palpate::cli {

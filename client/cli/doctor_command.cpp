@@ -1,4 +1,4 @@
-#include "client/cli/doctor_command.h"
+#include "client/cli/commands.h"
 
 #include <fmt/core.h>
 
@@ -13,7 +13,7 @@
 #include "client/cli/output.h"
 #include "client/cli/reach.h"
 #include "client/sdk/calls.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 #include "common/wire/address.h"
 
 namespace palpate::cli {

@@ -2,10 +2,10 @@
 
 #include <fmt/core.h>
 
-#include "client/cli/device_description.h"
+#include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/sdk/words.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

@@ -1,6 +1,6 @@
 // Judges what a running palpated reports: its device, its forces, its ticks.
 //
-// Pure; any thread.
+// Pure; any thread. Apart for its tests.
 #pragma once
 
 #include <vector>

@@ -1,3 +1,8 @@
+// `palpate edit`, and `palpate undo`, `redo`, `revert` and `save`.
+#include <fmt/core.h>
+
+#include <cstdio>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <map>
@@ -8,11 +13,61 @@
 #include <vector>
 
 #include "client/cli/commands.h"
-#include "client/cli/edit_result.h"
-#include "client/cli/progress.h"
+#include "client/cli/description.h"
+#include "client/cli/output.h"
+#include "client/cli/paths_there.h"
+#include "client/sdk/edit.h"
+#include "common/error/error.h"
+#include "common/error/text.h"
+#include "common/wire/limits.h"
 
 namespace palpate::cli {
 namespace {
+
+// Returns text such as "515 voxels changed within 15 15 15 to 25 25 25, applied at tick 123, volume
+// revision 7; 1 to undo, 0 to redo".
+std::string DescribeEdit(const client::EditResult& result) {
+  std::string what = "no voxel changed";
+  if (result.changed) {
+    const client::IndexBox& box = *result.changed;
+    what = fmt::format("{} voxel{} changed within {} {} {} to {} {} {}", result.changed_voxels,
+                       result.changed_voxels == 1 ? "" : "s", box.min.x(), box.min.y(), box.min.z(),
+                       box.max.x(), box.max.y(), box.max.z());
+  }
+  return fmt::format("{}, applied at tick {}, volume revision {}; {} to undo, {} to redo", what,
+                     result.applied_tick, result.volume_revision, result.undo_steps,
+                     result.redo_steps);
+}
+
+void PrintEdit(const client::EditResult& result, bool json) {
+  WriteOutput(json ? ToText(ToJson(result)) : DescribeEdit(result) + "\n");
+}
+
+// Reads the values of a block: raw float32, little-endian, from `file`, or from stdin for "-".
+// Errors: kNotFound, kTooLarge (more than a block may have), kInvalidArgument (not a whole number
+// of values).
+std::vector<float> ReadBlockValues(const std::string& file) {
+  const auto close = [](std::FILE* f) {
+    if (f != stdin) std::fclose(f);
+  };
+  const std::unique_ptr<std::FILE, decltype(close)> in(
+      file == "-" ? stdin : std::fopen(file.c_str(), "rb"), close);
+  if (!in) throw Error(ErrorKind::kNotFound, file + ": there is no such file that can be read");
+  const std::string name = file == "-" ? "stdin" : file;
+  std::string bytes(kMostBlockBytes + 1, '\0');
+  bytes.resize(std::fread(bytes.data(), 1, bytes.size(), in.get()));
+  if (std::ferror(in.get())) throw Error(ErrorKind::kInvalidArgument, name + ": cannot be read");
+  if (bytes.size() > kMostBlockBytes) {
+    throw Error(ErrorKind::kTooLarge,
+                name + ": a block has at most 3 MiB of values: send it in parts");
+  }
+  std::vector<float> values(bytes.size() / sizeof(float));
+  if (values.size() * sizeof(float) != bytes.size()) {
+    throw Error(ErrorKind::kInvalidArgument, name + ": its bytes are no whole number of float32");
+  }
+  std::memcpy(values.data(), bytes.data(), bytes.size());
+  return values;
+}
 
 using Numbers = std::vector<double>;
 
@@ -387,6 +442,70 @@ void AddEdit(arguments::Command& app, Invocation& invocation) {
   AddCapsule(*command, invocation);
   AddBlock(*command, invocation);
   AddFilter(*command, invocation);
+}
+
+namespace {
+
+void Save(client::Calls& palpated, const std::string& file, bool overwrite, bool json) {
+  const std::string path = PathThere(palpated, file);
+  const client::SaveResult result = WithProgress(
+      [&](const auto& progress) { return palpated.SaveVolume(path, overwrite, progress); });
+  if (json) {
+    WriteOutput(ToText(Json{{"path", path},
+                            {"volume_revision", result.volume_revision},
+                            {"size_bytes", result.size_bytes}}));
+    return;
+  }
+  WriteOutput(fmt::format("saved volume revision {} to {}, {:.1f} MiB\n", result.volume_revision,
+                          OneLine(path),
+                          static_cast<double>(result.size_bytes) / (1024.0 * 1024.0)));
+}
+
+}  // namespace
+
+void AddHistory(arguments::Command& app, Invocation& invocation) {
+  using Revision = std::optional<std::uint64_t>;
+  const auto add = [&](const char* name, const char* about,
+                       client::EditResult (client::Calls::*move)(Revision)) {
+    arguments::Command* command = app.add_subcommand(name, about);
+    SetFooter(*command, std::string("Example: palpate ") + name);
+    const auto expected_revision = std::make_shared<Revision>();
+    command->add_option("--expected-revision", *expected_revision,
+                        "Change it only on top of this volume revision, else exit with 7");
+    AddJson(*command, invocation);
+    command->callback([&invocation, expected_revision, move] {
+      invocation.command = [&invocation, expected_revision, move](client::Calls& palpated) {
+        PrintEdit((palpated.*move)(*expected_revision), invocation.json);
+      };
+    });
+  };
+  add("undo", "Undoes the last edit", &client::Calls::Undo);
+  add("redo", "Redoes the edit that was undone last", &client::Calls::Redo);
+  add("revert", "Undoes all edits since the volume was loaded; undo restores them",
+      &client::Calls::Revert);
+}
+
+void AddSave(arguments::Command& app, Invocation& invocation) {
+  struct Values {
+    std::string path;
+    bool overwrite = false;
+  };
+  arguments::Command* command = app.add_subcommand(
+      "save",
+      "Writes the volume with its edits on the daemon's machine; the file is whole or as it was\n"
+      "before. Ctrl-C cancels, with exit code 9.");
+  SetFooter(*command, "Example: palpate save carved.nrrd --overwrite");
+  const auto values = std::make_shared<Values>();
+  command->add_option("path", values->path, "File to write; ends with .vdb or .nrrd")
+      ->required()
+      ->option_text("PATH");
+  command->add_flag("--overwrite", values->overwrite, "Replace a file that is there");
+  AddJson(*command, invocation);
+  command->callback([&invocation, values] {
+    invocation.command = [values, &invocation](client::Calls& palpated) {
+      Save(palpated, values->path, values->overwrite, invocation.json);
+    };
+  });
 }
 
 }  // namespace palpate::cli

@@ -2,11 +2,10 @@
 
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
-#include "client/cli/device_description.h"
 #include "client/cli/isovalues.h"
 #include "client/cli/output.h"
 #include "client/cli/record_command.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

@@ -9,8 +9,7 @@
 
 #include "client/cli/description.h"
 #include "common/error/error.h"
-#include "common/error/number_text.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

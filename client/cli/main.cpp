@@ -7,14 +7,12 @@
 #include <vector>
 
 #include "client/cli/commands.h"
-#include "client/cli/doctor_command.h"
 #include "client/cli/output.h"
 #include "client/cli/reach.h"
 #include "client/program/server_options.h"
 #include "common/arguments/arguments.h"
-#include "common/arguments/completion.h"
 #include "common/error/error.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

@@ -11,7 +11,7 @@
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
-#include "common/error/number_text.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

@@ -1,7 +1,7 @@
 // `palpate place`: the volume's place in the device's workspace.
 //
 // Frame D (mm, x right, y up, z towards the user). Threads: main only, but any for the pure
-// functions.
+// functions. Apart for its tests.
 #pragma once
 
 #include <optional>

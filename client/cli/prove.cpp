@@ -7,7 +7,7 @@
 
 #include "client/cli/device_test.h"
 #include "client/cli/prove_steps.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

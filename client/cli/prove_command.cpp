@@ -1,4 +1,4 @@
-#include "client/cli/prove_command.h"
+#include "client/cli/commands.h"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -18,7 +18,7 @@
 #include "client/cli/output.h"
 #include "client/cli/prove.h"
 #include "client/program/interrupt.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 #include "common/files/new_file.h"
 
 namespace palpate::cli {

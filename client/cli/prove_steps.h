@@ -1,19 +1,51 @@
 // The steps of `palpate device prove`, in their order: prove.cpp has those that read,
-// prove_forces.cpp those with forces.
+// prove_steps.cpp those with forces.
 //
 // Threads: one. Ownership: borrows all. Errors: Error if a step is not right; the text says what to
 // do.
 #pragma once
 
+#include <array>
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "client/cli/prove.h"
-#include "client/cli/prove_judge.h"
+#include "client/sdk/pose.h"
 
 namespace palpate::cli {
+
+// Judges ways of the tip.
+//
+// Frame D (mm, N): x right, y up, z towards the user. Pure; any thread.
+
+// One of the six directions, as people say it.
+struct Direction {
+  const char* words;
+  int axis;  // of frame D
+  double sign;
+
+  Vec3 unit() const { return sign * Vec3::Unit(axis); }
+};
+inline constexpr std::array<Direction, 6> kDirections = {{{"to the right", 0, 1.0},
+                                                          {"to the left", 0, -1.0},
+                                                          {"up", 1, 1.0},
+                                                          {"down", 1, -1.0},
+                                                          {"towards you", 2, 1.0},
+                                                          {"away from you", 2, -1.0}}};
+
+// The mean place of the tip. Not finite if there are no poses.
+Vec3 PlaceOf(const std::vector<client::Pose>& poses);
+
+// Returns what is wrong with a way of the tip, and what to do; empty: it went in that direction.
+std::string ProblemOfWay(const Vec3& way_mm, const Direction& asked);
+
+// Where the stylus points, as a unit vector.
+Vec3 PointingOf(const client::Pose& pose);
+// As ProblemOfWay.
+std::string ProblemOfPointing(const Vec3& points, const Direction& asked);
 
 inline constexpr double kProvePlaceS = 0.2;
 

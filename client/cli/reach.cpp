@@ -10,7 +10,7 @@
 
 #include "client/cli/output.h"
 #include "client/program/interrupt.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

@@ -17,7 +17,7 @@
 #include "client/cli/paths_there.h"
 #include "client/program/interrupt.h"
 #include "client/sdk/words.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

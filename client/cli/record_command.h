@@ -1,6 +1,6 @@
 // `palpate record`, `palpate mark` and `palpate replay`.
 //
-// Threads: main only.
+// Threads: main only. Apart for its tests.
 #pragma once
 
 #include <optional>

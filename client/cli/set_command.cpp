@@ -1,19 +1,27 @@
+// `palpate set`, `layers`, `layer` and `tool`.
 #include "client/cli/set_command.h"
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cctype>
 #include <chrono>
+#include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
 #include <thread>
 
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/isovalues.h"
 #include "client/cli/output.h"
-#include "client/cli/progress.h"
+#include "client/cli/setting.h"
 #include "client/sdk/words.h"
 #include "common/error/error.h"
+#include "common/error/text.h"
+#include "common/felt_tool/tool_file.h"
+#include "common/files/text_file.h"
 
 namespace palpate::cli {
 namespace {
@@ -153,6 +161,287 @@ std::string DescribeChange(const Setting& setting, const client::SettingsResult&
                      DescribeValue(setting, result.settings), result.applied_tick,
                      result.settings.revision,
                      static_cast<double>(result.receipt_to_applied_ns) * 1e-6);
+}
+
+namespace {
+
+constexpr std::size_t kMostLayersBytes = 256 << 10;  // of a file
+
+struct LayersValues {
+  std::string list;
+  std::string load;
+};
+
+// Of palpate layer: absent numbers stay.
+struct LayerValues {
+  std::string name;
+  std::string isovalue;
+  std::optional<double> stiffness, damping, static_friction, sliding_friction, pop_n, pop_out_n,
+      viscosity;
+  std::string remove;
+};
+
+// A number, or the name of a suggested isovalue.
+double IsovalueOf(client::Calls& palpated, const std::string& text) {
+  if (const auto number = arguments::FiniteNumber(text)) return *number;
+  return SuggestedIsovalueOf(palpated.GetVolume(), text);
+}
+
+void PrintLayers(const client::Settings& settings, bool json) {
+  if (settings.replayed && !json) WriteOutput("of the replay:\n");
+  WriteOutput(json ? ToJson(settings.layers).dump(2) + "\n" : Describe(settings.layers));
+}
+
+// `revision`: of the settings that the change is made from; none: whatever they are.
+void Set(client::Calls& palpated, const SurfaceLayers& layers,
+         const std::optional<std::uint64_t>& revision, bool json) {
+  client::SettingsUpdate update;
+  update.layers = layers;
+  update.expected_revision = revision;
+  const client::SettingsResult result = palpated.Set(update);
+  PrintNotKept(result.not_kept);
+  PrintLayers(result.settings, json);
+  if (!json) WriteOutput(fmt::format("felt since tick {}\n", result.applied_tick));
+}
+
+void RunLayers(client::Calls& palpated, const LayersValues& values, bool json) {
+  if (!values.load.empty()) {
+    return Set(palpated, LayersOfJson(ReadTextFile(values.load, kMostLayersBytes)), std::nullopt,
+               json);
+  }
+  if (values.list.empty()) return PrintLayers(palpated.GetSettings(), json);
+  const auto isovalue_of = [&](const std::string& text) { return IsovalueOf(palpated, text); };
+  Set(palpated, LayersOfList(values.list, isovalue_of), std::nullopt, json);
+}
+
+void Take(const LayerValues& values, SurfaceLayer& layer) {
+  const auto take = [](const std::optional<double>& value, auto& member) {
+    if (value) member = *value;
+  };
+  take(values.stiffness, layer.stiffness_n_per_mm);
+  take(values.damping, layer.damping_n_s_per_m);
+  take(values.static_friction, layer.static_friction);
+  take(values.sliding_friction, layer.dynamic_friction);
+  take(values.pop_n, layer.pop_force_n);
+  take(values.pop_out_n, layer.pop_out_force_n);
+  take(values.viscosity, layer.viscosity_n_s_per_m);
+}
+
+[[noreturn]] void RefuseName(const SurfaceLayers& layers, const std::string& name, bool adds) {
+  std::string names;
+  for (const SurfaceLayer& layer : layers.layer) {
+    names += (names.empty() ? "" : ", ") + layer.name;
+  }
+  throw Error(ErrorKind::kNotFound, "there is no layer '" + name + "'" +
+                                        (names.empty() ? "" : ": there are " + names) +
+                                        (adds ? "; with --isovalue it is added" : ""));
+}
+
+void RunLayer(client::Calls& palpated, const LayerValues& values, bool json) {
+  const client::Settings settings = palpated.GetSettings();
+  SurfaceLayers layers = settings.layers;
+  if (values.remove == "all") return Set(palpated, {}, std::nullopt, json);
+  const std::string& name = values.remove.empty() ? values.name : values.remove;
+  auto layer = std::ranges::find(layers.layer, name, &SurfaceLayer::name);
+  if (layer == layers.layer.end()) {
+    if (values.isovalue.empty()) RefuseName(layers, name, values.remove.empty());
+    layers.layer.push_back(NewLayer(name, !values.pop_n || !(*values.pop_n > 0.0)));
+    layer = layers.layer.end() - 1;
+  }
+  if (!values.remove.empty()) {
+    layers.layer.erase(layer);
+  } else {
+    if (!values.isovalue.empty()) layer->isovalue = IsovalueOf(palpated, values.isovalue);
+    Take(values, *layer);
+  }
+  Set(palpated, layers, settings.revision, json);
+}
+
+}  // namespace
+
+void AddLayers(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command =
+      app.add_subcommand("layers", "Shows or sets the surfaces that are felt one behind the other");
+  SetFooter(*command,
+            "LIST: NAME=ISOVALUE,... from outside inwards, or skin-bone (CT in HU). The last one\n"
+            "holds; the others are soft, and the stylus passes them at 1 N. `palpate layer`\n"
+            "changes one, and removes layers.\n"
+            "Examples: palpate layers skin=-300,bone=300\n"
+            "          palpate layers --json > my-layers.json\n"
+            "          palpate layers --load my-layers.json");
+  const auto values = std::make_shared<LayersValues>();
+  arguments::Option* list =
+      command->add_option("list", values->list, "The new layers, in place of those there are")
+          ->option_text("LIST")
+          ->suggest({"skin-bone"});
+  command->add_option("--load", values->load, "Sets those of a file that --json has printed")
+      ->option_text("FILE")
+      ->excludes(list);
+  AddJson(*command, invocation);
+  command->callback([&invocation, values] {
+    invocation.command = [values, &invocation](client::Calls& palpated) {
+      RunLayers(palpated, *values, invocation.json);
+    };
+  });
+}
+
+void AddLayer(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command =
+      app.add_subcommand("layer", "Adds, changes or removes one of the layers");
+  SetFooter(*command,
+            "What is not named stays. A new layer needs an isovalue.\n"
+            "Examples: palpate layer skin --isovalue 150 --pop-n 1\n"
+            "          palpate layer bone --stiffness 1.5\n"
+            "          palpate layer --remove skin    (--remove all: the one surface again)");
+  const auto values = std::make_shared<LayerValues>();
+  arguments::Option* name =
+      command->add_option("name", values->name, "Its name, such as skin")->option_text("NAME");
+  arguments::Option* remove =
+      command->add_option("--remove", values->remove, "Removes this one, or all")
+          ->option_text("NAME|all")
+          ->excludes(name);
+  command->add_option("--isovalue", values->isovalue, "Where it is, in data units, or a name")
+      ->option_text("X|NAME")
+      ->excludes(remove);
+  const auto add = [&](const std::string& option, std::optional<double>& value,
+                       const std::string& about) {
+    command->add_option(option, value, about)
+        ->check(arguments::NonNegativeNumber())
+        ->excludes(remove);
+  };
+  add("--stiffness", values->stiffness, "Force per way into it, N/mm");
+  add("--damping", values->damping, "Damping along its normal, N·s/m");
+  add("--static-friction", values->static_friction, "Friction at rest");
+  add("--sliding-friction", values->sliding_friction, "Friction while sliding");
+  add("--pop-n", values->pop_n, "Force at which the stylus passes it, N; 0: never");
+  add("--pop-out-n", values->pop_out_n, "The same outwards; without it, as --pop-n");
+  add("--viscosity", values->viscosity, "Drag behind it, N·s/m");
+  AddJson(*command, invocation);
+  command->callback([&invocation, values] {
+    if (values->name.empty() && values->remove.empty()) {
+      throw arguments::UsageError("give a layer's NAME, or --remove NAME");
+    }
+    invocation.command = [values, &invocation](client::Calls& palpated) {
+      RunLayer(palpated, *values, invocation.json);
+    };
+  });
+}
+
+namespace {
+
+constexpr std::chrono::milliseconds kToolLook{100};
+// Of a tool of 64 balls with long comments. A longer one would take seconds to parse.
+constexpr std::size_t kMostToolBytes = 256 << 10;
+constexpr char kOurTools[] = "share/palpate/tools";
+
+struct ToolValues {
+  std::string action;
+  std::string file;
+};
+
+// The tools that come with this program.
+std::filesystem::path OurTool(const std::string& name) {
+  std::error_code unknown;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", unknown);
+  return program.parent_path().parent_path() / kOurTools / (name + ".toml");
+}
+
+HeldTool Read(const std::string& name) {
+  const bool is_name = name.find('/') == std::string::npos && !name.ends_with(".toml");
+  const std::filesystem::path path = is_name ? OurTool(name) : std::filesystem::path(name);
+  if (is_name && !std::filesystem::exists(path)) {
+    throw Error(ErrorKind::kNotFound,
+                fmt::format("there is no tool '{}' in {}; for a file of your own give its name "
+                            "with .toml",
+                            name, path.parent_path().string()));
+  }
+  return ParseTool(ReadTextFile(path, kMostToolBytes), path.filename().string());
+}
+
+void PrintTool(const client::Settings& settings, bool json) {
+  WriteOutput(json ? ToText(ToJson(settings.tool))
+                   : fmt::format("{}{}\n", Describe(settings.tool), OfReplay(settings.replayed)));
+}
+
+// Returns when the tool is felt: the fields of its radii are made in the background.
+client::Settings WaitUntilFelt(client::Calls& palpated, const client::Settings& asked) {
+  client::Settings now = asked;
+  WithProgress([&](const client::ProgressFunction& progress) {
+    while (now.ball.is_awaited && now.tool == asked.tool) {
+      if (!progress({.stage = "making the fields of the tool's balls",
+                     .fraction = now.ball.share_done.value_or(0.0)})) {
+        throw Error(ErrorKind::kCancelled, "it goes on; the tool is felt when they are made");
+      }
+      std::this_thread::sleep_for(kToolLook);
+      now = palpated.GetSettings();
+    }
+  });
+  RequireLive(now);
+  if (!(now.tool == asked.tool)) {
+    throw Error(ErrorKind::kConflict, "somebody else has taken another tool");
+  }
+  if (!now.ball.problem.empty()) throw Error(ErrorKind::kTooLarge, client::BallInWords(now));
+  return now;
+}
+
+void Take(client::Calls& palpated, const HeldTool& tool, bool json) {
+  client::SettingsUpdate update;
+  update.tool = tool;
+  const client::SettingsResult result = palpated.Set(update);
+  PrintNotKept(result.not_kept);
+  PrintTool(WaitUntilFelt(palpated, result.settings), json);
+}
+
+}  // namespace
+
+std::string Describe(const HeldTool& tool) {
+  if (tool.ball.empty()) return "no tool: the stylus's tip is felt";
+  const auto carving = std::ranges::count_if(tool.ball, &HeldToolBall::carves);
+  double least_mm = tool.ball.front().radius_mm, most_mm = least_mm, length_mm = 0.0;
+  for (const HeldToolBall& ball : tool.ball) {
+    least_mm = std::min(least_mm, ball.radius_mm);
+    most_mm = std::max(most_mm, ball.radius_mm);
+    length_mm = std::max(length_mm, ball.center_mm.norm() + ball.radius_mm);
+  }
+  const std::string radii = least_mm == most_mm ? fmt::format("{:g} mm", least_mm)
+                                                : fmt::format("{:g} to {:g} mm", least_mm, most_mm);
+  return fmt::format("tool {}: {} balls of radius {}, up to {:g} mm from the tip{}",
+                     tool.name.empty() ? "without a name" : OneLine(tool.name), tool.ball.size(),
+                     radii, length_mm, carving > 0 ? fmt::format("; {} carve", carving) : "");
+}
+
+void AddTool(arguments::Command& app, Invocation& invocation) {
+  arguments::Command* command = app.add_subcommand(
+      "tool", "Takes a rigid tool into the hand, such as a drill with its shaft");
+  SetFooter(*command,
+            "The tool is felt with all of its balls, by force, and by torque on a device that has\n"
+            "it. A FILE is TOML; deploy/guides/tools.md says what is in it. probe, drill and\n"
+            "endoscope come with this program.\n"
+            "Examples: palpate tool load drill\n"
+            "          palpate tool load my-tool.toml\n"
+            "          palpate tool none              (the stylus's tip again)\n"
+            "          palpate tool                   (which tool it is)");
+  const auto values = std::make_shared<ToolValues>();
+  command->add_option("action", values->action, "load, or none; without it the tool is shown")
+      ->option_text("load|none")
+      ->suggest({"load", "none"});
+  command->add_option("file", values->file, "A tool's name, or a file of it")
+      ->option_text("NAME|FILE")
+      ->suggest({"probe", "drill", "endoscope"});
+  AddJson(*command, invocation);
+  command->callback([&invocation, values] {
+    const bool loads = values->action == "load";
+    if (!loads && !values->action.empty() && values->action != "none") {
+      throw arguments::UsageError("give load FILE, or none");
+    }
+    if (loads == values->file.empty()) throw arguments::UsageError("give load FILE, or none");
+    // What cannot be read is told before a daemon is asked.
+    const HeldTool tool = loads ? Read(values->file) : HeldTool();
+    invocation.command = [values, tool, &invocation](client::Calls& palpated) {
+      if (values->action.empty()) return PrintTool(palpated.GetSettings(), invocation.json);
+      Take(palpated, tool, invocation.json);
+    };
+  });
 }
 
 }  // namespace palpate::cli

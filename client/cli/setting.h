@@ -1,17 +1,39 @@
 // Settings as text and as JSON, from the client library's list: what `palpate set` changes and
-// `palpate settings` shows.
+// `palpate settings` prints; and their layers.
 //
-// Pure; any thread.
+// Values in data units, forces and lengths of the device. Pure; any thread.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "client/cli/json.h"
 #include "client/sdk/settings.h"
+#include "common/contract/render.h"
 
 namespace palpate::cli {
+
+// Skin over bone for CT in HU, as LayersOfList takes it.
+inline constexpr std::string_view kSkinBone = "skin=-300,bone=300";
+
+// A layer without an id, which the daemon gives. `holds`: firm, and nothing passes it; else soft,
+// and the stylus passes it at 1 N.
+SurfaceLayer NewLayer(const std::string& name, bool holds);
+
+// Of "NAME=ISOVALUE,...", or of "skin-bone". The one with the greatest isovalue holds; the others
+// are soft. `isovalue_of` gives an isovalue for its text. Errors: kInvalidArgument.
+SurfaceLayers LayersOfList(const std::string& list,
+                           const std::function<double(const std::string&)>& isovalue_of);
+
+// "1 skin: isovalue -300, 0.3 N/mm, pops at 1 N"
+std::string Describe(const SurfaceLayer& layer);
+// Lines that end with \n; for none: that the one surface is felt.
+std::string Describe(const SurfaceLayers& layers);
+
+// What ToJson made of layers. Errors: kInvalidArgument.
+SurfaceLayers LayersOfJson(const std::string& text);
 
 using client::Setting;
 
@@ -34,7 +56,7 @@ bool StoreSetting(const Setting& setting, const std::string& text, client::Setti
 
 // Returns a number, true or false, or a word. Null if the daemon has no value that this client
 // knows.
-nlohmann::ordered_json SettingJson(const Setting& setting, const client::Settings& settings);
+Json SettingJson(const Setting& setting, const client::Settings& settings);
 
 // Returns text such as "stiffness 0.5 N/mm", "force_shading on", "method bcc".
 std::string DescribeSetting(const Setting& setting, const client::Settings& settings);

@@ -1,6 +1,6 @@
 // `palpate watch`.
 //
-// Threads: main only.
+// Threads: main only. Apart for its tests.
 #pragma once
 
 #include <cstdint>

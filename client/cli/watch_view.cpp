@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "client/cli/device_description.h"
+#include "client/cli/description.h"
 #include "client/sdk/words.h"
-#include "common/error/number_text.h"
+#include "common/error/text.h"
 
 namespace palpate::cli {
 namespace {

@@ -1,4 +1,4 @@
-// The figures and the newest sample as text. Pure; any thread.
+// The figures and the newest sample as text. Pure; any thread. Apart for its tests.
 #pragma once
 
 #include <optional>

@@ -4,13 +4,10 @@
 #include <functional>
 #include <utility>
 
-#include "client/sdk/facts_follower.h"
+#include "client/sdk/followers.h"
 #include "client/sdk/link.h"
-#include "client/sdk/monitor.h"
-#include "client/sdk/pose_follower.h"
+#include "client/sdk/messages.h"
 #include "client/sdk/server_choice.h"
-#include "client/sdk/setting_messages.h"
-#include "client/sdk/volume_follower.h"
 #include "palpate/v1/render.grpc.pb.h"
 
 namespace palpate::client {

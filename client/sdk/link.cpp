@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "client/sdk/backoff.h"
-#include "common/error/utf8.h"
+#include "common/error/text.h"
 #include "common/wire/status.h"
 #include "palpate/v1/device.grpc.pb.h"
 

@@ -1,14 +1,55 @@
 #include "client/sdk/volume_reader.h"
 
 #include <algorithm>
+#include <memory>
+#include <optional>
 #include <thread>
 #include <utility>
 
-#include "client/sdk/volume_call.h"
+#include "client/sdk/acknowledged_call.h"
+#include "common/bricks/volume_event.h"
 #include "common/wire/status.h"
+#include "common/wire/values.h"
 #include "common/wire/volume_message.h"
+#include "palpate/v1/volume.grpc.pb.h"
 
 namespace palpate::client {
+
+// One call of VolumeService.StreamVolume, acknowledged message by message.
+//
+// Threads: one. Ownership: borrows nothing; ends the call in its destructor.
+class VolumeCall {
+ public:
+  VolumeCall(const std::shared_ptr<grpc::Channel>& channel, std::uint32_t max_unacknowledged,
+             const std::optional<VolumeRevision>& resume_from);
+
+  // See AcknowledgedCall.
+  CallEvent Next(std::chrono::milliseconds timeout, v1::StreamVolumeResponse& message) {
+    return call_.Next(timeout, message);
+  }
+  const grpc::Status& status() const { return call_.status(); }
+
+ private:
+  std::unique_ptr<v1::VolumeService::Stub> stub_;
+  AcknowledgedCall<v1::StreamVolumeRequest, v1::StreamVolumeResponse> call_;
+};
+
+v1::StreamVolumeRequest Start(std::uint32_t max_unacknowledged,
+                              const std::optional<VolumeRevision>& resume_from) {
+  v1::StreamVolumeRequest request;
+  request.mutable_start()->set_max_unacknowledged(max_unacknowledged);
+  if (resume_from) *request.mutable_start()->mutable_resume_from() = ToProto(*resume_from);
+  return request;
+}
+
+VolumeCall::VolumeCall(const std::shared_ptr<grpc::Channel>& channel,
+                       std::uint32_t max_unacknowledged,
+                       const std::optional<VolumeRevision>& resume_from)
+    : stub_(v1::VolumeService::NewStub(channel)),
+      call_(Start(max_unacknowledged, resume_from), [this](auto* context, auto* queue) {
+        return stub_->PrepareAsyncStreamVolume(context, queue);
+      }) {}
+
 namespace {
 
 // If the copy is damaged this often in a row, fetching it again does not help.

@@ -5,7 +5,7 @@
 // Frame P, the padded lattice: voxel (i, j, k) is at (i + 1, j + 1, k + 1), and cells go from 0 to
 // size, so that no index is negative. A cell brick is 8³ cells with 9³ points; a block is 8³ cell
 // bricks. Lengths along a ray are in voxels. A suffix _D means the device frame, as elsewhere.
-// Values are scaled and split as value_scale.h says.
+// Values are scaled and split as brick_cache.h says.
 //
 // A platform's volume part comes first. It offers what differs:
 // - float Texel(ivec3 at): a scaled value

@@ -17,7 +17,7 @@ uniform vec3 crop_max;
 uniform vec4 planes[2];  // xyz . p <= w
 
 uniform bool surface_shown;
-uniform vec2 isovalue;  // all values are split: see value_scale.h
+uniform vec2 isovalue;  // all values are split: see brick_cache.h
 uniform bool material_above;
 uniform bool caps;
 // Veils: VEILS of them, each with an isovalue and a colour of its own.

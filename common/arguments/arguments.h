@@ -15,8 +15,10 @@
 #include <vector>
 
 namespace CLI {
+
 class App;
 class Option;
+
 }  // namespace CLI
 
 namespace palpate::arguments {
@@ -129,5 +131,11 @@ class Command {
   std::vector<std::unique_ptr<Option>> options_;
   std::vector<std::unique_ptr<Command>> commands_;
 };
+
+// The script by which shells complete a program's command line.
+//
+// For bash, and for zsh with its bashcompinit. Completes commands, options, and the words of a
+// value. Completes file names elsewhere.
+std::string CompletionScript(const Command& program);
 
 }  // namespace palpate::arguments

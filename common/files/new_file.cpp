@@ -12,7 +12,7 @@
 #include <system_error>
 #include <utility>
 
-#include "common/files/plain_path.h"
+#include "common/files/own_files.h"
 
 namespace palpate {
 namespace {
@@ -60,6 +60,13 @@ void SyncAndClose(int directory, const fs::path& folder) {
   const int error_number = errno;
   close(directory);
   if (!synced) throw CannotWrite(folder, error_number);
+}
+
+// Makes the names in a folder survive a power failure, if the file system can do that. Throws
+// CannotWrite.
+void SyncFolder(const fs::path& folder) {
+  const int directory = OpenFolder(folder, folder);
+  if (directory >= 0) SyncAndClose(directory, folder);
 }
 
 }  // namespace
@@ -228,11 +235,6 @@ void MakeFolders(const fs::path& folder) {
   fs::create_directory(folder, error);
   if (error) throw CannotWrite(folder, error.value());
   SyncFolder(above);
-}
-
-void SyncFolder(const fs::path& folder) {
-  const int directory = OpenFolder(folder, folder);
-  if (directory >= 0) SyncAndClose(directory, folder);
 }
 
 }  // namespace palpate

@@ -90,8 +90,4 @@ void CheckNewFile(const std::filesystem::path& path, IfThere if_there);
 // CannotWrite.
 void MakeFolders(const std::filesystem::path& folder);
 
-// Makes the names in a folder survive a power failure, if the file system can do that. Throws
-// CannotWrite.
-void SyncFolder(const std::filesystem::path& folder);
-
 }  // namespace palpate

@@ -1,15 +1,39 @@
 #include "common/files/own_files.h"
 
+#include <fcntl.h>
+#include <linux/openat2.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstdint>
+#include <string>
 #include <system_error>
 #include <utility>
-
-#include "common/files/plain_path.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Returns the present path of an open file, or "" if it is not known.
+fs::path RealPath(int descriptor) {
+  std::error_code error;
+  return fs::read_symlink(ByDescriptor(descriptor), error);
+}
+
+}  // namespace
+
+int OpenPlain(const fs::path& path, int flags) {
+  const open_how how{.flags = static_cast<std::uint64_t>(flags) | O_CLOEXEC,
+                     .mode = 0,
+                     .resolve = RESOLVE_NO_SYMLINKS};
+  return static_cast<int>(syscall(SYS_openat2, AT_FDCWD, path.c_str(), &how, sizeof how));
+}
+
+fs::path ByDescriptor(int descriptor) { return "/proc/self/fd/" + std::to_string(descriptor); }
+
+namespace {
 
 // Compares by components: /data does not contain /database.
 bool IsWithin(const fs::path& folder, const fs::path& path) {

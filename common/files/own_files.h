@@ -12,6 +12,14 @@
 
 namespace palpate {
 
+// Opens a checked path, and not a link that has since been put in its place: like open(), but fails
+// with ELOOP if a link is on the way. For absolute paths. Returns a descriptor that the caller
+// owns, or -1; errno then says why.
+int OpenPlain(const std::filesystem::path& path, int flags);
+
+// Returns a path that leads to an open file, even if its name now leads elsewhere.
+std::filesystem::path ByDescriptor(int descriptor);
+
 class OwnFiles {
  public:
   // Absolute paths of files and folders, existing or not. /proc and /sys are always included.

@@ -1,7 +1,7 @@
 // Face and body saddles of the trilinear interpolant in a cell.
 //
 // Frame: index coordinates local to the cell. Densities must be free of exact
-// ties (ties.h).
+// ties (cell.h).
 // Threads: pure functions. Real-time: no allocation, no locks.
 // Source: Corenthy et al., section 3.1, Eqs. 3-7. Body saddles do not use Eq. 7, but a quadratic
 // that stays accurate for any ρ.

@@ -1,7 +1,7 @@
 // Written by proto/generate from palpate/v1/*.proto: change those.
 #include "common/wire/values.h"
 
-#include "common/error/utf8.h"
+#include "common/error/text.h"
 #include "common/wire/convert.h"
 
 namespace palpate {

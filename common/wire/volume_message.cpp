@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "common/error/error.h"
-#include "common/error/utf8.h"
+#include "common/error/text.h"
 #include "common/wire/convert.h"
 #include "common/wire/values.h"
 

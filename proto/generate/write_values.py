@@ -83,7 +83,7 @@ def conversions(files: list[File]) -> dict[str, str]:
             + f"\nnamespace palpate {{\n\n{declared}\n}}  // namespace palpate\n"),
         "common/wire/values.cpp": (
             HEAD.format("*.proto", "those") + '#include "common/wire/values.h"\n\n'
-            '#include "common/error/utf8.h"\n#include "common/wire/convert.h"\n\nnamespace palpate {\n'
+            '#include "common/error/text.h"\n#include "common/wire/convert.h"\n\nnamespace palpate {\n'
             + "".join(map(conversion, values)) + "\n}  // namespace palpate\n")}
 
 

@@ -14,10 +14,8 @@
 #include "server/client_paths/path_policy.h"
 #include "server/metrics/exporter.h"
 #include "server/security/certificates.h"
-#include "server/security/token_file.h"
+#include "server/security/token.h"
 #include "server/services/server.h"
-#include "server/session/layers.h"
-#include "server/session/range.h"
 #include "server/session/volume_check.h"
 
 namespace palpate {

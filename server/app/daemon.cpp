@@ -1,16 +1,107 @@
-#include "server/app/daemon.h"
+#include <prometheus/registry.h>
 
 #include <csignal>
 #include <ctime>
 #include <functional>
+#include <memory>
+#include <optional>
+#include <string_view>
 
 #include "common/contract/enumerations.h"
-#include "server/app/server_parts.h"
+#include "server/app/config_check.h"
+#include "server/app/devices.h"
+#include "server/app/run.h"
 #include "server/app/service_manager.h"
+#include "server/app/session_parts.h"
 #include "server/log/log.h"
+#include "server/metrics/exporter.h"
+#include "server/metrics/service_metrics.h"
+#include "server/metrics/state_metrics.h"
+#include "server/services/server.h"
 
 namespace palpate {
 namespace {
+
+// What others reach: the gRPC server and the page of metrics.
+//
+// Threads: main.
+// Errors: Error; for an address, with its line of the configuration.
+class ServerParts {
+ public:
+  // Claims the addresses, so that a second daemon fails at once. Borrows all.
+  ServerParts(const LoadedConfig& loaded, const DaemonPaths& paths, Instrument& instrument,
+              SessionParts& parts);
+
+  // Call it with a running servo.
+  void Start();
+  // "/run/palpate/palpated.sock and localhost:7400"
+  std::string Addresses() const;
+
+ private:
+  const LoadedConfig& loaded_;
+  const DaemonPaths& paths_;
+  const std::shared_ptr<prometheus::Registry> registry_;
+  ServiceMetrics service_metrics_;
+
+ public:
+  RpcServer rpc;
+
+ private:
+  const std::shared_ptr<prometheus::Collectable> state_metrics_;
+  std::shared_ptr<SampleSink> servo_metrics_;
+  std::optional<MetricsExporter> exporter_;
+};
+
+// Turns an error of `attempt` into a fault of `key`.
+void ForKey(const LoadedConfig& loaded, std::string_view key,
+            const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const Error& error) {
+    throw AtKey(loaded, key, error);
+  }
+}
+
+LedHand* HandOf(Instrument& instrument) {
+  return instrument.device->spec().kind == "simulated" ? &instrument.hand.led : nullptr;
+}
+
+ServerParts::ServerParts(const LoadedConfig& loaded, const DaemonPaths& paths,
+                         Instrument& instrument, SessionParts& parts)
+    : loaded_(loaded),
+      paths_(paths),
+      registry_(std::make_shared<prometheus::Registry>()),
+      service_metrics_(*registry_),
+      rpc({paths.socket, loaded.config.listen, paths.clients, loaded.config.uploads,
+           loaded.config.security},
+          {parts.session, parts.editor, parts.series, parts.recording, instrument.pump,
+           *instrument.device, HandOf(instrument), instrument.servo, instrument.stop_door,
+           instrument.inbox, instrument.forces, DeviceListOf(loaded.config.device),
+           service_metrics_}),
+      state_metrics_(std::make_shared<StateMetrics>(
+          MeasuredParts{instrument.servo, *instrument.device, instrument.forces, parts.recording,
+                        *parts.session.loader().budget, loaded.config.memory_budget_bytes,
+                        [this] { return rpc.volume_streams(); }})) {
+  ForKey(loaded, "server.socket", [&] { rpc.Reserve(); });
+  ForKey(loaded, "server.listen", [&] { rpc.ReservePort(); });
+  if (!loaded.config.metrics_listen) return;
+  ForKey(loaded, "metrics.listen", [&] { exporter_.emplace(*loaded.config.metrics_listen); });
+  servo_metrics_ = std::make_shared<ServoMetrics>(*registry_);
+  instrument.pump.Subscribe(servo_metrics_);
+}
+
+void ServerParts::Start() {
+  rpc.Start();
+  if (!exporter_) return;
+  exporter_->Show(registry_);
+  exporter_->Show(state_metrics_);
+  LogInfo("metrics on http://{}/metrics", loaded_.config.metrics_listen->ToString());
+}
+
+std::string ServerParts::Addresses() const {
+  const std::optional<HostPort>& listen = loaded_.config.listen;
+  return paths_.socket + (listen ? " and " + listen->ToString() : "");
+}
 
 sigset_t Signals() {
   sigset_t signals;

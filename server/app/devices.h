@@ -7,10 +7,10 @@
 #include <memory>
 #include <vector>
 
-#include "server/app/device_config.h"
+#include "server/app/config.h"
 #include "server/device/haptic_device.h"
 #include "server/simulated_hand/led_hand.h"
-#include "server/simulated_hand/touch_plan.h"
+#include "server/simulated_hand/touch_planner.h"
 
 namespace palpate {
 

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 #include <grpc/support/log.h>
+#include <poll.h>
+#include <spdlog/common.h>
 #include <spdlog/pattern_formatter.h>
+#include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/dup_filter_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -13,20 +16,68 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <cstdlib>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "common/error/error.h"
-#include "server/app/unread_log.h"
 #include "server/log/log.h"
 
 namespace palpate {
 namespace {
 
+// A reader may be busy for a short time.
+constexpr int kPatienceMs = 200;
+
+bool StderrTakesMore(int wait_ms) {
+  pollfd stream{.fd = STDERR_FILENO, .events = POLLOUT, .revents = 0};
+  return poll(&stream, 1, wait_ms) == 1;
+}
+
+// Keeps a log that nobody reads from blocking the daemon. This sink stands in front of a sink that
+// writes to stderr. While stderr takes nothing (a full pipe, a stopped terminal), this sink drops
+// lines. Once stderr takes lines again, one line says how many were dropped.
+//
+// Lines must be shorter than PIPE_BUF: a pipe with room takes such a line at once.
+class UnreadLog final : public spdlog::sinks::base_sink<std::mutex> {
+ public:
+  explicit UnreadLog(spdlog::sink_ptr to_stderr) : to_stderr_(std::move(to_stderr)) {}
+
+ protected:
+  void sink_it_(const spdlog::details::log_msg& message) override {
+    if (!StderrTakesMore(dropped_ == 0 ? kPatienceMs : 0)) {
+      ++dropped_;
+      return;
+    }
+    if (dropped_ > 0) {
+      const std::string text = fmt::format("{} line{} of the log dropped: nobody read it", dropped_,
+                                           dropped_ == 1 ? "" : "s");
+      to_stderr_->log({message.logger_name, spdlog::level::warn, text});
+      dropped_ = 0;
+      if (!StderrTakesMore(0)) {
+        dropped_ = 1;
+        return;
+      }
+    }
+    to_stderr_->log(message);
+  }
+  void flush_() override { to_stderr_->flush(); }
+  void set_pattern_(const std::string& pattern) override { to_stderr_->set_pattern(pattern); }
+  void set_formatter_(std::unique_ptr<spdlog::formatter> formatter) override {
+    to_stderr_->set_formatter(std::move(formatter));
+  }
+
+ private:
+  spdlog::sink_ptr to_stderr_;
+  std::uint64_t dropped_ = 0;
+};
+
 constexpr std::chrono::seconds kRepeatsLeftOut{5};
-constexpr std::size_t kLongestLine = 2000;  // as written; less than PIPE_BUF (see unread_log.h)
+constexpr std::size_t kLongestLine = 2000;  // as written; less than PIPE_BUF (see UnreadLog)
 
 // Writes a prefix such as "<4>", from which the journal reads the level (here: warning).
 class PriorityFlag final : public spdlog::custom_flag_formatter {
@@ -102,7 +153,7 @@ void SetUpLog(bool to_journal) {
     formatter->set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ %~");
   }
   const auto filter = std::make_shared<spdlog::sinks::dup_filter_sink_mt>(kRepeatsLeftOut);
-  filter->add_sink(DroppingWhileUnread(std::move(sink)));
+  filter->add_sink(std::make_shared<UnreadLog>(std::move(sink)));
   const auto logger = std::make_shared<spdlog::logger>("palpated", filter);
   logger->set_formatter(std::move(formatter));
   logger->flush_on(spdlog::level::trace);

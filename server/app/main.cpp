@@ -17,10 +17,9 @@
 #include "common/error/error.h"
 #include "server/app/config.h"
 #include "server/app/config_check.h"
-#include "server/app/daemon.h"
 #include "server/app/log.h"
+#include "server/app/run.h"
 #include "server/app/thread_stacks.h"
-#include "server/app/token_command.h"
 
 namespace palpate {
 namespace {

@@ -10,7 +10,7 @@
 #include "server/app/config_check.h"
 #include "server/app/log.h"
 #include "server/log/log.h"
-#include "server/session/range.h"
+#include "server/session/setting_checks.h"
 
 namespace palpate {
 namespace {

@@ -2,7 +2,7 @@
 // sd_notify(3) and sd_watchdog_enabled(3).
 //
 // Does nothing if systemd did not start the daemon (no $NOTIFY_SOCKET). Threads: main. Errors:
-// none. If a message is lost, systemd acts on its own time limits.
+// none. If a message is lost, systemd acts on its own time limits. Apart for its tests.
 #pragma once
 
 #include <chrono>

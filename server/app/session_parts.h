@@ -5,13 +5,15 @@
 // Errors: Error.
 #pragma once
 
+#include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "server/app/config.h"
-#include "server/app/daemon_paths.h"
-#include "server/app/first_volume.h"
 #include "server/app/instrument.h"
+#include "server/client_paths/path_policy.h"
 #include "server/kept/registration_store.h"
 #include "server/kept/session_keeper.h"
 #include "server/recording/recording_control.h"
@@ -22,6 +24,26 @@
 #include "server/simulated_hand/hand_guide.h"
 
 namespace palpate {
+
+// The files and folders of this daemon, and those that clients may name.
+struct DaemonPaths {
+  explicit DaemonPaths(const LoadedConfig& loaded);
+
+  // For the next start; empty: nothing is kept. Unless the configuration names it:
+  // $STATE_DIRECTORY (systemd's; the first of several), $XDG_STATE_HOME/palpate or
+  // ~/.local/state/palpate, whichever is an absolute path.
+  std::filesystem::path state_folder;
+  std::string socket;
+  OwnFiles own_files;  // clients may neither load nor overwrite these
+  PathPolicy clients;
+};
+
+// What the previous daemon has left, and what of it is lost.
+struct SessionLeft {
+  std::optional<FeltSession> felt{};
+  std::string lost{};          // in words for clients; empty: nothing
+  std::string bad_settings{};  // why `felt` cannot come back; empty: it can
+};
 
 class SessionParts {
  public:

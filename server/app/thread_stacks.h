@@ -1,4 +1,4 @@
-// Sets the stack size of threads. With locked memory, every stack is resident.
+// Sets the stack size of threads. With locked memory, every stack is resident. Apart for its tests.
 #pragma once
 
 #include <tbb/global_control.h>

@@ -11,7 +11,7 @@
 #include <system_error>
 
 #include "common/error/error.h"
-#include "common/files/plain_path.h"
+#include "common/files/own_files.h"
 #include "server/volume/load/builtin.h"
 
 namespace palpate {

@@ -31,10 +31,9 @@
 
 #include "server/door/activity.h"
 #include "server/door/connection_watch.h"
+#include "server/security/connection_limits.h"
 #include "server/security/identity_limits.h"
 #include "server/security/policy.h"
-#include "server/security/policy_board.h"
-#include "server/security/unread_limit.h"
 
 namespace palpate {
 

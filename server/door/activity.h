@@ -19,7 +19,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/security/role.h"
+#include "server/security/methods.h"
 
 namespace palpate {
 

@@ -6,6 +6,8 @@
 #pragma once
 
 #include <optional>
+#include <string>
+#include <string_view>
 
 #include "common/contract/device.h"
 #include "common/contract/registration.h"
@@ -51,5 +53,17 @@ VolumePlace FitToWorkspace(const VolumeMetadata& volume, const DeviceDescription
 // Errors: also for rotations that are no unit quaternions, up to rounding, and for both scales.
 VolumePlace Apply(const UpdateRegistrationRequest& update, const VolumeMetadata& volume,
                   const DeviceDescription& device, const VolumePlace& current);
+
+// Where a patient faces in W, as people answer it for a file that states no orientation.
+//
+// Frame: W world (mm). Threads: pure functions.
+
+// Returns axes as in VolumeMetadata::patient_axes. Left follows from the two directions: the file
+// is taken as not mirrored. Throws Error (kInvalidArgument) for other words, or both along one
+// axis.
+std::string PatientAxesOf(const PatientFacing& facing);
+
+// True for what PatientAxesOf can return.
+bool IsAnsweredAxes(std::string_view axes);
 
 }  // namespace palpate

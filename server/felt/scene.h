@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "common/contract/render.h"
+#include "common/isosurface/decomposition.h"
 #include "server/haptics/cell_cache.h"
 #include "server/haptics/haptic_surface.h"
 #include "server/haptics/settings.h"
@@ -24,6 +25,15 @@
 #include "server/volume/snapshot/ball.h"
 
 namespace palpate {
+
+// The settings of a scene that clients may change.
+//
+// Threads: a plain value.
+struct RenderSettings {
+  double isovalue = 0.0;             // data units
+  double normalized_isovalue = 0.5;  // the same isovalue over the volume's range, 0 to 1
+  HapticSettings haptics{};
+};
 
 // The ball that is felt at the tip.
 struct SceneBall {

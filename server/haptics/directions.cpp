@@ -1,4 +1,4 @@
-#include "server/haptics/directions.h"
+#include "server/haptics/moves.h"
 
 #include <bit>
 #include <cmath>

@@ -7,7 +7,6 @@
 #include <span>
 
 #include "server/haptics/effects.h"
-#include "server/haptics/force_shading.h"
 #include "server/haptics/friction.h"
 #include "server/haptics/isovalue_glide.h"
 #include "server/haptics/moves.h"

@@ -7,7 +7,7 @@
 // crease, the line along n_E can miss V; the normals of V's density at SCP_H, the contact normal
 // and, on a refined lattice, the ways to the vertices around SCP_H are then tried.
 //
-// V comes from the stored densities, H from the resolved ones (ties.h). If τ is the least value of
+// V comes from the stored densities, H from the resolved ones (cell.h). If τ is the least value of
 // the volume, V does not exist although H does.
 //
 // Frame: D (mm). Threads: pure. Real-time: no allocation, bounded.

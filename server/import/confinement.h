@@ -2,13 +2,14 @@
 // exploits a fault of a library. The kernel refuses every other access. The confinement cannot be
 // undone.
 // - Files: Landlock, Linux 5.13 and later.
-// - System calls: seccomp, Linux 4.14 and later; not in sanitizer builds. See system_calls.h.
-// On a kernel that lacks one of them, that part is skipped.
+// - System calls: seccomp, Linux 4.14 and later; not in sanitizer builds.
+// On a kernel that lacks one of them, that part is skipped. Also limits what the process may use.
 //
 // Errors: Error (kInternal) if the kernel has them and refuses to confine, or if other threads
 // already run.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <vector>
 
@@ -25,5 +26,15 @@ namespace palpate {
 //   starts. Confine ends the threads of log4cplus, which start before main();
 // - after FailAfter() and LimitResources(): timers and limits cannot be set later.
 void Confine(const std::vector<std::filesystem::path>& readable);
+
+// So that a hostile file cannot harm the machine. Limits the calling process permanently: private
+// writable memory (the present use, its threads' stacks and `max_memory_bytes`; beyond it
+// std::bad_alloc), processor time, size of written files (beyond it a write fails), open files,
+// threads (not root's), and no core dump. Gives way. Throws Error (kInternal).
+void LimitResources(std::int64_t max_memory_bytes, std::int64_t max_seconds);
+
+// Gives way to other processes, such as the haptic loop. If memory runs out, the kernel ends this
+// process before palpated.
+void GiveWay();
 
 }  // namespace palpate

@@ -1,6 +1,6 @@
 // Walks the elements of a DICOM file: collects what describes the image, and checks that all
 // elements are complete, above all the pixels. GDCM reads truncated files as complete ones, and
-// crashes on some valid ones, so that it gets to see the pixels only (dicom_pixels.h).
+// crashes on some valid ones, so that it gets to see the pixels only (reader_dicom.cpp).
 //
 // Pure except for the stream. Threads: one per stream. Errors: palpate::Error without the file's
 // name, see image_header.h.

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "server/import/image_geometry.h"
+#include "server/import/image_header.h"
 #include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {

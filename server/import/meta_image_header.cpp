@@ -1,4 +1,4 @@
-#include "server/import/meta_image_header.h"
+#include "server/import/file_headers.h"
 
 #include <cmath>
 #include <initializer_list>
@@ -6,18 +6,18 @@
 #include <string>
 #include <vector>
 
-#include "server/import/image_geometry.h"
+#include "server/import/image_header.h"
 #include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {
 namespace {
 
-using Fields = std::map<std::string, std::string, std::less<>>;
+using MetaImageFields = std::map<std::string, std::string, std::less<>>;
 
 // Reads fields up to ElementDataFile, which is always the last. Sets `end` to the byte after its
 // line.
-Fields ReadFields(std::string_view head, std::int64_t* end) {
-  Fields fields;
+MetaImageFields ReadFields(std::string_view head, std::int64_t* end) {
+  MetaImageFields fields;
   std::size_t at = 0;
   while (!fields.contains("ElementDataFile")) {
     const std::size_t newline = head.find('\n', at);
@@ -43,7 +43,7 @@ Fields ReadFields(std::string_view head, std::int64_t* end) {
   return fields;
 }
 
-const std::string& Required(const Fields& fields, std::string_view name) {
+const std::string& Required(const MetaImageFields& fields, std::string_view name) {
   const auto field = fields.find(name);
   if (field == fields.end()) {
     Refuse("the MetaImage header has no " + std::string(name) +
@@ -52,14 +52,14 @@ const std::string& Required(const Fields& fields, std::string_view name) {
   return field->second;
 }
 
-bool Flag(const Fields& fields, std::string_view name, bool absent) {
+bool Flag(const MetaImageFields& fields, std::string_view name, bool absent) {
   const auto field = fields.find(name);
   if (field == fields.end()) return absent;
   const std::string value = Lower(field->second);
   return value == "true" || value == "t" || value == "1";
 }
 
-std::int64_t Integer(const Fields& fields, std::string_view name, std::int64_t absent) {
+std::int64_t Integer(const MetaImageFields& fields, std::string_view name, std::int64_t absent) {
   const auto field = fields.find(name);
   return field == fields.end() ? absent : ParseInteger(field->second, name);
 }
@@ -81,8 +81,8 @@ ScalarType ParseElementType(const std::string& type) {
 }
 
 // The numbers of the first of these fields that is there; empty if none is.
-std::vector<double> Numbers(const Fields& fields, std::initializer_list<std::string_view> names,
-                            std::size_t count) {
+std::vector<double> Numbers(const MetaImageFields& fields,
+                            std::initializer_list<std::string_view> names, std::size_t count) {
   std::vector<double> numbers;
   for (const std::string_view name : names) {
     const auto field = fields.find(name);
@@ -110,7 +110,8 @@ std::string AnatomicalOf(const Mat3& direction) {
 }
 
 // Each field has several names.
-ImageGeometry ParseGeometry(const Fields& fields, std::size_t dimension, bool spacing_is_given) {
+ImageGeometry ParseGeometry(const MetaImageFields& fields, std::size_t dimension,
+                            bool spacing_is_given) {
   const auto spacing = Numbers(fields, {"ElementSpacing", "ElementSize"}, dimension);
   const auto origin = Numbers(fields, {"Offset", "Position", "Origin"}, dimension);
   const auto matrix =
@@ -142,7 +143,8 @@ ImageGeometry ParseGeometry(const Fields& fields, std::size_t dimension, bool sp
   return geometry;
 }
 
-void ReadElementDataPlace(const Fields& fields, std::int64_t header_end, ImageHeader* header) {
+void ReadElementDataPlace(const MetaImageFields& fields, std::int64_t header_end,
+                          ImageHeader* header) {
   const std::string& name = Required(fields, "ElementDataFile");
   const std::string lower = Lower(name);
   const std::int64_t skip = Integer(fields, "HeaderSize", 0);
@@ -180,7 +182,7 @@ void ReadElementDataPlace(const Fields& fields, std::int64_t header_end, ImageHe
 
 ImageHeader ParseMetaImageHeader(std::string_view head, bool spacing_is_given) {
   std::int64_t header_end = 0;
-  const Fields fields = ReadFields(head, &header_end);
+  const MetaImageFields fields = ReadFields(head, &header_end);
   const std::int64_t dimension = ParseInteger(Required(fields, "NDims"), "NDims");
   if (dimension < 1 || dimension > 10) {
     Refuse("the MetaImage header's NDims is " + std::to_string(dimension) + "; correct it");

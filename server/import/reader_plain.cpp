@@ -1,5 +1,5 @@
 // Reads the formats whose voxels we read ourselves.
-#include "server/import/raw_header.h"
+#include "server/import/file_headers.h"
 #include "server/import/readers.h"
 #include "server/import/tiff_stack.h"
 #include "server/import/value_checks.h"

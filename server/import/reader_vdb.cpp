@@ -1,23 +1,157 @@
+#include <openvdb/io/Stream.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "common/error/error.h"
+#include "server/import/image_header.h"
 #include "server/import/readers.h"
 #include "server/import/tree_writer.h"
 #include "server/import/value_checks.h"
-#include "server/import/vdb_grids.h"
-#include "server/volume/load/handover_layout.h"
+#include "server/volume/load/handover.h"
 #include "server/volume/snapshot/openvdb_grids.h"
 
 namespace palpate {
 namespace {
+
+// Chooses the grid of a .vdb file to read.
+//
+// Threads: one. Errors: palpate::Error without the file's name.
+//
+// The user's choice. Empty: the only grid.
+struct GridChoice {
+  std::string name{};       // the grid's; NAME[K] is the K-th of several grids with this name
+  std::string component{};  // for a grid of vectors: magnitude, x, y or z
+};
+
+struct NamedGrid {
+  std::string name;  // unique
+  openvdb::GridBase::Ptr grid;
+};
+
+std::vector<NamedGrid> ReadGrids(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  // Without exceptions, a truncated file would be read as if zeros followed.
+  in.exceptions(std::ios::badbit | std::ios::failbit);
+  openvdb::io::Stream stream(in, /*delayLoad=*/false);
+  std::vector<NamedGrid> grids;
+  for (const openvdb::GridBase::Ptr& grid : *stream.getGrids()) {
+    if (grid) grids.push_back({grid->getName(), grid});
+  }
+  for (std::size_t n = 0; n < grids.size(); ++n) {
+    const std::string name = grids[n].grid->getName();
+    const auto is_so_named = [&](const NamedGrid& one) { return one.grid->getName() == name; };
+    if (std::count_if(grids.begin(), grids.end(), is_so_named) < 2) continue;
+    const auto before =
+        std::count_if(grids.begin(), grids.begin() + static_cast<std::ptrdiff_t>(n), is_so_named);
+    grids[n].name += '[' + std::to_string(before) + ']';
+  }
+  return grids;
+}
+
+bool HasVectors(const openvdb::GridBase& grid) {
+  return grid.isType<openvdb::Vec3SGrid>() || grid.isType<openvdb::Vec3DGrid>() ||
+         grid.isType<openvdb::Vec3IGrid>();
+}
+
+// For example: "surface" (level set, float), ...
+std::string List(const std::vector<NamedGrid>& grids) {
+  std::string list;
+  for (const auto& [name, grid] : grids) {
+    const openvdb::GridClass of = grid->getGridClass();
+    if (!list.empty()) list += ", ";
+    list += Quoted(name) + " (" + (of == openvdb::GRID_LEVEL_SET ? "level set, " : "") +
+            grid->valueType() + ")";
+  }
+  return list;
+}
+
+const NamedGrid& Chosen(const std::vector<NamedGrid>& grids, const std::string& name) {
+  if (grids.empty()) Refuse("there is no grid in the file");
+  if (name.empty()) {
+    if (grids.size() == 1) return grids[0];
+    Refuse("there are " + std::to_string(grids.size()) +
+           " grids; choose one with --grid NAME: " + List(grids));
+  }
+  const auto found = std::find_if(grids.begin(), grids.end(),
+                                  [&](const NamedGrid& grid) { return grid.name == name; });
+  if (found == grids.end())
+    Refuse("there is no grid " + Quoted(name) + "; there are " + List(grids));
+  return *found;
+}
+
+constexpr std::string_view kComponents[] = {"magnitude", "x", "y", "z"};
+
+template <class Vector>
+float ComponentOf(const Vector& vector, std::ptrdiff_t component) {
+  if (component > 0) return static_cast<float>(vector[static_cast<int>(component) - 1]);
+  return static_cast<float>(openvdb::Vec3d(vector).length());
+}
+
+template <class VectorGrid>
+openvdb::GridBase::Ptr Scalars(const openvdb::GridBase::Ptr& grid, std::ptrdiff_t component) {
+  const VectorGrid& from = *openvdb::gridPtrCast<VectorGrid>(grid);
+  const auto to = openvdb::FloatGrid::create(std::make_shared<openvdb::FloatTree>(
+      from.tree(), ComponentOf(from.background(), component), openvdb::TopologyCopy()));
+  to->setTransform(from.transform().copy());
+  to->setName(from.getName());
+  openvdb::FloatGrid::Accessor out = to->getAccessor();
+  for (auto value = from.cbeginValueAll(); value; ++value) {
+    const float is = ComponentOf(value.getValue(), component);
+    if (value.isVoxelValue()) {
+      out.setValueOnly(value.getCoord(), is);
+    } else {
+      out.addTile(value.getLevel(), value.getCoord(), is, value.isValueOn());
+    }
+  }
+  return to;
+}
+
+openvdb::GridBase::Ptr ComponentOfGrid(const NamedGrid& named, const std::string& component) {
+  const auto found = std::find(std::begin(kComponents), std::end(kComponents), component);
+  if (found == std::end(kComponents)) {
+    Refuse("the grid " + Quoted(named.name) +
+           " holds vectors; choose what is felt with --component magnitude, x, y or z");
+  }
+  const std::ptrdiff_t number = found - std::begin(kComponents);
+  const openvdb::GridBase::Ptr& grid = named.grid;
+  if (grid->isType<openvdb::Vec3SGrid>()) return Scalars<openvdb::Vec3SGrid>(grid, number);
+  if (grid->isType<openvdb::Vec3DGrid>()) return Scalars<openvdb::Vec3DGrid>(grid, number);
+  return Scalars<openvdb::Vec3IGrid>(grid, number);
+}
+
+// Returns a grid of scalars: float, double, int32, int64 or bool. Throws kInvalidArgument if the
+// file is no .vdb file, or if the choice does not exist; the message then lists the choices.
+openvdb::GridBase::Ptr ReadChosenGrid(const std::filesystem::path& path, const GridChoice& choice) {
+  openvdb::initialize();
+  std::vector<NamedGrid> grids;
+  try {
+    grids = ReadGrids(path);
+  } catch (const std::ios_base::failure&) {
+    Refuse("this is no complete .vdb file; copy or download it again");
+  } catch (const openvdb::Exception& error) {
+    Refuse(std::string("this is no .vdb file that can be read (") + error.what() + ")");
+  } catch (const std::length_error&) {
+    Refuse("the .vdb file is damaged; copy or download it again");
+  }
+  const NamedGrid& chosen = Chosen(grids, choice.name);
+  if (HasVectors(*chosen.grid)) return ComponentOfGrid(chosen, choice.component);
+  if (!choice.component.empty()) {
+    Refuse("the grid " + Quoted(chosen.name) + " holds scalars, which have no component");
+  }
+  return chosen.grid;
+}
 
 // OpenVDB multiplies a row vector by a matrix on its right.
 void CopyGeometry(const openvdb::math::Transform& transform, const Vec3i& first,

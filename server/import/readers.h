@@ -13,7 +13,7 @@
 #include "server/import/image_header.h"
 #include "server/import/reporter.h"
 #include "server/import/voxel_reader.h"
-#include "server/volume/load/raw_voxels.h"
+#include "server/volume/load/import_process.h"
 #include "server/volume/snapshot/volume_metadata.h"
 
 namespace palpate {

@@ -1,17 +1,37 @@
-// Reads one page of a TIFF file with libtiff: grey, in strips or tiles.
+// Reads one page of a TIFF file with libtiff: grey, in strips or tiles; and what ImageJ and OME
+// write into its description.
 //
 // Threads: one. Reads files. Errors: palpate::Error without the file's name.
 #pragma once
 
 #include <tiffio.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
+#include "common/geometry/geometry.h"
 #include "server/import/image_header.h"
-#include "server/import/tiff_description.h"
 
 namespace palpate {
+
+// What ImageJ and OME write into the description of a TIFF file. What cannot be read is not stated.
+struct TiffDescription {
+  std::string problem{};             // why the pages are no volume; empty: they may be one
+  std::optional<Vec3> spacing_mm{};  // along x, y and z, if all are stated
+  std::int64_t images = 1;           // ImageJ: of the whole file
+  // ImageJ: the value of a voxel is intercept + slope * voxel.
+  double slope = 1.0;
+  double intercept = 0.0;
+  std::string unit{};  // of the values
+  std::vector<std::string> warnings{};
+  // OME: the page of each slice, and its file if there are several. Empty: in the order of pages.
+  std::vector<std::int64_t> page_of_slice{};
+  std::vector<std::string> file_of_slice{};
+};
 
 struct TiffCloser {
   void operator()(TIFF* tiff) const { TIFFClose(tiff); }

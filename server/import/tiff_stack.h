@@ -30,4 +30,10 @@ TiffStack OpenTiffStack(const std::filesystem::path& input, const ImportLimits& 
 void ReadTiffVoxels(const TiffStack& stack, const std::function<void(double)>& progress,
                     const VoxelSink& sink);
 
+// By the ending.
+bool IsTiffName(const std::filesystem::path& path);
+
+// True if most files of the folder are TIFF by name.
+bool IsTiffFolder(const std::filesystem::path& folder);
+
 }  // namespace palpate

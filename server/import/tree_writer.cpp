@@ -9,10 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/error/number_text.h"
+#include "common/error/text.h"
 #include "server/import/image_header.h"
 #include "server/volume/load/handover.h"
-#include "server/volume/load/handover_file.h"
 
 namespace palpate {
 namespace {

@@ -1,10 +1,10 @@
-// Writes a tree of OpenVDB as a hand-over (server/volume/load/handover_layout.h).
+// Writes a tree of OpenVDB as a hand-over (server/volume/load/handover.h).
 //
 // Threads: one. Errors: palpate::Error.
 #pragma once
 
 #include "server/import/reporter.h"
-#include "server/volume/snapshot/grid_form.h"
+#include "server/volume/snapshot/grid_tree.h"
 #include "server/volume/snapshot/openvdb_grids.h"
 #include "server/volume/snapshot/volume_metadata.h"
 

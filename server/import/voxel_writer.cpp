@@ -8,10 +8,9 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "common/error/number_text.h"
+#include "common/error/text.h"
 #include "server/import/voxel_reader.h"
 #include "server/volume/load/handover.h"
-#include "server/volume/load/handover_file.h"
 #include "server/volume/load/value_range.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 #include <type_traits>
 
 #include "common/error/error.h"
-#include "server/haptics/layers.h"
+#include "server/haptics/haptic_surface.h"
 #include "server/haptics/settings.h"
 #include "server/kept/state_file.h"
 

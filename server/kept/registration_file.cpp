@@ -4,7 +4,7 @@
 
 #include <optional>
 
-#include "server/felt/patient_facing.h"
+#include "server/felt/registration.h"
 #include "server/kept/state_file.h"
 
 namespace palpate {

@@ -1,6 +1,6 @@
 // Stores a session in a TOML file from which it can be restored.
 //
-// Units as in render_settings.h. Threads: any; not for real-time code.
+// Units as in scene.h. Threads: any; not for real-time code.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "server/felt/render_settings.h"
+#include "server/felt/scene.h"
 #include "server/live_volume/volume_loader.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "common/error/error.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 #include "common/files/new_file.h"
 #include "common/files/text_file.h"
 

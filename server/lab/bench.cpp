@@ -1,4 +1,4 @@
-#include "server/lab/bench.h"
+#include "server/lab/commands.h"
 
 #include <fmt/core.h>
 

@@ -1,6 +1,6 @@
 // Topology of H in one decomposed cell.
 //
-// Threads: pure function. Takes some microseconds.
+// Threads: pure function. Takes some microseconds. Apart for its tests.
 #pragma once
 
 #include "common/isosurface/decomposition.h"

@@ -7,7 +7,7 @@
 
 #include <ostream>
 
-#include "common/isosurface/complex.h"
+#include "common/isosurface/decomposition.h"
 
 namespace palpate::lab {
 

@@ -1,4 +1,4 @@
-#include "server/lab/cells_command.h"
+#include "server/lab/commands.h"
 
 #include <fmt/format.h>
 
@@ -11,8 +11,8 @@
 #include <type_traits>
 
 #include "common/error/error.h"
+#include "common/isosurface/cell.h"
 #include "common/isosurface/placement.h"
-#include "common/isosurface/ties.h"
 
 namespace palpate::lab {
 namespace {

@@ -33,11 +33,7 @@ constexpr ComparedMethod Compared(DecompositionMethod method) {
   return method == DecompositionMethod::kBcc ? ComparedMethod::kBcc : ComparedMethod::kTpbcc;
 }
 
-// `d` must be finite and without ties (ties.h).
+// `d` must be finite and without ties (cell.h).
 Decomposition Decompose(const CellDensities& d, ComparedMethod method);
-
-// `out` already has the corners.
-void DecomposeTptd(const CellDensities& d, Decomposition& out);
-void DecomposeTpbccPublished(const CellDensities& d, Decomposition& out);
 
 }  // namespace palpate::lab

@@ -4,7 +4,7 @@
 // which gives a radius of 23.5. The HIP circles 1 voxel below the surface; the spacing is 1 mm, the
 // speed 10 cm/s at 1 kHz.
 //
-// Threads: any ordinary thread.
+// Threads: any ordinary thread. Apart for its tests.
 #pragma once
 
 #include <string>

@@ -13,8 +13,8 @@
 
 #include "server/lab/accuracy.h"
 #include "server/lab/cell_view.h"
-#include "server/lab/experiment_parts.h"
-#include "server/lab/load_volume.h"
+#include "server/lab/experiments.h"
+#include "server/lab/lab_arguments.h"
 
 namespace palpate::lab {
 namespace {
@@ -103,7 +103,7 @@ struct DiamondVolume {
   const char* path;  // below the data folder
   double isovalue;   // normalised
 };
-constexpr DiamondVolume kVolumes[] = {
+constexpr DiamondVolume kDiamondVolumes[] = {
     {"tooth 0.42", "classic/tooth_103x94x161_uint8.nhdr", 0.42},
     {"lobster 0.16", "paper/lobster_301x324x56_uint8.nhdr", 0.16},
     {"daisy 0.24", "paper/daisy_192x180x168_uint8.nhdr", 0.24},
@@ -119,7 +119,7 @@ void PrintTallies(const ExperimentOptions& options, std::ostream& out) {
   out << "\n";
   PrintTally("uniform", RandomCells(options, false), options.refinement, out);
   PrintTally("alternating", RandomCells(options, true), options.refinement, out);
-  for (const DiamondVolume& volume : kVolumes) {
+  for (const DiamondVolume& volume : kDiamondVolumes) {
     const auto path = options.data_folder / volume.path;
     if (!std::filesystem::exists(path)) {
       Print(out, "%-20s not found; give its folder with --data\n", volume.name);

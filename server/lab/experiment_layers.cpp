@@ -7,8 +7,8 @@
 
 #include "common/error/error.h"
 #include "server/haptics/renderer.h"
-#include "server/lab/experiment_parts.h"
-#include "server/lab/load_volume.h"
+#include "server/lab/experiments.h"
+#include "server/lab/lab_arguments.h"
 #include "server/lab/replay.h"
 
 namespace palpate::lab {

@@ -9,10 +9,10 @@
 
 #include "common/error/error.h"
 #include "server/haptics/tool/tool_renderer.h"
-#include "server/lab/experiment_parts.h"
-#include "server/lab/load_volume.h"
+#include "server/lab/experiments.h"
+#include "server/lab/lab_arguments.h"
+#include "server/lab/proxy_judges.h"
 #include "server/lab/replay.h"
-#include "server/lab/tool_judge.h"
 #include "server/servo/tick_computation.h"
 
 namespace palpate::lab {

@@ -11,7 +11,8 @@
 
 #include "common/isosurface/placement.h"
 #include "server/lab/cell_topology.h"
-#include "server/lab/experiment_parts.h"
+#include "server/lab/compared_method.h"
+#include "server/lab/experiments.h"
 
 namespace palpate::lab {
 namespace {

@@ -4,7 +4,6 @@
 #include <cstdio>
 
 #include "common/error/error.h"
-#include "server/lab/experiment_parts.h"
 #include "server/lab/trajectory_file.h"
 
 namespace palpate::lab {

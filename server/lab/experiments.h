@@ -17,8 +17,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <iosfwd>
+#include <ostream>
+#include <random>
 #include <string>
 #include <vector>
+
+#include "common/isosurface/cell.h"
 
 namespace palpate::lab {
 
@@ -41,5 +45,28 @@ std::vector<std::string> ExperimentNames();
 // Prints a table. Writes figures to files and prints the files' names. Throws kInvalidArgument for
 // an unknown name, kNotFound for files that cannot be read or written.
 void RunExperiment(const ExperimentOptions& options, std::ostream& out);
+
+// The single experiments.
+
+void PrintTable1(const ExperimentOptions& options, std::ostream& out);
+void PrintTable3(const ExperimentOptions& options, std::ostream& out);
+void PrintTable4(const ExperimentOptions& options, std::ostream& out);
+void PrintDiamond(const ExperimentOptions& options, std::ostream& out);
+void PrintTopology(const ExperimentOptions& options, std::ostream& out);
+void PrintFigure9(const ExperimentOptions& options, std::ostream& out);
+void PrintFigure11(const ExperimentOptions& options, std::ostream& out);
+void PrintLayers(const ExperimentOptions& options, std::ostream& out);
+void PrintTool(const ExperimentOptions& options, std::ostream& out);
+
+// Corners are uniform in [0, 1]. `alternating`: corners are halved, and ½ is added to the odd
+// corners.
+CellDensities RandomCell(std::mt19937_64& random, bool alternating);
+
+// Throws Error if the text cannot be written.
+void WriteFigure(const ExperimentOptions& options, const char* name, const std::string& svg,
+                 std::ostream& out);
+
+// printf into a stream, for tables.
+[[gnu::format(printf, 2, 3)]] void Print(std::ostream& out, const char* format, ...);
 
 }  // namespace palpate::lab

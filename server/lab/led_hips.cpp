@@ -5,9 +5,8 @@
 #include "common/error/error.h"
 #include "server/haptics/renderer.h"
 #include "server/lab/replay.h"
+#include "server/simulated_hand/fixed_scripts.h"
 #include "server/simulated_hand/led_hand.h"
-#include "server/simulated_hand/led_script.h"
-#include "server/simulated_hand/path_script.h"
 #include "server/simulated_hand/simulated_device.h"
 
 namespace palpate::lab {

@@ -2,6 +2,7 @@
 // palpated's led hand, without its workspace.
 //
 // D is the volume's world frame, mm. Threads: the calling one. The same inputs give the same bits.
+// Apart for its tests.
 #pragma once
 
 #include <vector>

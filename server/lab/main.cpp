@@ -9,13 +9,9 @@
 
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
-#include "server/lab/bench.h"
-#include "server/lab/cells_command.h"
+#include "server/lab/commands.h"
 #include "server/lab/experiments.h"
-#include "server/lab/load_volume.h"
-#include "server/lab/mesh_command.h"
-#include "server/lab/recording_command.h"
-#include "server/lab/replay_command.h"
+#include "server/lab/lab_arguments.h"
 #include "server/lab/trajectory.h"
 
 namespace palpate::lab {

@@ -1,4 +1,4 @@
-#include "server/lab/mesh_command.h"
+#include "server/lab/commands.h"
 
 #include <unistd.h>
 

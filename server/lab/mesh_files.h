@@ -2,7 +2,7 @@
 //
 // Frame of the files: W, world (mm, LPS as in DICOM). Coordinates keep double precision: in single
 // precision, vertices next to a lattice vertex would coincide.
-// Threads: any ordinary thread; blocks. Errors: Error.
+// Threads: any ordinary thread; blocks. Errors: Error. Apart for its tests.
 #pragma once
 
 #include <filesystem>

@@ -63,11 +63,11 @@ class MeshComponents {
 };
 
 // The summed results of the triangles around single vertices.
-struct Part {
+struct LinkSums {
   MeshStatistics counts;
   std::vector<Edge> boundary;
 
-  void Add(const Part& other) {
+  void Add(const LinkSums& other) {
     counts.edges += other.counts.edges;
     counts.boundary_edges += other.counts.boundary_edges;
     counts.non_manifold_edges += other.counts.non_manifold_edges;
@@ -83,7 +83,7 @@ class LinkReader {
  public:
   LinkReader(const SurfaceMesh& mesh, const VertexTriangles& at) : mesh_(mesh), at_(at) {}
 
-  void Read(std::uint32_t v, Part& part) {
+  void Read(std::uint32_t v, LinkSums& part) {
     const std::span<const std::uint32_t> triangles(at_.triangle.data() + at_.first[v],
                                                    at_.triangle.data() + at_.first[v + 1]);
     link_.clear();
@@ -102,7 +102,7 @@ class LinkReader {
   }
 
  private:
-  void CountEdges(std::uint32_t v, Part& part) const {
+  void CountEdges(std::uint32_t v, LinkSums& part) const {
     for (std::size_t begin = 0, end; begin < neighbours_.size(); begin = end) {
       const std::uint32_t w = neighbours_[begin].first;
       int leaving = 0;
@@ -121,7 +121,8 @@ class LinkReader {
     }
   }
 
-  // Counts the pieces of the link by flooding. Links are small, so a simple flood is fast enough.
+  // Counts the pieces of the link by flooding. Links are small, so a simple flood is fast
+  // enough.
   int CountFans() {
     int fans = 0;
     while (!link_.empty()) {
@@ -148,17 +149,17 @@ class LinkReader {
   std::vector<std::uint32_t> reached_;
 };
 
-Part ReadLinks(const SurfaceMesh& mesh) {
+LinkSums ReadLinks(const SurfaceMesh& mesh) {
   const VertexTriangles at(mesh);
   const auto count = static_cast<std::uint32_t>(mesh.vertices.size());
   return tbb::parallel_reduce(
-      tbb::blocked_range<std::uint32_t>(0, count, 10'000), Part{},
-      [&](const tbb::blocked_range<std::uint32_t>& range, Part part) {
+      tbb::blocked_range<std::uint32_t>(0, count, 10'000), LinkSums{},
+      [&](const tbb::blocked_range<std::uint32_t>& range, LinkSums part) {
         LinkReader reader(mesh, at);
         for (std::uint32_t v = range.begin(); v < range.end(); ++v) reader.Read(v, part);
         return part;
       },
-      [](Part l, const Part& r) {
+      [](LinkSums l, const LinkSums& r) {
         l.Add(r);
         return l;
       });
@@ -177,7 +178,7 @@ bool LiesInBorder(const SurfaceMesh& mesh, const Edge& edge) {
 }  // namespace
 
 MeshStatistics MeasureMesh(const SurfaceMesh& mesh) {
-  const Part part = ReadLinks(mesh);
+  const LinkSums part = ReadLinks(mesh);
   MeshStatistics s = part.counts;
   s.vertices = static_cast<std::int64_t>(mesh.vertices.size());
   s.triangles = static_cast<std::int64_t>(mesh.triangles.size());

@@ -1,6 +1,7 @@
-// Measures the topology of a triangle mesh. Uses only its indices, not its positions.
+// Measures the topology of a triangle mesh. Uses its indices; positions tell only what lies in the
+// border.
 //
-// Threads: any ordinary thread; works on all cores.
+// Threads: any ordinary thread; works on all cores. Apart for its tests.
 #pragma once
 
 #include <cstdint>

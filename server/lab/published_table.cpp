@@ -6,7 +6,7 @@
 #include <sstream>
 
 #include "common/error/error.h"
-#include "common/isosurface/ties.h"
+#include "common/isosurface/cell.h"
 
 namespace palpate::lab {
 namespace {

@@ -1,6 +1,6 @@
 // Rows of the paper's Table 4.
 //
-// Errors: Error.
+// Errors: Error. Apart for its tests.
 #pragma once
 
 #include <filesystem>

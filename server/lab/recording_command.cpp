@@ -1,4 +1,4 @@
-#include "server/lab/recording_command.h"
+#include "server/lab/commands.h"
 
 #include <fmt/core.h>
 

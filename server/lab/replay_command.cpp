@@ -1,4 +1,4 @@
-#include "server/lab/replay_command.h"
+#include "server/lab/commands.h"
 
 #include <fmt/core.h>
 
@@ -7,9 +7,9 @@
 #include <thread>
 
 #include "common/error/error.h"
+#include "server/lab/lab_arguments.h"
 #include "server/lab/led_hips.h"
 #include "server/lab/mesh.h"
-#include "server/lab/setting_arguments.h"
 #include "server/lab/trajectory.h"
 #include "server/lab/trajectory_file.h"
 #include "server/lab/triangle_grid.h"

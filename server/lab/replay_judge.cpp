@@ -6,8 +6,7 @@
 #include <numbers>
 #include <utility>
 
-#include "server/lab/free_path.h"
-#include "server/lab/rest_judge.h"
+#include "server/lab/proxy_judges.h"
 
 namespace palpate::lab {
 namespace {

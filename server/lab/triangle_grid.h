@@ -1,4 +1,4 @@
-// Finds the distance from a point to the nearest triangle of a mesh, by a uniform grid.
+// Distances of a point to triangles and tetrahedra, and to the nearest triangle of a mesh.
 //
 // Frame: D (mm). Threads: any, after construction. Errors: none.
 #pragma once
@@ -12,6 +12,14 @@
 
 namespace palpate::lab {
 
+// Exact up to rounding, also for slivers and degenerate triangles: the result is always the
+// distance to some point of the figure.
+double SquaredDistanceToTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c);
+
+// 0 inside.
+double SquaredDistanceToTetrahedron(const Vec3& p, const std::array<Vec3, 4>& corner);
+
+// A mesh in a uniform grid.
 class TriangleGrid {
  public:
   // Transforms the mesh to D.

@@ -12,10 +12,10 @@
 //   a body saddle: its Hessian has a zero trace. One positive eigenvalue (determinant above 0): two
 //   disks, -1. Two: an annulus, +1.
 // Elsewhere F is monotone along some direction: along an edge F is linear, and no two densities are
-// equal (ties.h). wide_saddles.h judges the saddles, so the count does not depend on the code that
-// decomposes.
+// equal (cell.h). Its source judges the saddles itself, in quadruple precision, so the count does
+// not depend on the code that decomposes.
 //
-// Threads: any ordinary thread; works on all cores. Errors: Error.
+// Threads: any ordinary thread; works on all cores. Errors: Error. Apart for its tests.
 #pragma once
 
 #include <cstdint>

@@ -6,7 +6,7 @@
 //
 // Threads: pure function.
 // Source: F. Wilcoxon, Individual comparisons by ranking methods (1945); used in Corenthy et al.,
-// Table 1.
+// Table 1. Apart for its tests.
 #pragma once
 
 #include <span>

@@ -1,5 +1,5 @@
 // Gets a volume from its source: a builtin name, or a path. palpate-import reads the path in a
-// process of its own.
+// process of its own. Prepares its warnings for clients.
 //
 // Threads: any ordinary thread; blocks until done. Errors: Error.
 #pragma once
@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,8 +18,7 @@
 #include "server/haptics/settings.h"
 #include "server/live_volume/memory_budget.h"
 #include "server/volume/load/dense_bricks.h"
-#include "server/volume/load/load_memory.h"
-#include "server/volume/load/raw_voxels.h"
+#include "server/volume/load/import_process.h"
 
 namespace palpate {
 
@@ -61,5 +61,13 @@ struct VolumeLoader {
                     const LoadCancelled& cancelled, std::vector<std::string>& warnings,
                     const LoadSizeKnown& size_known = {}) const;
 };
+
+// Prepares the warnings of an import for clients.
+//
+// Removes the name of `source` from the start of each warning, because clients know the source
+// under another name. Each line is UTF-8 of at most 300 bytes. Returns at most 16 lines; if there
+// are more warnings, the last line counts the rest.
+std::vector<std::string> WarningsForClients(std::span<const std::string> warnings,
+                                            std::string_view source);
 
 }  // namespace palpate

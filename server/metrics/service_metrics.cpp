@@ -1,6 +1,6 @@
 #include "server/metrics/service_metrics.h"
 
-#include "server/metrics/families.h"
+#include "server/metrics/exporter.h"
 
 namespace palpate {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/pump/scp_v.h"
+#include "server/pump/pose_of.h"
 #include "server/realtime/tick_timer.h"
 
 namespace palpate {

@@ -1,6 +1,10 @@
 #include "server/recording/recorded_messages.h"
 
+#include <google/protobuf/descriptor.pb.h>
+
 #include <algorithm>
+#include <array>
+#include <set>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -9,11 +13,11 @@
 #include "common/wire/convert.h"
 #include "common/wire/values.h"
 #include "common/wire/volume_message.h"
-#include "server/felt/felt_tip.h"
+#include "server/felt/felt_surface.h"
+#include "server/pump/pose_of.h"
 #include "server/recording/bytes.h"
 #include "server/recording/voxel_log.h"
-#include "server/session/held_tool.h"
-#include "server/session/layers.h"
+#include "server/session/setting_checks.h"
 #include "server/volume/snapshot/ball.h"
 #include "server/volume/snapshot/brick_packer.h"
 
@@ -292,6 +296,161 @@ RecordedEdit FromProto(v1::RecordedVoxels&& part) {
   if (bricks == 0 || bricks > VoxelLog::kMaxBricksPerScene)
     throw DamagedBytes("damaged: of too many bricks");
   return edit;
+}
+
+namespace {
+
+std::array<double, 3> ArrayOf(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+}  // namespace
+
+RecordedTick RecordedTickOf(const TickSample& sample) {
+  RecordedTick tick{.pose = PoseOf(sample),
+                    .force_command = sample.force_command,
+                    .device_status = sample.device_status,
+                    .docked = sample.docked,
+                    .calibrated = sample.calibrated,
+                    .input_rejected = sample.input_rejected,
+                    .scene_revision = sample.scene_revision,
+                    .faulty_ticks = sample.faulty_ticks};
+  if (sample.is_led()) tick.led_target_mm = Vec3(sample.led_target_mm.data());
+  if (sample.is_pushed()) tick.push_n = Vec3(sample.push_n.data());
+  if (sample.shows_series()) tick.series_position_frames = sample.series_position_frames;
+  return tick;
+}
+
+TickSample SampleOf(const RecordedTick& tick) {
+  const PoseSample& pose = tick.pose;
+  const auto& q = pose.stylus_orientation;
+  const Vec3 kNone = Vec3::Constant(TickSample::kNone);
+  const UnalignedQuaternion no_tool(TickSample::kNone, TickSample::kNone, TickSample::kNone,
+                                    TickSample::kNone);
+  const UnalignedQuaternion tool = pose.tool_orientation.value_or(no_tool);
+  const TickSample sample{
+      .tick = pose.tick,
+      .time_ns = pose.time_ns,
+      .hip_mm = ArrayOf(pose.hip_mm),
+      .scp_h_mm = ArrayOf(pose.scp_h_mm),
+      .scp_h_normal = ArrayOf(pose.scp_h_normal.value_or(Vec3::Zero())),
+      .scp_v_mm = ArrayOf(pose.scp_v_mm.value_or(Vec3::Zero())),
+      .scp_v_normal = ArrayOf(pose.scp_v_normal.value_or(Vec3::Zero())),
+      .stylus_orientation = {q.w(), q.x(), q.y(), q.z()},
+      .force_n = ArrayOf(pose.force_n),
+      .torque_n_mm = ArrayOf(pose.torque_n_mm),
+      .led_target_mm = ArrayOf(tick.led_target_mm.value_or(kNone)),
+      .push_n = ArrayOf(tick.push_n.value_or(kNone)),
+      .tool_orientation = {tool.w(), tool.x(), tool.y(), tool.z()},
+      .density = pose.density,
+      .isovalue = pose.isovalue,
+      .force_limit_n = pose.forces.limit_n,
+      .torque_limit_n_mm = pose.forces.torque_limit_n_mm,
+      .series_position_frames = tick.series_position_frames.value_or(TickSample::kNone),
+      .tool_radius_mm = pose.tool_radius_mm,
+      .touching_balls = pose.touching_balls,
+      .scene_revision = tick.scene_revision,
+      .settings_revision = pose.settings_revision,
+      .volume_revision = pose.volume_revision,
+      .update_ns = pose.update_ns,
+      .missed_ticks = pose.missed_ticks,
+      .capped_ticks = pose.capped_ticks,
+      .faulty_ticks = tick.faulty_ticks,
+      .buttons = pose.buttons,
+      .iterations = pose.iterations,
+      .refinement = std::max(pose.refinement, 1u),  // recordings before it have none
+      .layers_passed = pose.layers_passed,
+      .contact_layer = pose.contact_layer,
+      .mode = pose.mode,
+      .free_side = pose.free_side,
+      .contact = pose.contact,
+      .has_scp_v = pose.scp_v_mm.has_value(),
+      .input_rejected = tick.input_rejected,
+      .force_state = pose.forces.state,
+      .force_reason = pose.forces.reason,
+      .force_command = tick.force_command,
+      .device_status = tick.device_status,
+      .docked = tick.docked,
+      .calibrated = tick.calibrated,
+  };
+  if (pose.hand != 0) {
+    throw DamagedBytes(kSeveralHands);
+  }
+  if (sample.mode == ProxyMode::kUnknown || sample.free_side == FreeSide::kUnknown ||
+      sample.force_state == ForceState::kUnknown || sample.force_reason == ForceReason::kUnknown ||
+      sample.force_command == ForceCommand::kUnknown ||
+      sample.device_status == DeviceStatus::kUnknown) {
+    throw DamagedBytes("damaged: a tick has a word that this program does not know");
+  }
+  return sample;
+}
+
+namespace {
+
+namespace pb = google::protobuf;
+
+// Names of the messages and enumerations that a message holds, itself among them, and their files.
+class Needed {
+ public:
+  void Add(const pb::Descriptor& message) {
+    if (!names_.insert(message.full_name()).second) return;
+    files_.insert(message.file());
+    for (int n = 0; n < message.field_count(); ++n) {
+      const pb::FieldDescriptor& field = *message.field(n);
+      if (field.message_type()) Add(*field.message_type());
+      if (field.enum_type()) Add(*field.enum_type());
+    }
+  }
+
+  // Adds the file, after those that it needs.
+  void Write(const pb::FileDescriptor& file, pb::FileDescriptorSet& set) {
+    if (!files_.contains(&file) || !written_.insert(&file).second) return;
+    pb::FileDescriptorProto pruned = Pruned(file);
+    for (int n = 0; n < file.dependency_count(); ++n) {
+      const pb::FileDescriptor& dependency = *file.dependency(n);
+      if (files_.contains(&dependency)) pruned.add_dependency(dependency.name());
+      Write(dependency, set);
+    }
+    set.add_file()->Swap(&pruned);
+  }
+
+ private:
+  void Add(const pb::EnumDescriptor& enumeration) {
+    names_.insert(enumeration.full_name());
+    files_.insert(enumeration.file());
+  }
+
+  pb::FileDescriptorProto Pruned(const pb::FileDescriptor& file) const {
+    pb::FileDescriptorProto all, pruned;
+    file.CopyTo(&all);
+    pruned.set_name(all.name());
+    pruned.set_package(all.package());
+    pruned.set_syntax(all.syntax());
+    for (pb::DescriptorProto& message : *all.mutable_message_type()) {
+      if (!names_.contains(all.package() + "." + message.name())) continue;
+      message.clear_options();
+      for (pb::FieldDescriptorProto& field : *message.mutable_field()) field.clear_options();
+      pruned.add_message_type()->Swap(&message);
+    }
+    for (pb::EnumDescriptorProto& enumeration : *all.mutable_enum_type()) {
+      if (!names_.contains(all.package() + "." + enumeration.name())) continue;
+      enumeration.clear_options();
+      for (auto& value : *enumeration.mutable_value()) value.clear_options();
+      pruned.add_enum_type()->Swap(&enumeration);
+    }
+    return pruned;
+  }
+
+  std::set<std::string> names_;
+  std::set<const pb::FileDescriptor*> files_, written_;
+};
+
+}  // namespace
+
+std::string SchemaOf(const pb::Descriptor& message) {
+  Needed needed;
+  needed.Add(message);
+  pb::FileDescriptorSet set;
+  needed.Write(*message.file(), set);
+  return set.SerializeAsString();
 }
 
 }  // namespace palpate

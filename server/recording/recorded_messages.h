@@ -7,9 +7,11 @@
 #include <functional>
 #include <string>
 
+#include "common/contract/recorded.h"
 #include "palpate/v1/recorded.pb.h"
 #include "palpate/v1/render.pb.h"
-#include "server/felt/render_settings.h"
+#include "server/felt/scene.h"
+#include "server/pump/tick_sample.h"
 #include "server/recording/recording.h"
 
 namespace palpate {
@@ -27,5 +29,17 @@ RecordedEdit FromProto(v1::RecordedVoxels&& part);
 
 // The schema of a message for MCAP: a FileDescriptorSet with what it needs, and no more.
 std::string SchemaOf(const google::protobuf::Descriptor& message);
+
+// A tick as the servo has it, and as recordings have it.
+//
+// Frames and units: as in TickSample. Threads: pure. Neither allocates.
+
+// Why a recording with other hands than 0 is refused.
+inline constexpr const char* kSeveralHands =
+    "of several hands, which this program cannot replay: a newer one wrote it";
+
+RecordedTick RecordedTickOf(const TickSample& sample);
+// Throws DamagedBytes for an enumerator that this version does not know.
+TickSample SampleOf(const RecordedTick& tick);
 
 }  // namespace palpate

@@ -25,7 +25,7 @@
 #include "server/haptics/passivity.h"
 #include "server/haptics/settings.h"
 #include "server/pump/tick_sample.h"
-#include "server/recording/mcap_format.h"
+#include "server/recording/mcap.h"
 #include "server/recording/volume_hash.h"
 #include "server/volume/snapshot/ball.h"
 #include "server/volume/snapshot/brick_directory.h"

@@ -1,4 +1,5 @@
-// Starts and stops the recording or the replay of a session; only one runs at a time.
+// Starts and stops the recording or the replay of a session; only one runs at a time. Says what a
+// replay can be asked for.
 //
 // Threads: any ordinary thread; OnScene is the session's. Not for real-time code.
 // Ownership: borrows session and pump; must outlive every publisher of scenes.
@@ -6,6 +7,8 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -17,11 +20,24 @@
 #include "common/contract/recording.h"
 #include "server/recording/recorder.h"
 #include "server/recording/recording_list.h"
-#include "server/recording/recording_outline.h"
+#include "server/recording/recording_reader.h"
 #include "server/recording/viewer_replay.h"
 #include "server/session/session.h"
 
 namespace palpate {
+
+// How long a recording is, and where its markers are. A marker's tick counts the recorded ticks
+// before it, as palpate.v1.RecordedMarker says. Ticks that were not recorded do not count.
+struct RecordingOutline {
+  std::uint64_t ticks = 0;
+  std::vector<RecordedMarker> markers{};  // in order
+};
+
+// A small file may hold gigabytes of markers: later ones are left out.
+inline constexpr std::size_t kMostOutlineBytes = std::size_t{1} << 20;
+
+// Reads to the end, or to the first damage. Throws Error: kCancelled.
+RecordingOutline ReadOutline(RecordingReader& reader, const std::function<bool()>& cancelled);
 
 struct RecordingStatus {
   bool running = false;

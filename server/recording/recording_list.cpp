@@ -9,7 +9,7 @@
 #include <tuple>
 
 #include "common/error/error.h"
-#include "common/error/utf8.h"
+#include "common/error/text.h"
 #include "server/recording/recording_reader.h"
 
 namespace palpate {

@@ -10,7 +10,6 @@
 #include "common/wire/values.h"
 #include "server/recording/bytes.h"
 #include "server/recording/recorded_messages.h"
-#include "server/recording/recorded_tick.h"
 #include "server/recording/voxel_log.h"
 
 namespace palpate {

@@ -14,7 +14,7 @@
 #include <optional>
 #include <string>
 
-#include "server/recording/mcap_reader.h"
+#include "server/recording/mcap.h"
 #include "server/recording/recording.h"
 
 namespace palpate {

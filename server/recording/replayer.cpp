@@ -9,8 +9,8 @@
 #include <utility>
 #include <variant>
 
-#include "server/pump/scp_v.h"
-#include "server/recording/recorded_scene.h"
+#include "server/pump/pose_of.h"
+#include "server/recording/recorded_scenes.h"
 #include "server/recording/sample_fields.h"
 
 namespace palpate {

@@ -13,8 +13,8 @@
 #include <optional>
 #include <string>
 
-#include "server/felt/felt_tip.h"
-#include "server/recording/recorded_volumes.h"
+#include "server/felt/felt_surface.h"
+#include "server/recording/recorded_scenes.h"
 #include "server/recording/recording.h"
 #include "server/servo/tick_computation.h"
 

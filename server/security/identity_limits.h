@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "server/log/rate_limit.h"
+#include "server/log/line_budget.h"
 #include "server/security/methods.h"
 
 namespace palpate {

@@ -5,11 +5,23 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <string_view>
 
-#include "server/security/role.h"
+#include "common/contract/enumerations.h"
 
 namespace palpate {
+
+// Who a client is, and what it may do.
+//
+// Threads: plain values.
+//
+// A recognised client. The name is unique among all ways to be recognised: "token lab-script",
+// "certificate viewer.lab.example", "local socket".
+struct Identity {
+  std::string name{};
+  Role role = Role::kViewer;
+};
 
 // The kinds of calls, counted per identity.
 enum class CallKind {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "common/error/error.h"
-#include "server/security/token_file.h"
+#include "server/security/token.h"
 
 namespace palpate {
 namespace {

@@ -13,22 +13,66 @@
 #include <google/protobuf/message.h>
 #include <grpcpp/grpcpp.h>
 
+#include <condition_variable>
 #include <cstddef>
 #include <deque>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
+#include <vector>
 
 #include "common/wire/status.h"
 #include "server/door/access.h"
+#include "server/realtime/thread_setup.h"
 #include "server/security/methods.h"
-#include "server/services/call_threads.h"
 #include "server/session/session.h"
 
 namespace palpate {
+
+// Threads for the work of calls.
+//
+// gRPC's own threads only carry messages: they never wait for a client or for work. A thread here
+// is free again when the answer is given to gRPC, so a client that does not read its answers holds
+// none. The calls of each method have threads of their own, so that slow ones, such as edits,
+// delay no others.
+class CallThreads {
+ public:
+  // More calls of the method wait, in their order.
+  static constexpr std::size_t kMostOfOneMethod = 8;
+
+  CallThreads();
+  // Does all work that waits first.
+  ~CallThreads();
+  CallThreads(const CallThreads&) = delete;
+  CallThreads& operator=(const CallThreads&) = delete;
+
+  // Starts one thread for each method of MethodRules that is a call or a transfer. Call it once,
+  // after memory was locked: the stacks of threads that exist then become resident as a whole.
+  void Start();
+  // method: a call or a transfer of MethodRules.
+  void Run(std::string_view method, std::function<void()> work);
+
+ private:
+  struct Lane {
+    std::deque<std::function<void()>> waiting{};
+    std::size_t idle = 0;
+    std::condition_variable changed{};
+    std::vector<std::thread> threads{};
+  };
+
+  void AddThread(Lane& lane);
+  void Serve(Lane& lane);
+
+  std::mutex mutex_;
+  std::map<std::string_view, Lane> lanes_;  // by methods; does not change
+  bool ends_ = false;
+  const int nice_ = ThreadNice();
+};
 
 using CallContext = grpc::CallbackServerContext;
 using Reply = grpc::ServerUnaryReactor;  // answers one request once

@@ -15,7 +15,7 @@
 
 #include "common/contract/device.h"
 #include "palpate/v1/device.grpc.pb.h"
-#include "server/pump/force_watch.h"
+#include "server/pump/tick_outbox.h"
 #include "server/services/calls.h"
 #include "server/services/lead_hand.h"
 #include "server/servo/servo_loop.h"

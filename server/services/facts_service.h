@@ -1,6 +1,8 @@
-// FactsService: sends the newest of each fact to whoever follows (fact_board.h).
+// FactsService and ActivityService: send what is true of the daemon now (fact_board.h), and who
+// changed what.
 #pragma once
 
+#include "palpate/v1/activity.grpc.pb.h"
 #include "palpate/v1/facts.grpc.pb.h"
 #include "server/door/access.h"
 #include "server/recording/recording_control.h"
@@ -11,6 +13,23 @@
 #include "server/session/session.h"
 
 namespace palpate {
+
+// Of now, without is_you.
+v1::GetActivityResponse ToProto(const Activity& activity);
+// Sets is_you of whoever made the admitted call.
+void MarkCaller(const Admission& you, v1::GetActivityResponse& activity);
+
+class ActivityService final : public v1::ActivityService::CallbackService {
+ public:
+  // Borrows it.
+  explicit ActivityService(Calls& calls) : calls_(calls) {}
+
+  Reply* GetActivity(CallContext* context, const v1::GetActivityRequest* request,
+                     v1::GetActivityResponse* response) override;
+
+ private:
+  Calls& calls_;
+};
 
 class FactsService final : public v1::FactsService::CallbackService, public SceneListener {
  public:

@@ -10,7 +10,7 @@
 
 #include "palpate/v1/device.grpc.pb.h"
 #include "server/door/access.h"
-#include "server/pump/force_watch.h"
+#include "server/pump/tick_outbox.h"
 #include "server/servo/servo_loop.h"
 #include "server/simulated_hand/led_hand.h"
 

@@ -1,9 +1,14 @@
-// RenderService: translates between messages and the session.
+// The services of what is felt, how and where: RenderService, RegistrationService, SeriesService.
+// They translate between messages, the session and the player of series.
 #pragma once
 
+#include "palpate/v1/registration.grpc.pb.h"
 #include "palpate/v1/render.grpc.pb.h"
+#include "palpate/v1/series.grpc.pb.h"
+#include "server/client_paths/path_policy.h"
 #include "server/metrics/service_metrics.h"
 #include "server/services/calls.h"
+#include "server/session/series/series_player.h"
 #include "server/session/session.h"
 
 namespace palpate {
@@ -30,5 +35,39 @@ SettingsUpdate FromProto(const v1::RenderSettings& settings,
                          const google::protobuf::FieldMask& update_mask);
 // Also throws for an empty mask.
 SettingsUpdate FromProto(const v1::UpdateSettingsRequest& request);
+
+class RegistrationService final : public v1::RegistrationService::CallbackService {
+ public:
+  RegistrationService(Calls& calls, Session& session) : calls_(calls), session_(session) {}
+
+  Reply* GetRegistration(CallContext* context, const v1::GetRegistrationRequest* request,
+                         v1::GetRegistrationResponse* response) override;
+  Reply* UpdateRegistration(CallContext* context, const v1::UpdateRegistrationRequest* request,
+                            v1::UpdateRegistrationResponse* response) override;
+
+ private:
+  Calls& calls_;
+  Session& session_;
+};
+
+class SeriesService final : public v1::SeriesService::CallbackService {
+ public:
+  // Borrows all arguments.
+  SeriesService(Calls& calls, Session& session, SeriesPlayer& player, const PathPolicy& paths)
+      : calls_(calls), session_(session), player_(player), paths_(paths) {}
+
+  EventStream<v1::LoadSeriesResponse>* LoadSeries(CallContext* context,
+                                                  const v1::LoadSeriesRequest* request) override;
+  Reply* GetSeries(CallContext* context, const v1::GetSeriesRequest* request,
+                   v1::GetSeriesResponse* response) override;
+  Reply* ControlSeries(CallContext* context, const v1::ControlSeriesRequest* request,
+                       v1::ControlSeriesResponse* response) override;
+
+ private:
+  Calls& calls_;
+  Session& session_;
+  SeriesPlayer& player_;
+  const PathPolicy& paths_;
+};
 
 }  // namespace palpate

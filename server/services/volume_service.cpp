@@ -1,15 +1,141 @@
 #include "server/services/volume_service.h"
 
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <bit>
+#include <chrono>
+#include <cstring>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+
 #include "common/error/error.h"
+#include "common/wire/convert.h"
+#include "common/wire/limits.h"
 #include "common/wire/status.h"
+#include "common/wire/values.h"
+#include "palpate/v1/edit.pb.h"
 #include "server/log/log.h"
 #include "server/realtime/tick_timer.h"
-#include "server/services/volume_edit.h"
 #include "server/services/volume_messages.h"
+#include "server/session/edits/volume_editor.h"
 #include "server/volume/edit/edit.h"
+#include "server/volume/edit/filter.h"
 
 namespace palpate {
 namespace {
+
+// 0, 0, 0 is a valid position, so a missing position must be an error.
+Vec3 Required(bool has, const v1::Vector3& vector, const char* name) {
+  if (!has) Refuse(std::string(name) + " is missing");
+  return FromProto(vector);
+}
+
+DenseBlock BlockOf(const v1::DenseBlock& in) {
+  static_assert(std::endian::native == std::endian::little, "as on the wire");
+  const std::string& bytes = in.values();
+  if (bytes.size() > kMostBlockBytes) {
+    throw Error(ErrorKind::kTooLarge, "a block has at most 3 MiB of values: send it in parts");
+  }
+  if (bytes.size() % sizeof(float) != 0) {
+    Refuse("the block's values are " + std::to_string(bytes.size()) +
+           " bytes, which is not a multiple of 4 (float32)");
+  }
+  DenseBlock block;
+  block.min = {in.min_x(), in.min_y(), in.min_z()};
+  block.size = {in.size_x(), in.size_y(), in.size_z()};
+  block.values.resize(bytes.size() / sizeof(float));
+  if (!bytes.empty()) std::memcpy(block.values.data(), bytes.data(), bytes.size());
+  return block;
+}
+
+SphereShape SphereOf(const v1::SphereShape& in) {
+  return {Required(in.has_center(), in.center(), "sphere.center"), in.radius()};
+}
+
+BoxShape BoxOf(const v1::BoxShape& in) {
+  return {Required(in.has_min(), in.min(), "box.min"), Required(in.has_max(), in.max(), "box.max")};
+}
+
+decltype(VolumeEdit::shape) ShapeOf(const v1::EditVolumeRequest& request) {
+  switch (request.shape_case()) {
+    case v1::EditVolumeRequest::kSphere:
+      return SphereOf(request.sphere());
+    case v1::EditVolumeRequest::kBox:
+      return BoxOf(request.box());
+    case v1::EditVolumeRequest::kCapsule: {
+      const v1::CapsuleShape& in = request.capsule();
+      return CapsuleShape{Required(in.has_from(), in.from(), "capsule.from"),
+                          Required(in.has_to(), in.to(), "capsule.to"), in.radius()};
+    }
+    case v1::EditVolumeRequest::kBlock:
+      return BlockOf(request.block());
+    default:
+      Refuse("the edit has no shape: give sphere, box, capsule or block");
+  }
+}
+
+// Errors: kInvalidArgument; `what` says what to give.
+template <class Enum>
+Enum Known(int number, const char* what) {
+  const Enum known = EnumeratorOf<Enum>(number);
+  if (known == Enum::kUnknown)
+    Refuse(fmt::format("{}: give {}", what, fmt::join(kWords<Enum>, " or ")));
+  return known;
+}
+
+EditFrame FrameOf(const v1::EditVolumeRequest& request) {
+  // A block always uses the index frame.
+  if (request.frame() == v1::EDIT_FRAME_UNSPECIFIED && request.has_block()) {
+    return EditFrame::kIndex;
+  }
+  return Known<EditFrame>(request.frame(), "the edit has no known frame");
+}
+
+// Numbers above the range of int are refused later, as too large.
+int Int(std::uint32_t number) {
+  return static_cast<int>(std::min<std::uint32_t>(number, std::numeric_limits<int>::max()));
+}
+
+// Throws Error: kInvalidArgument if the request has no shape, no operation or no position;
+// kTooLarge for a block of too many bytes. The editor checks the numbers.
+VolumeEdit EditOf(const v1::EditVolumeRequest& request) {
+  VolumeEdit edit;
+  edit.shape = ShapeOf(request);
+  edit.frame = FrameOf(request);
+  edit.operation = Known<EditOperation>(request.operation(), "the edit has no known operation");
+  edit.value = request.value();
+  if (request.has_strength()) edit.strength = request.strength();
+  edit.falloff = request.falloff();
+  return edit;
+}
+
+// Errors: as EditOf.
+VolumeFilter FilterOf(const v1::FilterVolumeRequest& request) {
+  VolumeFilter filter;
+  filter.kind = Known<FilterKind>(request.kind(), "the filter has no known kind");
+  if (request.has_width()) filter.width = Int(request.width());
+  if (request.has_iterations()) filter.iterations = Int(request.iterations());
+  filter.distance_mm = request.distance_mm();
+  filter.spacing_mm = FromProto(request.spacing_mm());
+  if (request.has_sphere()) filter.region = SphereOf(request.sphere());
+  if (request.has_box()) filter.region = BoxOf(request.box());
+  if (request.region_case() != v1::FilterVolumeRequest::REGION_NOT_SET) {
+    filter.frame = Known<EditFrame>(request.frame(), "the filter has no known frame");
+  }
+  return filter;
+}
+
+v1::EditVolumeResponse ResponseOf(const EditOutcome& outcome, const AppliedTick& applied) {
+  return ToProto(EditVolumeResponse{.volume_revision = outcome.volume_revision,
+                                    .applied_tick = applied.tick,
+                                    .changed = outcome.changed,
+                                    .changed_voxels = outcome.changed_voxels,
+                                    .undo_steps = static_cast<std::uint32_t>(outcome.undo_steps),
+                                    .redo_steps = static_cast<std::uint32_t>(outcome.redo_steps)});
+}
 
 template <class Request>
 VolumeEditor::Revision Expected(const Request& request) {
@@ -28,7 +154,7 @@ Reply* VolumeService::Change(CallContext* context, std::string_view method,
     if (outcome.changed_voxels > 0) by.Changed("voxels");
     const AppliedTick applied = editor_.Wait(outcome);
     metrics_.EditFelt(applied.time_ns - received_ns);
-    *response = ToProto(outcome, applied);
+    *response = ResponseOf(outcome, applied);
   });
 }
 
@@ -75,7 +201,7 @@ Reply* VolumeService::EditVolume(CallContext* context, const v1::EditVolumeReque
                 [=, this](const auto& cancelled) {
                   const Stroke stroke{.number = request->stroke(),
                                       .acts_once = request->stroke() != 0};
-                  return editor_.Edit(FromProto(*request), Expected(*request), stroke, cancelled);
+                  return editor_.Edit(EditOf(*request), Expected(*request), stroke, cancelled);
                 });
 }
 
@@ -85,14 +211,13 @@ EventStream<v1::FilterVolumeResponse>* VolumeService::FilterVolume(
       context, "/palpate.v1.VolumeService/FilterVolume",
       [=, this](auto& events, const auto& cancelled) {
         const EditOutcome outcome =
-            request->has_edit()
-                ? editor_.Edit(FromProto(request->edit()), Expected(request->edit()), {}, cancelled,
-                               ProgressTo(events))
-                : filterer_.Filter(FromProto(*request), Expected(*request), ProgressTo(events),
-                                   cancelled);
+            request->has_edit() ? editor_.Edit(EditOf(request->edit()), Expected(request->edit()),
+                                               {}, cancelled, ProgressTo(events))
+                                : filterer_.Filter(FilterOf(*request), Expected(*request),
+                                                   ProgressTo(events), cancelled);
         if (outcome.changed_voxels > 0) events.admission().Changed("voxels");
         v1::FilterVolumeResponse event;
-        *event.mutable_result() = ToProto(outcome, editor_.Wait(outcome));
+        *event.mutable_result() = ResponseOf(outcome, editor_.Wait(outcome));
         events.Send(std::move(event));
       });
 }
@@ -146,6 +271,156 @@ EventStream<v1::SaveVolumeResponse>* VolumeService::SaveVolume(
                 request->path(), event.result().size_bytes());
         events.Send(std::move(event));
       });
+}
+
+// VolumeService::UploadVolume.
+
+namespace {
+
+constexpr char kMethod[] = "/palpate.v1.VolumeService/UploadVolume";
+constexpr std::size_t kMostBytesPerMessage = 1 << 20;
+// Of each send_patience: an upload holds memory of the budget. 140 kbit/s at 30 s.
+constexpr std::size_t kLeastBytes = 512 << 10;
+
+// Replaces the file's path by the upload's title: the client does not know the path.
+Error WithTitle(const std::exception& error, const Upload& upload) {
+  std::string message = error.what();
+  const std::string path = upload.path().string();
+  for (std::size_t at = 0; (at = message.find(path, at)) != std::string::npos;) {
+    message.replace(at, path.size(), upload.title());
+    at += upload.title().size();
+  }
+  const auto* known = dynamic_cast<const Error*>(&error);
+  return {known ? known->kind() : ErrorKind::kInternal, message};
+}
+
+}  // namespace
+
+VolumeState VolumeService::LoadUpload(const Upload& upload, LoadRequest request,
+                                      const SettingsUpdate& settings,
+                                      const LoadCancelled& cancelled) {
+  // only this user can enter its folder
+  request.source = std::filesystem::canonical(upload.path());
+  request.source_stays = false;
+  request.title = upload.title();
+  const auto quiet = [](std::string_view, double) {};
+  try {
+    return session_.Load(request, quiet, cancelled, settings);
+  } catch (const std::exception& error) {
+    throw WithTitle(error, upload);
+  }
+}
+
+// An upload that is received. Messages come one at a time; each is written by a thread for calls.
+class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::UploadVolumeRequest> {
+ public:
+  Uploading(VolumeService& service, CallContext* context, v1::UploadVolumeResponse* response)
+      : service_(service),
+        context_(context),
+        response_(response),
+        admission_(service.calls_.access().Admit(context, kMethod)) {
+    admission_.ok() ? ReadMore() : End(admission_.status());
+  }
+
+  void OnReadDone(bool ok) override {
+    patience_ns_ -= MonotonicNowNs() - read_began_ns_;
+    admission_.MustSendBy(0);
+    service_.calls_.threads().Run(kMethod, [this, ok] {
+      try {
+        ok ? Take() : Load();
+      } catch (const std::exception& error) {
+        const Error cancelled(ErrorKind::kCancelled, "it was cancelled");
+        End(admission_.Failed(context_->IsCancelled() ? cancelled : error));
+      }
+    });
+  }
+  void OnDone() override { delete this; }
+
+ private:
+  // Only the client's own time counts: not what the daemon needs to write the bytes.
+  void ReadMore() {
+    read_began_ns_ = MonotonicNowNs();
+    admission_.MustSendBy(read_began_ns_ + patience_ns_);
+    StartRead(&message_);
+  }
+
+  std::int64_t Patience() const {
+    return std::chrono::nanoseconds(service_.calls_.access().limits().send_patience).count();
+  }
+
+  void Take() {
+    if (!upload_) {
+      Begin();
+    } else {
+      if (!message_.has_data()) Refuse("after the start of an upload, only data may follow");
+      if (message_.data().size() > kMostBytesPerMessage) {
+        Refuse("a message of an upload holds at most 1 MiB of data");
+      }
+      upload_->Append(message_.data());
+      sent_bytes_ += message_.data().size();
+    }
+    if (sent_bytes_ >= kLeastBytes) {
+      sent_bytes_ = 0;
+      patience_ns_ = Patience();
+    }
+    ReadMore();
+  }
+
+  void Begin() {
+    if (!message_.has_start()) Refuse("an upload begins with its start");
+    const v1::UploadVolumeStart& start = message_.start();
+    service_.calls_.RequireNow(kMethod);
+    options_ = FromProto(start.options());
+    settings_ = SettingsOf(start.options());
+    service_.session_.CheckSettings(options_, settings_);
+    service_.session_.store().RequireSaved(options_.discards_edits);
+    UploadStart announced{.name = start.name(),
+                          .size_bytes = start.size_bytes(),
+                          .crc32 = start.crc32(),
+                          .holds_voxels = options_.raw.has_value()};
+    for (const v1::UploadedFile& file : start.files()) {
+      announced.files.push_back({file.name(), file.size_bytes()});
+    }
+    upload_.emplace(service_.uploads_, *service_.session_.loader().budget, announced);
+  }
+
+  // Call it after the last message. If the stream broke off, there are too few bytes.
+  void Load() {
+    if (!upload_) Refuse("an upload begins with its start");
+    upload_->Finish();
+    const auto cancelled = [this] { return context_->IsCancelled(); };
+    if (cancelled()) throw Error(ErrorKind::kCancelled, "the upload was cancelled");
+    const VolumeState state = service_.LoadUpload(*upload_, options_, settings_, cancelled);
+    admission_.Changed("volume");
+    const AppliedTick applied = service_.session_.WaitForServo(state.scene_revision);
+    SetResult(service_.session_, state, applied, *response_);
+    LogInfo("loaded {} (volume revision {}) at tick {}, isovalue {:g}", upload_->title(),
+            state.volume->revision(), applied.tick, state.isovalue);
+    End(grpc::Status::OK);
+  }
+
+  // The upload's file and its claim go before the answer, not when the client has read it.
+  void End(const grpc::Status& status) {
+    upload_.reset();
+    Finish(admission_.Answered(status, response_->ByteSizeLong()));
+  }
+
+  VolumeService& service_;
+  CallContext* const context_;
+  v1::UploadVolumeResponse* const response_;
+  Admission admission_;
+  v1::UploadVolumeRequest message_;
+  LoadRequest options_;
+  SettingsUpdate settings_;
+  std::optional<Upload> upload_;
+  std::int64_t read_began_ns_ = 0;
+  std::int64_t patience_ns_ = Patience();  // with a client that sends too slowly
+  std::size_t sent_bytes_ = 0;             // since it was whole
+};
+
+grpc::ServerReadReactor<v1::UploadVolumeRequest>* VolumeService::UploadVolume(
+    CallContext* context, v1::UploadVolumeResponse* response) {
+  return new Uploading(*this, context, response);
 }
 
 }  // namespace palpate

@@ -15,8 +15,7 @@
 #include "server/felt/scene.h"
 #include "server/pump/tick_outbox.h"
 #include "server/realtime/thread_setup.h"
-#include "server/servo/force_switch.h"
-#include "server/servo/hand_push.h"
+#include "server/servo/servo_tick.h"
 
 namespace palpate {
 

@@ -1,7 +1,7 @@
 // Converts what the servo remembers from tick to tick into the bytes of a keyframe, and back. The
 // cell cache is left out: its results depend only on the surface.
 //
-// Threads: plain values. Real-time: Save and Load neither allocate nor lock.
+// Threads: plain values. Real-time: Save and Load neither allocate nor lock. Apart for its tests.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 #include "server/haptics/renderer.h"
 #include "server/haptics/tool/tool_memory.h"
-#include "server/pump/servo_keyframe.h"
+#include "server/pump/tick_sample.h"
 #include "server/safety/safety.h"
 
 namespace palpate {

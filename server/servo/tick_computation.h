@@ -11,7 +11,6 @@
 #include "server/felt/scene.h"
 #include "server/haptics/renderer.h"
 #include "server/haptics/tool/tool_memory.h"
-#include "server/pump/servo_keyframe.h"
 #include "server/pump/tick_sample.h"
 #include "server/safety/safety.h"
 
@@ -51,7 +50,7 @@ class TickComputation {
     renderer_.glides = true;
   }
 
-  // Returns the sample without its times and without SCP_V (server/pump/scp_v.h). `scene` must stay
+  // Returns the sample without its times and without SCP_V (server/pump/pose_of.h). `scene` must stay
   // valid until Run returns.
   TickSample Run(const Scene& scene, const TickInput& input) noexcept;
 

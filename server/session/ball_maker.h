@@ -1,4 +1,4 @@
-// Makes the fields of balls (felt_ball.h) in the background: always the newest that is wanted. What
+// Makes the fields of balls (felt_surface.h) in the background: always the newest that is wanted. What
 // is no longer wanted is given up.
 //
 // Threads: a thread of its own, beside everybody's work. Errors: a field that cannot be made is
@@ -14,7 +14,7 @@
 #include <string>
 #include <thread>
 
-#include "server/felt/felt_tip.h"
+#include "server/felt/felt_surface.h"
 #include "server/live_volume/memory_budget.h"
 
 namespace palpate {

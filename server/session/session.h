@@ -25,9 +25,7 @@
 #include <vector>
 
 #include "server/device/haptic_device.h"
-#include "server/felt/patient_facing.h"
 #include "server/felt/registration.h"
-#include "server/felt/render_settings.h"
 #include "server/felt/scene.h"
 #include "server/kept/registration_store.h"
 #include "server/kept/session_keeper.h"

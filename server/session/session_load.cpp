@@ -10,12 +10,10 @@
 
 #include "common/error/error.h"
 #include "server/felt/felt_surface.h"
-#include "server/live_volume/load_warnings.h"
+#include "server/live_volume/volume_loader.h"
 #include "server/log/log.h"
-#include "server/session/held_tool.h"
-#include "server/session/layers.h"
-#include "server/session/range.h"
 #include "server/session/session.h"
+#include "server/session/setting_checks.h"
 #include "server/volume/snapshot/brick_memory.h"
 
 namespace palpate {

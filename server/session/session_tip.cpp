@@ -5,8 +5,8 @@
 
 #include "common/error/error.h"
 #include "server/log/log.h"
-#include "server/session/held_tool.h"
 #include "server/session/session.h"
+#include "server/session/setting_checks.h"
 
 namespace palpate {
 namespace {

@@ -3,9 +3,7 @@
 #include <string>
 
 #include "common/error/error.h"
-#include "server/session/held_tool.h"
-#include "server/session/layers.h"
-#include "server/session/range.h"
+#include "server/session/setting_checks.h"
 
 namespace palpate {
 

@@ -12,7 +12,7 @@
 
 #include "common/contract/enumerations.h"
 #include "common/contract/render.h"
-#include "server/felt/render_settings.h"
+#include "server/felt/scene.h"
 #include "server/haptics/settings.h"
 #include "server/volume/snapshot/snapshot.h"
 

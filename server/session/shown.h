@@ -14,7 +14,7 @@
 
 #include "common/contract/render.h"
 #include "server/felt/registration.h"
-#include "server/felt/render_settings.h"
+#include "server/felt/scene.h"
 #include "server/volume/snapshot/snapshot.h"
 
 namespace palpate {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "server/felt/registration.h"
-#include "server/session/range.h"
+#include "server/session/setting_checks.h"
 #include "server/volume/load/builtin.h"
 #include "server/volume/snapshot/volume_metadata.h"
 

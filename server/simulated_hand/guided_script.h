@@ -24,9 +24,8 @@
 #include <cstdint>
 #include <memory>
 
-#include "server/simulated_hand/hand_follower.h"
 #include "server/simulated_hand/stylus_script.h"
-#include "server/simulated_hand/touch_plan.h"
+#include "server/simulated_hand/touch_planner.h"
 
 namespace palpate {
 

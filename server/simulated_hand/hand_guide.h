@@ -21,7 +21,7 @@
 #include <thread>
 
 #include "server/session/session.h"
-#include "server/simulated_hand/touch_plan.h"
+#include "server/simulated_hand/touch_planner.h"
 
 namespace palpate {
 

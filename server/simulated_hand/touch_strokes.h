@@ -11,8 +11,7 @@
 #pragma once
 
 #include "server/device/haptic_device.h"
-#include "server/simulated_hand/surface_probe.h"
-#include "server/simulated_hand/touch_plan.h"
+#include "server/simulated_hand/touch_planner.h"
 #include "server/simulated_hand/touch_points.h"
 
 namespace palpate {

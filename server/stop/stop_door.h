@@ -38,7 +38,7 @@
 #include <thread>
 
 #include "server/device/haptic_device.h"
-#include "server/pump/last_tick.h"
+#include "server/pump/tick_outbox.h"
 #include "server/realtime/spsc_ring.h"
 #include "server/servo/servo_loop.h"
 

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "server/haptics/renderer.h"
-#include "server/lab/bench.h"
+#include "server/lab/commands.h"
 #include "server/lab/replay.h"
 #include "server/lab/trajectory.h"
 #include "server/volume/load/builtin.h"

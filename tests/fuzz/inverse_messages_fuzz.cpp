@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "server/device/haply/inverse_messages.h"
+#include "server/device/haply/inverse_link.h"
 #include "tests/fuzz/fuzz_input.h"
 
 namespace palpate::fuzz {

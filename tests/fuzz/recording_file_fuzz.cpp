@@ -7,7 +7,7 @@
 
 #include "common/error/error.h"
 #include "server/recording/csv_export.h"
-#include "server/recording/mcap_format.h"
+#include "server/recording/mcap.h"
 #include "server/recording/recorded_path.h"
 #include "server/recording/recording_reader.h"
 #include "tests/fuzz/fuzz_input.h"

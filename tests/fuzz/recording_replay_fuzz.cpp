@@ -17,7 +17,6 @@
 #include "common/wire/values.h"
 #include "server/recording/bytes.h"
 #include "server/recording/recorded_messages.h"
-#include "server/recording/recorded_tick.h"
 #include "server/recording/replayer.h"
 #include "tests/fuzz/fuzz_input.h"
 #include "tests/support/made_volume.h"

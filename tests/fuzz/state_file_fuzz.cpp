@@ -4,7 +4,7 @@
 #include "server/felt/registration.h"
 #include "server/kept/registration_file.h"
 #include "server/kept/session_file.h"
-#include "server/security/token_file.h"
+#include "server/security/token.h"
 #include "tests/fuzz/fuzz_input.h"
 #include "tests/fuzz/scratch_file.h"
 

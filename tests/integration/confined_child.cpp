@@ -26,7 +26,6 @@
 #include "common/error/error.h"
 #include "server/import/confinement.h"
 #include "server/import/reporter.h"
-#include "server/import/resource_limits.h"
 
 namespace palpate {
 namespace {

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -11,32 +12,88 @@
 #include <filesystem>
 #include <functional>
 #include <iterator>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <random>
 #include <string>
 #include <vector>
 
-#include "client/files/vdb_file.h"
+#include "client/files/download_file.h"
 #include "client/sdk/nrrd_file.h"
+#include "common/bricks/brick_map.h"
+#include "common/bricks/volume_event.h"
 #include "server/volume/load/import_process.h"
 #include "server/volume/save/volume_file.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/places.h"
 #include "tests/support/refusal.h"
 #include "tests/support/temporary_folder.h"
-#include "tests/support/typed_bricks.h"
 #include "tests/support/vdb_grids.h"
 #include "tests/support/voxels.h"
 
 namespace palpate::client {
 namespace {
 
+// Volumes as clients hold them: bricks of chosen types, tiles and background in an oblique frame.
+
+struct TypedVolume {
+  VolumeLattice lattice;
+  BrickMap bricks{};
+};
+
+inline VolumeLattice ObliqueLattice(const Vec3i& size, bool is_mirrored = false) {
+  VolumeLattice lattice;
+  lattice.source = "scan.nrrd";
+  lattice.size = size;
+  lattice.spacing_mm = Vec3(0.4882812, 0.7, 1.25);
+  lattice.value_min = -30000.0;
+  lattice.value_max = 60000.0;
+  lattice.unit = "HU";
+  Mat3 axes = Eigen::AngleAxisd(0.9, Vec3(1, -2, 3).normalized()).toRotationMatrix();
+  if (is_mirrored) axes.col(1) *= -1;
+  lattice.X_WI = {axes * lattice.spacing_mm.asDiagonal(), Vec3(-123.25, 77.1, 1e3 / 3)};
+  return lattice;
+}
+
+// Numbers of the whole range of T; of floats also -0.
+template <class T>
+TypedBrickPtr NoiseBrick(std::mt19937& random) {
+  std::array<T, kBrickVoxels> values;
+  for (T& value : values) {
+    if constexpr (std::is_same_v<T, float>) {
+      value = std::uniform_real_distribution<float>(-30000, 60000)(random);
+      if (random() % 16 == 0) value = -0.0f;
+    } else {
+      value = static_cast<T>(random());
+    }
+  }
+  return TypedBrick::Of<T>(values);
+}
+
+// Bricks of these types by turns; every third is background, every fifth has another value.
+// Beyond the lattice there is noise, too.
+inline TypedVolume NoiseVolume(const Vec3i& size, const std::vector<LeafType>& types,
+                               float background, unsigned seed = 1) {
+  TypedVolume volume{ObliqueLattice(size, seed % 2 == 1)};
+  volume.lattice.value_min = background;
+  volume.lattice.type = types.front();
+  volume.bricks =
+      BrickMap(volume.lattice.BrickCounts(), TypedBrick::Constant(volume.lattice.type, background));
+  std::mt19937 random(seed);
+  for (std::uint64_t number = 0; number < volume.bricks.size(); ++number) {
+    const LeafType type = types[number % types.size()];
+    if (number % 3 == 2) continue;
+    volume.bricks.Put(number, number % 5 == 4 ? TypedBrick::Constant(type, 7.0f)
+                                              : VisitType(type, [&](auto voxel) {
+                                                  return NoiseBrick<decltype(voxel)>(random);
+                                                }));
+  }
+  return volume;
+}
+
 namespace fs = std::filesystem;
-using testing::NoiseVolume;
-using testing::ObliqueLattice;
 using testing::Refusal;
-using testing::TypedVolume;
 using enum LeafType;
 
 std::uint32_t Bits(float value) { return std::bit_cast<std::uint32_t>(value); }
@@ -294,7 +351,7 @@ TEST_F(DownloadedFiles, AVdbFileOfASparseVolumeTakesItsBricks) {
   std::mt19937 random(3);
   const Vec3i places[] = {{0, 0, 0}, {200, 300, 400}, {511, 511, 511}};
   for (const Vec3i& place : places) {
-    volume.bricks.Put(BrickNumber(place, count), testing::NoiseBrick<std::int16_t>(random));
+    volume.bricks.Put(BrickNumber(place, count), NoiseBrick<std::int16_t>(random));
   }
   // A node of 128³ voxels, and one less a brick.
   const TypedBrickPtr seven = TypedBrick::Constant(kInt16, 7);
@@ -411,4 +468,5 @@ TEST_F(DownloadedFiles, AFullDiskIsSaidAndLeavesTheOldFile) {
 }
 
 }  // namespace
+
 }  // namespace palpate::client

@@ -171,8 +171,9 @@ TEST_F(ForceDimensionTest, MotorsThatAreOnByThemselvesAreSwitchedOff) {
   Make();
   ASSERT_TRUE(device_->Streams());
   std::this_thread::sleep_for(std::chrono::milliseconds(150));
-  fake().forces_enabled = true;
+  // In this order: the watchdog of forces without a command would switch them off.
   fake().last_command_ns = FakeDrdNowNs();
+  fake().forces_enabled = true;
   EXPECT_TRUE(Eventually([&] { return !fake().forces_enabled; }));
   EXPECT_TRUE(device_->Logs("switched off"));
 }

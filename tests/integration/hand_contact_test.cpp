@@ -15,7 +15,7 @@
 #include <string_view>
 #include <vector>
 
-#include "server/pump/scp_v.h"
+#include "server/pump/pose_of.h"
 #include "server/servo/servo_tick.h"
 #include "server/simulated_hand/explore_script.h"
 #include "server/simulated_hand/guided_script.h"

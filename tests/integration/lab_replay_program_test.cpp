@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "common/error/error.h"
-#include "server/lab/load_volume.h"
+#include "server/lab/lab_arguments.h"
 #include "tests/support/places.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"

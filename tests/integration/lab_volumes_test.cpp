@@ -18,8 +18,8 @@
 #include <string>
 #include <vector>
 
-#include "server/lab/bench.h"
-#include "server/lab/load_volume.h"
+#include "server/lab/commands.h"
+#include "server/lab/lab_arguments.h"
 #include "server/lab/mesh.h"
 #include "server/lab/mesh_statistics.h"
 #include "server/lab/trajectory.h"

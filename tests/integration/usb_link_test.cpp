@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "server/device/stream/device_log.h"
+#include "server/device/stream/device_seat.h"
 #include "tests/support/patience.h"
 #include "tests/support/plain_stylus.h"
 #include "tests/support/usb_error.h"

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/view/drawing/solids.h"
+#include "client/view/drawing/shapes.h"
 #include "client/view/render/shader_program.h"
 #include "common/error/error.h"
 #include "tests/support/frame_rig.h"

@@ -6,7 +6,7 @@
 #include <future>
 #include <numeric>
 
-#include "client/sdk/setting_messages.h"
+#include "client/sdk/messages.h"
 #include "tests/support/live_view.h"
 #include "tests/support/refusal.h"
 #include "tests/support/restarted_daemon.h"

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "client/view/palpated/brush.h"
-#include "client/view/viewer/pointer_stroke.h"
+#include "client/view/viewer/pointer.h"
 #include "tests/support/live_view.h"
 #include "tests/support/restarted_daemon.h"
 

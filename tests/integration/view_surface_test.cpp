@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "client/view/drawing/color_map.h"
+#include "client/view/drawing/value_window.h"
 #include "tests/support/data_folder.h"
 #include "tests/support/surface_rig.h"
 

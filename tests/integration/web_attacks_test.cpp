@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "client/web/http/networks.h"
+#include "client/web/http/connections.h"
 #include "tests/support/certificates.h"
 #include "tests/support/refusal.h"
 #include "tests/support/web_rig.h"

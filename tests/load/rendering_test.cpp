@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "prometheus/registry.h"
-#include "server/metrics/servo_metrics.h"
+#include "server/metrics/state_metrics.h"
 #include "tests/load/servo_figures.h"
 #include "tests/support/bare_loops.h"
 #include "tests/support/daemon.h"

@@ -1,5 +1,5 @@
-// A program that replaces palpate-import, for tests without its libraries. Its input file has the bytes that
-// palpate-import would hand over. INPUT.N, if it exists, is frame N.
+// A program that replaces palpate-import, for tests without its libraries. Its input file has the
+// bytes that palpate-import would hand over. INPUT.N, if it exists, is frame N.
 #pragma once
 
 #include <fcntl.h>

@@ -6,8 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "server/device/omni/firewire_frames.h"
-#include "server/device/omni/usb_frames.h"
+#include "server/device/omni/omni_frames.h"
 
 namespace palpate::test {
 

@@ -26,7 +26,7 @@
 #include <vector>
 
 #include "server/lab/fresh_cells.h"
-#include "server/lab/triangle_distance.h"
+#include "server/lab/triangle_grid.h"
 
 namespace palpate::testing {
 

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "client/web/room/room_copy.h"
-#include "client/web/volume/blob_name.h"
+#include "client/web/volume/blob.h"
 #include "client/web/volume/manifest.h"
 #include "common/bricks/zstd_codec.h"
 #include "palpate/v1/envelope.pb.h"
@@ -50,7 +50,7 @@ inline std::string Hex(const std::string& bytes) {
   return hex;
 }
 
-// By the table of part.h, in as many parts as wanted.
+// By the table of room_protocol.h, in as many parts as wanted.
 inline std::vector<std::string> PlainParts(unsigned char kind, const std::string& hash,
                                            const std::string& zstd, std::size_t count) {
   std::vector<std::string> parts;

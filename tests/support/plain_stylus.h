@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "server/device/usb/usb_protocol.h"
+#include "server/device/usb/usb_bus.h"
 #include "tests/support/usb_emulator.h"
 
 namespace palpate::test {

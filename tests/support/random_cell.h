@@ -7,7 +7,6 @@
 #include <span>
 
 #include "common/isosurface/cell.h"
-#include "common/isosurface/ties.h"
 
 namespace palpate::testing {
 

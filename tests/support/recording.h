@@ -14,7 +14,6 @@
 #include <variant>
 #include <vector>
 
-#include "server/recording/recording_output.h"
 #include "server/recording/recording_reader.h"
 #include "server/recording/recording_writer.h"
 #include "server/recording/sample_fields.h"

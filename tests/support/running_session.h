@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "server/servo/servo_loop.h"
-#include "server/simulated_hand/path_script.h"
+#include "server/simulated_hand/fixed_scripts.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 

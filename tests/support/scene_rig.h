@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "server/felt/felt_surface.h"
-#include "server/pump/scp_v.h"
-#include "server/recording/recorded_scene.h"
+#include "server/pump/pose_of.h"
+#include "server/recording/recorded_scenes.h"
 #include "server/recording/recorder.h"
 #include "server/servo/servo_tick.h"
 #include "server/simulated_hand/explore_script.h"

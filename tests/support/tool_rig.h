@@ -8,7 +8,7 @@
 
 #include "server/haptics/cell_cache.h"
 #include "server/haptics/tool/tool_step.h"
-#include "server/lab/tool_judge.h"
+#include "server/lab/proxy_judges.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/tick_rig.h"
 

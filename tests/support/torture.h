@@ -7,7 +7,7 @@
 #include <memory>
 #include <random>
 
-#include "server/lab/rest_judge.h"
+#include "server/lab/proxy_judges.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/path_judge.h"
 

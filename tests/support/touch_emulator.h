@@ -11,7 +11,7 @@
 #include <atomic>
 #include <string>
 
-#include "server/device/omni/usb_frames.h"
+#include "server/device/omni/omni_frames.h"
 #include "tests/support/usb_emulator.h"
 
 namespace palpate::test {

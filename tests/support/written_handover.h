@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "server/volume/load/handover.h"
-#include "server/volume/load/handover_file.h"
 
 namespace palpate::testing {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "server/volume/load/handover.h"
-#include "server/volume/snapshot/grid_form.h"
+#include "server/volume/snapshot/grid_tree.h"
 
 namespace palpate::testing {
 

@@ -5,7 +5,6 @@
 
 #include <fstream>
 
-#include "common/arguments/completion.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
 

@@ -8,7 +8,7 @@
 #include <set>
 #include <string_view>
 
-#include "client/cli/device_description.h"
+#include "client/cli/description.h"
 #include "client/cli/device_test.h"
 #include "client/cli/doctor_daemon.h"
 #include "client/cli/output.h"

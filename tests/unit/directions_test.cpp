@@ -1,6 +1,5 @@
 // Projections on cones and the choice of a direction, bit by bit against plain searches: every face
 // of every cone, in every tetrahedron and free cell at the place.
-#include "server/haptics/directions.h"
 
 #include <gtest/gtest.h>
 

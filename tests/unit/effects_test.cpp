@@ -5,8 +5,7 @@
 #include <memory>
 #include <random>
 
-#include "server/haptics/force_shading.h"
-#include "server/haptics/nearest_point.h"
+#include "server/haptics/effects.h"
 #include "server/haptics/renderer.h"
 #include "tests/support/made_volume.h"
 

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "server/device/falcon/bring_up.h"
 #include "server/device/falcon/falcon_protocol.h"
 #include "tests/support/falcon_emulator.h"
 #include "tests/support/falcon_stand.h"

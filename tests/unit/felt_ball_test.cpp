@@ -10,7 +10,7 @@
 
 #include "server/felt/felt_surface.h"
 #include "server/haptics/renderer.h"
-#include "server/pump/touched_point.h"
+#include "server/pump/pose_of.h"
 #include "server/safety/safety.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/tick_rig.h"

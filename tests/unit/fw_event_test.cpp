@@ -1,5 +1,5 @@
 // Bytes of /dev/fw* as values, and the serial number in a GUID.
-#include "server/device/firewire/fw_event.h"
+#include "server/device/firewire/fw_node.h"
 
 #include <gtest/gtest.h>
 #include <linux/firewire-cdev.h>
@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "server/device/omni/omni_serial.h"
+#include "server/device/omni/omni_firewire.h"
 
 namespace palpate {
 namespace {

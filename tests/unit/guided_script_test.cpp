@@ -8,8 +8,7 @@
 #include <vector>
 
 #include "server/simulated_hand/explore_script.h"
-#include "server/simulated_hand/path_script.h"
-#include "server/simulated_hand/press_script.h"
+#include "server/simulated_hand/fixed_scripts.h"
 #include "server/simulated_hand/simulated_device.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/device_numbers.h"

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/simulated_hand/surface_probe.h"
+#include "server/simulated_hand/touch_points.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/refusal.h"

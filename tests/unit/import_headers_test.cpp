@@ -5,9 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include "server/import/file_headers.h"
 #include "server/import/image_header.h"
-#include "server/import/meta_image_header.h"
-#include "server/import/nrrd_header.h"
 #include "tests/unit/import_refusal.h"
 
 namespace palpate {

@@ -1,5 +1,5 @@
 // NIfTI-1 and NIfTI-2 headers: what is read, and attacks.
-#include "server/import/nifti_header.h"
+#include "server/import/file_headers.h"
 
 #include <algorithm>
 #include <cstring>

@@ -5,7 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include "server/import/tiff_series.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/tiff_writer.h"
 #include "tests/unit/collected_voxels.h"

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "server/import/raw_header.h"
+#include "server/import/file_headers.h"
 #include "server/import/voxel_reader.h"
 #include "tests/support/deflated.h"
 #include "tests/support/temporary_folder.h"

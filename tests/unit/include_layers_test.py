@@ -351,6 +351,63 @@ class IncludeLayers(unittest.TestCase):
         self.assertFalse(violations("server/haptics", ["server/volume/snapshot/snapshot.h", "vector"]))
 
 
+MOST_LINES = 600
+FOR_TESTS = "Apart for its tests."
+
+
+def room_of(header, users, tested, lines):
+    """What a header's place should be: "" is where it is. A folder has doors, the headers that other
+    folders include, and rooms, its sources. What one source alone includes is a part of that source;
+    but for a test, or if both together are longer than a file may be."""
+    inside = [user for user in users if user != header[:-2] + ".cpp"]
+    if any(os.path.dirname(user) != os.path.dirname(header) for user in inside):
+        return ""
+    alone = len(inside) == 1 and inside[0].endswith(".cpp")
+    if not inside and not tested:
+        return "its own source"
+    if (inside and not alone) or lines > MOST_LINES:
+        return ""
+    return "for its tests" if tested else inside[0]
+
+
+class Rooms(unittest.TestCase):
+    def test_a_header_that_one_source_includes_is_a_part_of_it(self):
+        lines, users = {}, {}
+        for top in ("common", "server", "client", "tests"):
+            for path in sorted((ROOT / top).rglob("*")):
+                if path.suffix not in (".h", ".cpp"):
+                    continue
+                name = str(path.relative_to(ROOT))
+                lines[name] = path.read_text().count("\n")
+                for include in includes_of(path):
+                    users.setdefault(include, []).append(name)
+        for header in sorted(lines):
+            text = (ROOT / header).read_text()
+            if header.startswith("tests/") or "/precompiled/" in header or not header.endswith(".h") \
+                    or text.startswith("// Written by"):
+                continue
+            product = [user for user in users.get(header, []) if not user.startswith("tests/")]
+            parts = {header, header[:-2] + ".cpp", *product}
+            place = room_of(header, product, len(product) < len(users.get(header, [])),
+                            sum(lines.get(part, 0) for part in parts))
+            self.assertEqual(place, "for its tests" if FOR_TESTS in text else "", header)
+
+    def test_a_header_in_the_wrong_place_is_seen(self):
+        self.assertEqual(room_of("a/b.h", ["a/b.cpp", "a/c.cpp"], False, 90), "a/c.cpp")
+        self.assertEqual(room_of("a/b.h", ["a/b.cpp"], False, 90), "its own source")
+        self.assertEqual(room_of("a/b.h", ["a/b.cpp", "a/c.cpp"], True, 90), "for its tests")
+        self.assertEqual(room_of("a/b.h", ["a/b.cpp", "a/c.cpp"], False, 601), "")
+        self.assertEqual(room_of("a/b.h", ["a/b.cpp", "d/c.cpp"], False, 90), "")
+        self.assertEqual(room_of("a/b.h", ["a/c.h"], False, 90), "")
+        self.assertEqual(room_of("a/b.h", ["a/c.cpp", "a/d.cpp"], False, 90), "")
+
+    def test_no_file_is_too_long(self):
+        for top in ("common", "server", "client"):
+            for path in sorted((ROOT / top).rglob("*")):
+                if path.suffix in (".h", ".cpp") and not path.read_text().startswith("// Written by"):
+                    self.assertLessEqual(path.read_text().count("\n"), MOST_LINES, str(path))
+
+
 class Map(unittest.TestCase):
     """The maps: README.md of each top folder, and the walks in how-it-works.md."""
 

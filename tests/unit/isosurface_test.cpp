@@ -16,10 +16,10 @@
 #include <string>
 #include <vector>
 
+#include "common/isosurface/cell.h"
 #include "common/isosurface/decomposition.h"
 #include "common/isosurface/placement.h"
 #include "common/isosurface/saddles.h"
-#include "common/isosurface/ties.h"
 #include "server/lab/cell_topology.h"
 #include "server/lab/compared_method.h"
 #include "tests/support/places.h"

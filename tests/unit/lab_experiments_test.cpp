@@ -17,7 +17,6 @@
 #include "server/lab/accuracy.h"
 #include "server/lab/cell_topology.h"
 #include "server/lab/drift.h"
-#include "server/lab/experiment_parts.h"
 #include "server/lab/experiments.h"
 #include "server/lab/published_table.h"
 #include "server/lab/wilcoxon.h"

@@ -6,12 +6,11 @@
 #include <cmath>
 #include <random>
 
-#include "server/lab/free_path.h"
 #include "server/lab/mesh.h"
+#include "server/lab/proxy_judges.h"
 #include "server/lab/replay_judge.h"
-#include "server/lab/rest_judge.h"
 #include "server/lab/trajectory.h"
-#include "server/lab/triangle_distance.h"
+#include "server/lab/triangle_grid.h"
 #include "tests/support/made_volume.h"
 
 namespace palpate::lab {

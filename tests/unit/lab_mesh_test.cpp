@@ -16,9 +16,8 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/lab/cells_command.h"
+#include "server/lab/commands.h"
 #include "server/lab/mesh.h"
-#include "server/lab/mesh_command.h"
 #include "server/lab/mesh_files.h"
 #include "server/lab/mesh_statistics.h"
 #include "server/lab/trilinear_topology.h"

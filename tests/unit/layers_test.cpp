@@ -1,6 +1,6 @@
 // Layers on exact geometry: where they hold, at which forces they let the stylus pass, and what the
 // hand gets of it.
-#include "server/haptics/layers.h"
+#include "server/haptics/haptic_surface.h"
 
 #include <gtest/gtest.h>
 

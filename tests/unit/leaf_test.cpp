@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "server/volume/load/dense_bricks.h"
+#include "server/volume/snapshot/brick_directory.h"
 #include "server/volume/snapshot/brick_memory.h"
-#include "server/volume/snapshot/brick_pool.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/voxels.h"
 

@@ -1,6 +1,6 @@
 // The hand that a person leads: how it follows targets that come unevenly, what contact does to it,
 // and how it changes between the person and each other script.
-#include "server/simulated_hand/led_script.h"
+#include "server/simulated_hand/led_hand.h"
 
 #include <gtest/gtest.h>
 
@@ -14,9 +14,8 @@
 #include <vector>
 
 #include "server/simulated_hand/explore_script.h"
+#include "server/simulated_hand/fixed_scripts.h"
 #include "server/simulated_hand/guided_script.h"
-#include "server/simulated_hand/path_script.h"
-#include "server/simulated_hand/press_script.h"
 #include "server/simulated_hand/simulated_device.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/device_numbers.h"

@@ -7,9 +7,8 @@
 #include <random>
 #include <vector>
 
-#include "server/device/omni/firewire_frames.h"
-#include "server/device/omni/kinematics.h"
-#include "server/device/omni/usb_frames.h"
+#include "server/device/omni/omni_arm.h"
+#include "server/device/omni/omni_frames.h"
 #include "tests/support/omni_frames.h"
 #include "tests/support/scaled.h"
 

@@ -6,8 +6,6 @@
 #include <random>
 #include <vector>
 
-#include "server/device/omni/cdc_line.h"
-#include "server/device/omni/omni_usb_identity.h"
 #include "server/device/omni/omni_usb_protocol.h"
 #include "tests/support/omni_frames.h"
 #include "tests/support/scaled.h"

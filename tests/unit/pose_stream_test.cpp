@@ -1,7 +1,7 @@
 // What a subscriber gets: rate, batches, newest wins, the window.
-#include "server/services/pose_stream.h"
 #include "common/contract/enumerations.h"
 #include "server/pump/pose_of.h"
+#include "server/services/pose_service.h"
 
 #include <gtest/gtest.h>
 

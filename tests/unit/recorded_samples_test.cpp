@@ -18,7 +18,7 @@
 #include "server/recording/csv_export.h"
 #include "server/recording/recorded_path.h"
 #include "server/recording/recording_writer.h"
-#include "server/recording/shown_samples.h"
+#include "server/recording/viewer_replay.h"
 #include "server/recording/volume_hash.h"
 #include "server/simulated_hand/replay_device.h"
 #include "tests/support/made_volume.h"

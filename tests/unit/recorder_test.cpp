@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "server/recording/csv_export.h"
-#include "server/recording/recorded_volumes.h"
-#include "server/recording/recording_outline.h"
+#include "server/recording/recorded_scenes.h"
+#include "server/recording/recording_control.h"
 #include "server/recording/recording_reader.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/patience.h"

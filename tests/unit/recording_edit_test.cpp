@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "server/recording/recorded_messages.h"
-#include "server/recording/recorded_volumes.h"
+#include "server/recording/recorded_scenes.h"
 #include "server/recording/voxel_log.h"
 #include "server/volume/snapshot/brick_packer.h"
 #include "tests/support/refusal.h"

@@ -20,9 +20,8 @@
 
 #include "common/wire/values.h"
 #include "server/recording/bytes.h"
-#include "server/recording/mcap_writer.h"
+#include "server/recording/mcap.h"
 #include "server/recording/recorded_messages.h"
-#include "server/recording/recorded_tick.h"
 #include "server/recording/tick_layout.h"
 #include "server/recording/voxel_log.h"
 #include "tests/support/recording.h"

@@ -16,7 +16,7 @@
 
 #include "server/recording/replayer.h"
 #include "server/servo/servo_memory.h"
-#include "server/session/series/series.h"
+#include "server/session/series/series_player.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scene_rig.h"
 

@@ -10,7 +10,6 @@
 #include <set>
 #include <string>
 
-#include "server/felt/patient_facing.h"
 #include "server/simulated_hand/simulated_device.h"
 #include "tests/support/refusal.h"
 #include "tests/support/scaled.h"

@@ -15,7 +15,7 @@
 #include <random>
 #include <vector>
 
-#include "server/volume/snapshot/grid_form.h"
+#include "server/volume/snapshot/grid_tree.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/voxels.h"

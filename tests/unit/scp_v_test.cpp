@@ -1,5 +1,5 @@
 // SCP_V is added to samples behind the servo's back: with the scene of their tick, however late.
-#include "server/pump/scp_v.h"
+#include "server/pump/pose_of.h"
 
 #include <gtest/gtest.h>
 

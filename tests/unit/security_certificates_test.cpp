@@ -6,7 +6,7 @@
 
 #include "common/error/error.h"
 #include "server/security/policy.h"
-#include "server/security/token_file.h"
+#include "server/security/token.h"
 #include "tests/support/certificates.h"
 #include "tests/support/refusal.h"
 

@@ -11,7 +11,6 @@
 #include "palpate/v1/pose.grpc.pb.h"
 #include "server/door/access.h"
 #include "server/door/security_files.h"
-#include "server/door/tls.h"
 #include "tests/support/certificates.h"
 
 namespace palpate {

@@ -12,7 +12,6 @@
 #include "server/log/line_budget.h"
 #include "server/security/connection_limits.h"
 #include "server/security/identity_limits.h"
-#include "server/security/unread_limit.h"
 
 namespace palpate {
 namespace {

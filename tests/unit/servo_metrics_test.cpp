@@ -1,5 +1,5 @@
 // What the metrics make of the servo's samples. What that costs: tests/load/rendering_test.cpp.
-#include "server/metrics/servo_metrics.h"
+#include "server/metrics/state_metrics.h"
 
 #include <gtest/gtest.h>
 #include <prometheus/registry.h>

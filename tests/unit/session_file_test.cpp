@@ -1,5 +1,4 @@
 // What is felt, to a file and back; damaged and hostile files.
-#include "server/kept/session_file.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -14,6 +13,7 @@
 #include <thread>
 #include <tuple>
 
+#include "server/kept/session_file.h"
 #include "server/kept/session_keeper.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/pump/force_watch.h"
+#include "server/pump/tick_outbox.h"
 #include "server/session/edits/volume_editor.h"
 #include "server/session/session.h"
 #include "tests/support/made_volume.h"

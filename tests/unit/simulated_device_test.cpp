@@ -10,7 +10,7 @@
 
 #include "common/error/error.h"
 #include "server/simulated_hand/explore_script.h"
-#include "server/simulated_hand/path_script.h"
+#include "server/simulated_hand/fixed_scripts.h"
 #include "server/simulated_hand/simulated_device.h"
 #include "tests/support/device_numbers.h"
 #include "tests/support/scaled.h"

@@ -1,6 +1,7 @@
 // Snapshots of OpenVDB grids, and the builtin volumes.
 #include "server/volume/snapshot/snapshot.h"
 #include "server/volume/snapshot/openvdb_grids.h"
+#include "server/volume/snapshot/snapshot_builder.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,6 @@
 
 #include "common/error/error.h"
 #include "server/volume/load/builtin.h"
-#include "server/volume/snapshot/snapshot_builder.h"
 #include "tests/support/made_volume.h"
 #include "tests/support/refusal.h"
 #include "tests/support/voxels.h"

@@ -17,7 +17,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/pump/force_watch.h"
+#include "server/pump/tick_outbox.h"
 #include "tests/support/patience.h"
 #include "tests/support/running_session.h"
 #include "tests/support/stop_asking.h"

@@ -16,9 +16,8 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/live_volume/load_warnings.h"
 #include "server/live_volume/memory_budget.h"
-#include "server/live_volume/retired_volumes.h"
+#include "server/live_volume/volume_loader.h"
 #include "server/live_volume/volume_store.h"
 #include "server/volume/snapshot/brick_memory.h"
 #include "server/volume/snapshot/leaf.h"

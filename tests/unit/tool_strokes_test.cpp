@@ -1,5 +1,5 @@
 // What tools make of samples: buttons, faults, lost samples, scenes that change.
-#include "server/session/tools/tool_strokes.h"
+#include "server/session/tools/tools.h"
 
 #include <gtest/gtest.h>
 

@@ -13,7 +13,6 @@
 
 #include "server/felt/registration.h"
 #include "server/simulated_hand/simulated_device.h"
-#include "server/simulated_hand/surface_probe.h"
 #include "server/simulated_hand/touch_points.h"
 #include "server/simulated_hand/touch_strokes.h"
 #include "tests/support/made_volume.h"

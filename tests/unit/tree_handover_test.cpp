@@ -13,7 +13,7 @@
 
 #include "common/error/error.h"
 #include "server/volume/snapshot/brick_memory.h"
-#include "server/volume/snapshot/grid_form.h"
+#include "server/volume/snapshot/grid_tree.h"
 #include "tests/support/refusal.h"
 #include "tests/support/written_tree.h"
 

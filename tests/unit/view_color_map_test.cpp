@@ -1,4 +1,4 @@
-#include "client/view/drawing/color_map.h"
+#include "client/view/drawing/value_window.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,6 @@
 // Undo and redo of what the user did, among changes of others; judged by a model of its own.
 #include "client/view/palpated/history.h"
+#include "client/view/palpated/setting_change.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,6 @@
 #include <optional>
 #include <random>
 
-#include "client/view/palpated/setting_change.h"
 #include "common/error/error.h"
 
 namespace palpate::view {

@@ -9,7 +9,6 @@
 #include "client/sdk/volume_mirror.h"
 #include "common/error/error.h"
 #include "server/volume/snapshot/brick_packer.h"
-#include "server/volume_stream/overview.h"
 #include "tests/support/editable_session.h"
 #include "tests/support/patience.h"
 #include "tests/support/refusal.h"

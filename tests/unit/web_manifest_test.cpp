@@ -8,7 +8,6 @@
 #include <string>
 
 #include "client/web/volume/blob.h"
-#include "client/web/volume/blob_name.h"
 #include "client/web/volume/manifest.h"
 #include "common/bricks/zstd_codec.h"
 #include "common/error/error.h"

@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include "client/web/room/beat.h"
 #include "client/web/room/room_copy.h"
-#include "client/web/volume/blob_name.h"
+#include "client/web/room/room_protocol.h"
+#include "client/web/volume/blob.h"
 #include "client/web/volume/manifest.h"
 #include "common/bricks/zstd_codec.h"
 #include "tests/support/plain_room.h"

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "client/web/volume/blob_name.h"
+#include "client/web/volume/blob.h"
 #include "client/web/volume/grouped_volume.h"
 #include "common/bricks/zstd_codec.h"
 #include "tests/support/plain_volume.h"

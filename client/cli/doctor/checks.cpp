@@ -105,6 +105,17 @@ std::string LibraryAt(const Workstation& machine, const char* name) {
   return "";
 }
 
+Finding CheckUdevRule(const Workstation& machine) {
+  for (const char* folder : {"etc/udev/rules.d", "usr/lib/udev/rules.d", "lib/udev/rules.d"}) {
+    std::error_code error;
+    if (fs::exists(machine.root / folder / "70-palpate.rules", error)) {
+      return {"udev", Verdict::kOk, std::string("/") + folder + "/70-palpate.rules"};
+    }
+  }
+  return {"udev", Verdict::kWarn, "no rule gives anybody but root the USB devices",
+          "install palpate-daemon, or copy 70-palpate.rules to /etc/udev/rules.d"};
+}
+
 }  // namespace
 
 Workstation ThisMachine() {
@@ -202,17 +213,6 @@ Finding CheckClock(const Workstation& machine) {
   return {"clock", Verdict::kWarn,
           (clock.empty() ? "unknown" : clock) + ": reading it takes microseconds",
           "see why the kernel gave up tsc: journalctl -k | grep -i clocksource"};
-}
-
-Finding CheckUdevRule(const Workstation& machine) {
-  for (const char* folder : {"etc/udev/rules.d", "usr/lib/udev/rules.d", "lib/udev/rules.d"}) {
-    std::error_code error;
-    if (fs::exists(machine.root / folder / "70-palpate.rules", error)) {
-      return {"udev", Verdict::kOk, std::string("/") + folder + "/70-palpate.rules"};
-    }
-  }
-  return {"udev", Verdict::kWarn, "no rule gives anybody but root the USB devices",
-          "install palpate-daemon, or copy 70-palpate.rules to /etc/udev/rules.d"};
 }
 
 Finding CheckUsbDevices(const Workstation& machine) {

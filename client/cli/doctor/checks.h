@@ -41,7 +41,6 @@ Finding CheckLockedMemory(const Workstation& machine);
 Finding CheckRealtimeShare(const Workstation& machine);
 Finding CheckGovernor(const Workstation& machine);
 Finding CheckClock(const Workstation& machine);
-Finding CheckUdevRule(const Workstation& machine);
 Finding CheckUsbDevices(const Workstation& machine);
 // Looks for a Phantom Omni on FireWire. Most machines have no FireWire, and need none.
 Finding CheckFireWire(const Workstation& machine);

@@ -69,7 +69,7 @@ class _Copy:
 def voxels_of(steps: collections.abc.Sequence[Step], loaded: npt.ArrayLike | None) -> Voxels | None:
     """Returns the voxels of the last scene; None: `loaded` is needed.
 
-    All scenes must be of one volume. Works as server/recording/recorded_volumes.cpp. Errors:
+    All scenes must be of one volume. Works as server/recording/recorded_scenes.cpp. Errors:
     Damaged, InvalidArgument.
     """
     copy: _Copy | None = None
@@ -127,7 +127,7 @@ def _fitting(loaded: npt.ArrayLike, scene: RecordedScene) -> npt.NDArray[np.floa
 
 
 def _hash_of(copy: _Copy, scene: RecordedScene) -> int:
-    """Computes the hash of server/recording/volume_hash.cpp."""
+    """Computes the hash of server/recording/recording.cpp."""
     data = struct.pack("<3i3d2d", *copy.values.shape, *scene.spacing_mm, scene.value_min,
                        scene.value_max)
     if scene.is_level_set:

@@ -1,4 +1,4 @@
-"""The emergency stop by palpated's own socket for it. client/sdk/stop_socket.h has the same."""
+"""The emergency stop by palpated's own socket for it. client/sdk/calls.cpp has the same."""
 
 import contextlib
 import os

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/isosurface/cell.h"
 #include "common/isosurface/sub_cell.h"
-#include "common/isosurface/ties.h"
 
 namespace palpate::view {
 namespace {

@@ -1,6 +1,6 @@
 // Everything drawn besides the volume, as triangles and lines: the three points, the force, the
 // stylus, the target of a led hand, the wireframe of H, the lattice's box with the letters of the
-// patient's axes.
+// patient's axes, the tool, and balls of the brush and of the tip.
 //
 // In front of the surface, points and stylus are solid bodies: HIP a ball, SCP_H a cube, SCP_V an
 // octahedron. Behind the surface they are hollow: outlines and dashes.
@@ -70,5 +70,22 @@ struct OverlayScene {
 // SCP_H are the same point, which is drawn as HIP.
 Overlay BuildOverlay(const OverlayScene& scene, const OverlayOptions& options, const Camera& camera,
                      const ImageSize& size);
+
+// The line around a sphere as the eye sees it.
+struct SphereOutline {
+  Vec3 center_D = Vec3::Zero();
+  double radius_mm = 0.0;
+  Vec3 axis = Vec3::UnitZ();  // of length 1, to the eye
+};
+// None: the eye is within the sphere.
+std::optional<SphereOutline> OutlineOf(const Vec3& center_D, double radius_mm, const Vec3& eye_D);
+
+// Adds a ball, clear enough to see what is under it, and its outline. What the surface hides of
+// them is fainter, so that one sees where the ball meets the surface.
+void AddBall(const Vec3& center_D, double radius_mm, const Rgba8& rgba,
+             const Projection& projection, Overlay& overlay);
+// Adds fainter the outline of where the fade ends, too.
+void AddBrushBall(const Vec3& center_D, double radius_mm, double fade_mm,
+                  const Projection& projection, Overlay& overlay);
 
 }  // namespace palpate::view

@@ -1,17 +1,30 @@
-// The window of the values: which of them the colour map's ends are, by level (its middle) and
-// width.
-//
-// Values in data units. Threads: pure functions.
+// How values become colours: colour maps, and the window of the values that they show.
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "common/bricks/volume_event.h"
 
 namespace palpate::view {
 
+enum class ColorMap : std::uint8_t { kGray, kBone, kHot, kViridis, kCoolWarm };
+
+inline constexpr std::array<std::string_view, 5> kColorMapNames = {"gray", "bone", "hot", "viridis",
+                                                                   "cool-warm"};
+
+// Colour maps.
+//
+// 256 entries of red, green, blue, 255, from the least value to the greatest.
+std::vector<std::uint8_t> ColorTable(ColorMap map);
+
+// The window of the values: which of them the colour map's ends are, by level (its middle) and
+// width.
+//
+// Values in data units. Threads: pure functions.
 struct ValueWindow {
   double level = 0.0;
   double width = 1.0;  // above 0

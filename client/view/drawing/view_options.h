@@ -7,7 +7,7 @@
 #include <array>
 #include <vector>
 
-#include "client/view/drawing/color_map.h"
+#include "client/view/drawing/value_window.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::view {

@@ -4,8 +4,7 @@
 
 #include "client/view/panels/overlays.h"
 #include "client/view/panels/slice_pane.h"
-#include "client/view/viewer/tool.h"
-#include "client/view/viewer/tool_measure.h"
+#include "client/view/viewer/tools.h"
 
 namespace palpate::view {
 namespace {

@@ -11,7 +11,7 @@
 #include "client/view/panels/slice_pane.h"
 #include "client/view/panels/widgets.h"
 #include "client/view/viewer/layout.h"
-#include "client/view/viewer/tool.h"
+#include "client/view/viewer/tools.h"
 
 namespace palpate::view {
 namespace {

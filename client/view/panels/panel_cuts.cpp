@@ -1,7 +1,8 @@
+// The Cut tab: crop box and clip planes.
 #include <algorithm>
 #include <array>
 
-#include "client/view/drawing/cut_rulers.h"
+#include "client/view/drawing/cut_handles.h"
 #include "client/view/drawing/patient_axes.h"
 #include "client/view/panels/panels.h"
 #include "client/view/panels/widgets.h"

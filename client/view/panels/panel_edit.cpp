@@ -1,3 +1,4 @@
+// The Edit tab: brush and filters.
 #include <algorithm>
 #include <string_view>
 #include <vector>

@@ -1,4 +1,5 @@
 // How it feels, for everyone; and the device.
+
 #include <optional>
 #include <string>
 #include <variant>

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "client/sdk/words.h"
-#include "client/view/palpated/state_line.h"
+#include "client/view/palpated/panel_words.h"
 #include "client/view/panels/panels.h"
 #include "client/view/panels/widgets.h"
 #include "client/view/viewer/files.h"

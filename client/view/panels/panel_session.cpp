@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "client/view/palpated/session_words.h"
+#include "client/view/palpated/panel_words.h"
 #include "client/view/panels/overlays.h"
 #include "client/view/panels/panels.h"
 #include "client/view/panels/widgets.h"

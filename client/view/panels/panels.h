@@ -1,5 +1,4 @@
-// The parts of the screen. Each part fills its area. The sides have several panels;
-// each panel has a file of its own.
+// The parts of the screen. Each part fills its area. The sides have several panels.
 //
 // Threads: that of the frames, within a frame of Dear ImGui.
 #pragma once
@@ -21,12 +20,6 @@ void DrawToolBar(Viewer& viewer, const Layout& layout, float scale);
 std::string WhyNot(const Viewer& viewer, Tool tool);
 // How the pointer leads the hand, at the view's lower edge, while it does. Returns its height.
 float DrawHandStrip(Viewer& viewer, const Area& view, float scale);
-// The tabs Surface, Look, Cut, Edit.
-void DrawLeftPanels(Viewer& viewer, const Area& area);
-// The headings Feel, Device, Session.
-void DrawRightPanels(Viewer& viewer, const Area& area);
-// The edges that drag the widths of the sides.
-void DrawEdges(Viewer& viewer, const Layout& layout, float scale);
 // The last 10 seconds: the bar is always visible.
 void DrawPlots(Viewer& viewer, const Layout& layout, float scale);
 // A refusal of the last command, near the last click in a panel. The view shows it, too.
@@ -59,7 +52,6 @@ void DrawPathForm(Viewer& viewer, float scale);
 
 // The tabs on the left.
 void SurfaceTab(Viewer& viewer);
-void LayersPanel(Viewer& viewer);  // within it
 void LookTab(Viewer& viewer);
 void CutTab(Viewer& viewer);
 void EditTab(Viewer& viewer);

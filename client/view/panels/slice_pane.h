@@ -8,9 +8,6 @@
 
 namespace palpate::view {
 
-// The slice across an axis of W, in an area of its own. Requires a lattice.
-void DrawSlicePane(Viewer& viewer, int world_axis, const Area& area, float scale);
-
 // Moves the slices' cross-hair, which then no longer follows the stylus.
 void MoveCross(Viewer& viewer, const Vec3& cross_I);
 // Zooms the slice under the pointer about its middle, for keys. Does nothing elsewhere.

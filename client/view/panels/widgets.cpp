@@ -8,7 +8,7 @@
 
 #include "client/sdk/words.h"
 #include "client/view/palpated/shared_things.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::view {
 namespace {

@@ -1,12 +1,17 @@
-// A shader program on the graphics card.
+// Shader programs on the graphics card, and those that read a volume.
 //
 // Threads: that of the current OpenGL 4.3 context. Errors: kInternal if the driver refuses a
 // shader; the text is the driver's.
 #pragma once
 
+#include <array>
+#include <memory>
+#include <optional>
 #include <string>
 #include <type_traits>
 
+#include "client/view/drawing/value_window.h"
+#include "client/view/render/brick_cache.h"
 #include "common/geometry/geometry.h"
 
 namespace palpate::view {
@@ -47,6 +52,32 @@ class ShaderProgram {
 
   unsigned program_ = 0;
   unsigned no_vertices_ = 0;  // a core context needs a vertex array, even an empty one
+};
+
+// The shader storage buffer of the marks: 0. Further buffers begin here.
+inline constexpr unsigned kFirstFreeBuffer = 1;
+
+// The programs that read a volume from the tables of a brick cache, for each type of its values,
+// and show values in a colour map. Their frame is P of shading.h.
+//
+// Threads: those of BrickCache. Errors: those of ShaderProgram.
+class VolumePrograms {
+ public:
+  // `fragment_source` comes after kVolumeDesktop and kCell of shading.h. Its colours are in
+  // `color_map`, as ColorAt of kColors reads them. Texture units 0 to 4 are taken.
+  explicit VolumePrograms(std::string fragment_source);
+  ~VolumePrograms();
+  VolumePrograms(const VolumePrograms&) = delete;
+  VolumePrograms& operator=(const VolumePrograms&) = delete;
+
+  // Makes the program for this volume the one in use, and binds the volume and the map to it.
+  const ShaderProgram& Use(const BrickCache& volume, ColorMap map);
+
+ private:
+  std::string fragment_source_;
+  std::array<std::unique_ptr<ShaderProgram>, 4> programs_;  // by LeafType
+  unsigned colors_;                                         // a texture
+  std::optional<ColorMap> shown_;                           // in colors_
 };
 
 }  // namespace palpate::view

@@ -12,7 +12,7 @@
 #include "client/view/drawing/slice_view.h"
 #include "client/view/drawing/view_options.h"
 #include "client/view/render/frame_target.h"
-#include "client/view/render/volume_programs.h"
+#include "client/view/render/shader_program.h"
 
 namespace palpate::view {
 

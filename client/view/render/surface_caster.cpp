@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "client/shading/shading.h"
-#include "client/view/render/card_buffer.h"
+#include "client/view/render/card_memory.h"
 #include "client/view/render/frame_target.h"
 #include "client/view/render/gl_state.h"
 #include "common/error/error.h"

@@ -25,7 +25,6 @@
 #include "client/view/drawing/view_options.h"
 #include "client/view/render/brick_cache.h"
 #include "client/view/render/shader_program.h"
-#include "client/view/render/volume_programs.h"
 
 namespace palpate::view {
 

@@ -8,8 +8,8 @@
 #include <optional>
 #include <vector>
 
-#include "client/view/viewer/hand_aim.h"
-#include "client/view/viewer/tool.h"
+#include "client/view/viewer/pointer.h"
+#include "client/view/viewer/tools.h"
 
 namespace palpate::view {
 
@@ -17,7 +17,7 @@ class LiveFeed;
 
 class HandTool {
  public:
-  // As the tools in tool.h.
+  // As the tools in tools.h.
   bool Take(Viewer& viewer, const ViewPointer& pointer);
   // The pointer is there now, in pixels of the screen. Called from within its event.
   void PointerMoved(const Eigen::Vector2d& at, LiveFeed& feed);

@@ -8,13 +8,13 @@
 #include <cmath>
 #include <numbers>
 
-#include "client/view/drawing/brush_ball.h"
 #include "client/view/drawing/haptic_patch.h"
+#include "client/view/drawing/overlay.h"
 #include "client/view/drawing/readout.h"
 #include "client/view/drawing/surface_bounds.h"
 #include "client/view/drawing/value_window.h"
 #include "common/error/error.h"
-#include "common/error/number_text.h"
+#include "common/error/text.h"
 #include "common/isosurface/sub_cell.h"
 
 namespace palpate::view {

@@ -1,3 +1,4 @@
+#include "client/view/window/png_file.h"
 #include "client/view/window/run.h"
 
 #include <fmt/format.h>
@@ -14,8 +15,6 @@
 #include "client/view/render/frame_target.h"
 #include "client/view/render/offscreen_context.h"
 #include "client/view/viewer/viewer.h"
-#include "client/view/window/frame_log.h"
-#include "client/view/window/png_file.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
 

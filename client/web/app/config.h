@@ -9,12 +9,24 @@
 #include <vector>
 
 #include "client/sdk/server_choice.h"
-#include "client/web/app/nats_config.h"
 #include "client/web/http/http_options.h"
 #include "client/web/logins/access.h"
+#include "client/web/room/nats_link.h"
 #include "common/wire/address.h"
 
 namespace palpate::web {
+
+// The room of a NATS server that this gateway publishes, or that it serves to its guests.
+struct NatsConfig {
+  std::string publish{};  // URL: what palpated does goes there
+  std::string from{};     // URL: guests see what comes from there; no palpated is followed
+  // The file's keys: the room, the server without its URL, and sites, which may steer from
+  // elsewhere if this gateway publishes.
+  RoomOptions options{};
+
+  // Empty: no NATS server is used.
+  const std::string& url() const { return publish.empty() ? from : publish; }
+};
 
 struct Config {
   client::ServerChoice palpated{};

@@ -9,12 +9,11 @@
 #include "client/program/server_options.h"
 #include "client/sdk/calls.h"
 #include "client/web/app/config.h"
-#include "client/web/app/gateway.h"
-#include "client/web/app/nats_user.h"
+#include "client/web/app/run.h"
 #include "client/web/logins/secret.h"
 #include "common/arguments/arguments.h"
 #include "common/error/error.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::web {
 namespace {

@@ -1,4 +1,4 @@
-#include "client/web/app/nats_user.h"
+#include "client/web/app/run.h"
 
 #include <crypt.h>
 
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/web/logins/secret.h"
-#include "client/web/room/subjects.h"
+#include "client/web/room/room_protocol.h"
 #include "common/error/error.h"
 
 namespace palpate::web {

@@ -21,13 +21,27 @@
 #include <string_view>
 
 #include "client/web/http/connections.h"
-#include "client/web/http/messages.h"
 #include "client/web/http/peer_stream.h"
 #include "client/web/http/routes.h"
 #include "client/web/http/site.h"
 #include "client/web/hub/hub.h"
 
 namespace palpate::web {
+
+inline constexpr std::size_t kMaxMessageBytes = 1024;
+
+// What browsers send over /stream: JSON of at most kMaxMessageBytes.
+struct Steer {
+  std::uint64_t id = 0;  // comes back with the answer
+  std::string key;
+  double value = 0.0;
+};
+
+// What POST /login brings: one of the two.
+struct LoginRequest {
+  std::optional<std::string> room, token;
+};
+std::optional<LoginRequest> ParseLogin(std::string_view text);
 
 // The poses that a guest has not acknowledged.
 class PoseWindow {

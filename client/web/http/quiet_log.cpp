@@ -2,7 +2,7 @@
 
 #include <chrono>
 
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::web {
 

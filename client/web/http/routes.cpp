@@ -9,9 +9,8 @@
 #include <optional>
 #include <vector>
 
+#include "client/web/http/connections.h"
 #include "client/web/http/guest.h"
-#include "client/web/http/messages.h"
-#include "client/web/http/networks.h"
 
 namespace palpate::web {
 namespace {

@@ -1,6 +1,6 @@
 // The server for browsers: the page, logins, the volume's blobs, and a WebSocket for each guest.
 //
-// Boost.Beast parses HTTP and WebSocket. All limits are in http_options.h, http_connection.h,
+// Boost.Beast parses HTTP and WebSocket. All limits are in http_options.h, server.cpp,
 // guest.h and access.
 //
 // Threads: the one that runs `io`, which is the hub's, too. Errors: the constructor throws Error

@@ -8,16 +8,38 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "client/web/logins/login_attempts.h"
 #include "client/web/logins/secret.h"
 #include "client/web/logins/sessions.h"
 #include "client/web/logins/steering_rules.h"
 
 namespace palpate::web {
+
+// Counts wrong logins per address, so that the gateway can answer a flood of them cheaply.
+//
+// This is no protection against guessing, and right logins pass in any case: a lecture hall may
+// come from one address, and some there may have an old link. Guessing is hopeless by itself: a
+// room's key has at least 16 characters, and a token 256 random bits.
+//
+// Threads: one.
+class LoginAttempts {
+ public:
+  static constexpr int kMostAMinute = 10;
+  // More addresses within a minute are not counted: their attempts are too many at once.
+  static constexpr std::size_t kMostAddresses = 4096;
+
+  // Counts a wrong login. False: there were too many from this address within this minute.
+  bool IsFew(std::string_view address, Time now);
+
+ private:
+  Time begin_{};                                    // of the minute that is counted
+  std::map<std::string, int, std::less<>> failed_;  // by address; at most kMostAMinute
+};
 
 struct User {
   std::string name;                    // 1 to 64 letters, digits and ._-

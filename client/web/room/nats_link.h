@@ -1,4 +1,4 @@
-// One connection to a NATS server that comes back by itself.
+// How a gateway reaches its NATS server, and the one connection to it, which comes back by itself.
 //
 // Nothing waits for the server to come: what is published meanwhile is dropped, and whoever
 // publishes begins anew when `connected` is called. A thread of the link connects, every 250 to
@@ -16,6 +16,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -26,9 +27,37 @@
 #include <thread>
 #include <vector>
 
-#include "client/web/room/nats_options.h"
-
 namespace palpate::web {
+
+struct NatsServer {
+  std::string url{};   // nats://HOST:PORT or tls://HOST:PORT; the port is 4222 unless given
+  std::string user{};  // of NATS; letters, digits, '_' and '-'. Empty: the server asks for none
+  std::filesystem::path password_file{};
+  // ca_file alone makes the connection use TLS, too. libnats 3.4.1 trusts the system's authorities
+  // beside it. The server's certificate must be for the host of the URL.
+  std::filesystem::path ca_file{}, certificate_file{}, key_file{};
+};
+
+// Refuses a server that cannot be used, and plain text to other machines. Looks for the files.
+// Errors: kInvalidArgument.
+void Check(const NatsServer& server);
+
+// A NATS user whose guests may change settings here.
+struct RemoteSite {
+  std::string name;                    // of the NATS user
+  std::vector<std::string> may_steer;  // keys of settings
+};
+
+// What a gateway does in a room of its NATS server.
+struct RoomOptions {
+  NatsServer server{};
+  std::string room{};
+  std::string version{};
+  std::vector<RemoteSite> sites{};  // for a publisher
+  // On the network thread; one line each.
+  std::function<void(const std::string& line)> log{};
+  std::function<void(bool is_accepted)> steered{};
+};
 
 struct NatsMessage {
   std::string_view subject, reply, bytes;

@@ -13,7 +13,7 @@
 
 #include "client/web/hub/hub.h"
 #include "client/web/logins/steering_rules.h"
-#include "client/web/room/nats_options.h"
+#include "client/web/room/nats_link.h"
 
 namespace palpate::web {
 

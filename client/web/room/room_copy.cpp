@@ -4,9 +4,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "client/web/room/beat.h"
-#include "client/web/volume/blob_name.h"
-#include "client/web/volume/group.h"
+#include "client/web/room/room_protocol.h"
+#include "client/web/volume/blob.h"
+#include "client/web/volume/manifest.h"
 #include "client/web/wire/envelope.h"
 #include "common/error/error.h"
 

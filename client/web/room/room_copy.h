@@ -27,9 +27,8 @@
 #include <vector>
 
 #include "client/web/hub/hub.h"
-#include "client/web/room/part.h"
-#include "client/web/room/subjects.h"
-#include "client/web/volume/blob_shelf.h"
+#include "client/web/room/room_protocol.h"
+#include "client/web/volume/blob.h"
 #include "client/web/volume/manifest.h"
 #include "client/web/wire/envelope.h"
 

@@ -4,7 +4,137 @@
 #include <utility>
 #include <variant>
 
+#include "client/web/logins/secret.h"
+#include "client/web/room/remote_steering.h"
+
 namespace palpate::web {
+namespace {
+
+// nats-server lets a user name any subject for the answer, such as one of another room: it must be
+// the user's own. "_R_." is what nats-server makes of the inbox of a user with another account.
+bool IsInboxOf(const std::string& user, std::string_view subject) {
+  return subject.starts_with(InboxPrefix(user) + ".") || subject.starts_with("_R_.");
+}
+
+}  // namespace
+
+LivePublisher::LivePublisher(const NatsServer& server, const Subjects& subjects, Calls calls)
+    : subjects_(subjects),
+      calls_(std::move(calls)),
+      beat_({.session = NewSecret(64), .machine = ThisMachine()}),
+      link_(server, "palpate-web: poses of room " + subjects.room(),
+            {.connected = [this] { SetWhy(""); },
+             .lost = [this](const std::string& why) { SetWhy("NATS is not reached: " + why); },
+             .missed = {},
+             .refused = calls_.refused}) {
+  link_.Subscribe(subjects_.beat(), [this](const NatsMessage& message) { TakeBeat(message); });
+  link_.Subscribe(subjects_.steer_all(),
+                  [this](const NatsMessage& message) { TakeRequest(message); });
+  link_.Start();
+  thread_ = std::thread([this] { Run(); });
+}
+
+LivePublisher::~LivePublisher() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  thread_.join();
+  link_.End();
+}
+
+void LivePublisher::PutPose(std::shared_ptr<const std::string> pose) {
+  {
+    const std::lock_guard lock(mutex_);
+    pose_ = std::move(pose);
+  }
+  wake_.notify_all();
+}
+
+void LivePublisher::Reply(std::string subject, std::string json) {
+  {
+    const std::lock_guard lock(mutex_);
+    replies_.emplace_back(std::move(subject), std::move(json));
+    --requests_;
+  }
+  wake_.notify_all();
+}
+
+std::string LivePublisher::problem() const {
+  const std::lock_guard lock(mutex_);
+  if (!why_.empty()) return why_;
+  return waits_ && !other_session_.empty() ? "another gateway publishes this room" : "";
+}
+
+void LivePublisher::SetWhy(const std::string& why) {
+  constexpr auto kListens = 2 * kBetweenBeats;
+  const std::lock_guard lock(mutex_);
+  why_ = why;
+  listens_until_ = why.empty() ? std::chrono::steady_clock::now() + kListens : Time::max();
+}
+
+void LivePublisher::Run() {
+  Time next_beat{};
+  std::unique_lock lock(mutex_);
+  while (true) {
+    wake_.wait_until(lock, next_beat, [this] { return stopping_ || pose_ || !replies_.empty(); });
+    if (stopping_) return;
+    const Time now = std::chrono::steady_clock::now();
+    const bool waited = std::exchange(waits_, Waits(now));
+    const bool waits = waits_;
+    const auto pose = std::exchange(pose_, nullptr);
+    const auto replies = std::exchange(replies_, {});
+    lock.unlock();
+    if (waits != waited) calls_.waits(waits);
+    for (const auto& [subject, json] : replies) link_.Publish(subject, json);
+    if (pose && !waits) link_.Publish(subjects_.pose(), *pose);
+    if (now >= next_beat) {
+      Beat beat = beat_;
+      beat.kept = calls_.kept();
+      if (!waits && link_.Publish(subjects_.beat(), ToJson(beat))) beat_at_ = now;
+      next_beat = now + kBetweenBeats;
+    }
+    lock.lock();
+  }
+}
+
+// The caller holds the lock.
+bool LivePublisher::Waits(Time now) const {
+  // Others take over a room that was silent for so long.
+  if (now < listens_until_) return waits_ || now - beat_at_ >= kBeatLife;
+  return now - other_beat_ < kBeatLife && (waits_ || other_session_ < beat_.session);
+}
+
+void LivePublisher::TakeBeat(const NatsMessage& message) {
+  const auto beat = ParseBeat(message.bytes);
+  if (!beat || beat->session == beat_.session) return;
+  const std::lock_guard lock(mutex_);
+  other_session_ = beat->session;
+  other_beat_ = std::chrono::steady_clock::now();
+}
+
+void LivePublisher::TakeRequest(const NatsMessage& message) {
+  const auto user = subjects_.ParseSteer(message.subject);
+  if (!user || !IsInboxOf(*user, message.reply)) return;
+  constexpr std::size_t kMostBytes = 1024;
+  std::string refusal;
+  {
+    const std::lock_guard lock(mutex_);
+    if (waits_) return;  // the other one answers
+    if (message.bytes.size() > kMostBytes) refusal = "the request is too long";
+    // A few more for stops, which the sources answer at once.
+    const bool is_stop = message.bytes.find("\"stop\"") != std::string_view::npos;
+    if (requests_ >= kMostRequests * (is_stop ? 2 : 1)) refusal = "too many requests";
+    if (refusal.empty()) ++requests_;
+  }
+  if (refusal.empty()) {
+    calls_.steer(*user, std::string(message.bytes), std::string(message.reply));
+  } else {
+    link_.Publish(std::string(message.reply), SteerAnswer(refusal));
+  }
+}
+
 namespace {
 
 constexpr std::chrono::seconds kBetweenChanges{10}, kBetweenLines{60}, kFirstLine{2};

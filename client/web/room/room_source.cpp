@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "client/sdk/device.h"
-#include "client/web/upstream/clock.h"
+#include "client/web/upstream/source.h"
 #include "client/web/upstream/topic_text.h"
-#include "client/web/volume/blob_name.h"
-#include "client/web/volume/group.h"
+#include "client/web/volume/blob.h"
+#include "client/web/volume/manifest.h"
 #include "client/web/wire/envelope.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::web {
 namespace {

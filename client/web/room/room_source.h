@@ -22,12 +22,10 @@
 #include <vector>
 
 #include "client/web/hub/hub.h"
-#include "client/web/room/beat.h"
 #include "client/web/room/nats_link.h"
-#include "client/web/room/nats_options.h"
 #include "client/web/room/room_copy.h"
+#include "client/web/room/room_protocol.h"
 #include "client/web/room/room_state.h"
-#include "client/web/room/subjects.h"
 #include "client/web/upstream/source.h"
 #include "client/web/upstream/stopper.h"
 #include "client/web/upstream/worker.h"

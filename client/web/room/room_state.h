@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "client/sdk/connection.h"
-#include "client/web/room/beat.h"
+#include "client/web/room/room_protocol.h"
 
 namespace palpate::web {
 

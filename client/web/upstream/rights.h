@@ -1,6 +1,6 @@
 // Whether the gateway has more rights at palpated than it needs: whoever takes it over has them.
 //
-// Threads: pure.
+// Threads: pure. Apart for its tests.
 #pragma once
 
 #include <string>

@@ -1,9 +1,8 @@
 #include "client/web/upstream/source.h"
 
 #include "client/sdk/device.h"
-#include "client/web/upstream/clock.h"
 #include "client/web/upstream/topic_text.h"
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::web {
 

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -18,6 +19,18 @@
 #include "client/web/hub/hub.h"
 
 namespace palpate::web {
+
+// The clocks of messages, for any thread: of the Unix epoch [ms].
+inline std::int64_t NowMs() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
+}
+
+// Of this start of the machine [ns].
+inline std::int64_t MonotonicNs() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return std::chrono::nanoseconds(now).count();
+}
 
 // Runs a function on the network thread.
 using Post = std::function<void(std::function<void()>)>;

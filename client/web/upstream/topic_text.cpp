@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <variant>
 
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 
 namespace palpate::web {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/error/one_line.h"
+#include "common/error/text.h"
 #include "common/wire/values.h"
 #include "palpate/v1/envelope.pb.h"
 

@@ -8,16 +8,33 @@
 //
 // Lights: red until homed, then blue without forces and green with forces.
 // Threads and real-time: as UsbProtocol. Ownership: borrows the link in calls only.
-// Source: see frames.h, kinematics.h and bring_up.h. Verification level: none; we have not seen a
+// Source: see frames.h, kinematics.h and above. Verification level: none; we have not seen a
 // device.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "server/device/falcon/frames.h"
-#include "server/device/usb/usb_protocol.h"
+#include "server/device/usb/usb_bus.h"
+#include "server/device/usb/usb_link.h"
 
 namespace palpate {
+
+// Brings a Falcon to the state in which it speaks frames: sets up its FTDI chip, and uploads the
+// firmware, which the Falcon loses without power.
+//
+// Source: libnifalcon (BSD), FalconCommLibUSB.cpp and FalconFirmware.cpp. Verification level: none;
+// we have not seen a device.
+// Threads: the I/O thread. Not real-time: waits.
+// Errors: BusError, also soon after `stop` becomes true.
+
+// Reads the operator's file, of 1 byte to kMaxFalconFirmwareBytes.
+inline constexpr std::size_t kMaxFalconFirmwareBytes = 256 * 1024;
+std::vector<std::uint8_t> ReadFalconFirmware(const std::string& file);
 
 struct FalconOptions {
   std::string port{};           // as in UsbMatch

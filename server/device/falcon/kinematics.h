@@ -12,7 +12,7 @@
 // Threads: pure functions. Real-time: no allocation, bounded.
 // Source: lengths, angles, encoders and motor scale as in libnifalcon (BSD), FalconGeometry.h,
 // FalconKinematic.h, FalconKinematicStamper.cpp, after R. E. Stamper's thesis. We have not checked
-// them on hardware.
+// them on hardware. Apart for its tests.
 #pragma once
 
 #include <array>

@@ -2,7 +2,7 @@
 //
 // It uses two descriptors of the device's node, because each has at most one context: one for
 // registers, channels and received packets, one for sent packets. Packets come within the events
-// (fw_event.h), so no memory is shared with the kernel.
+// (fw_node.h), so no memory is shared with the kernel.
 //
 // At most kMostUnderWay sent packets wait in the kernel. One leaves in each cycle of 125 us, so a
 // force that is sent now leaves within three cycles.
@@ -23,7 +23,6 @@
 #include <utility>
 #include <vector>
 
-#include "server/device/firewire/fw_event.h"
 #include "server/device/firewire/fw_node.h"
 
 namespace palpate {

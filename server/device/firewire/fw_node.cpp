@@ -6,13 +6,141 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
-
-#include "server/device/firewire/fw_event.h"
-#include "server/device/firewire/fw_finder.h"
+#include <filesystem>
+#include <fstream>
+#include <optional>
 
 namespace palpate {
+namespace {
+
+// Numbers in the host's order, as the kernel's structures have them.
+template <class T>
+T At(std::span<const std::uint8_t> bytes, std::size_t at) noexcept {
+  T value{};
+  std::memcpy(&value, &bytes[at], sizeof value);
+  return value;
+}
+
+std::uint32_t BigEndian(std::span<const std::uint8_t> bytes, std::size_t at) noexcept {
+  return std::uint32_t{bytes[at]} << 24 | std::uint32_t{bytes[at + 1]} << 16 |
+         std::uint32_t{bytes[at + 2]} << 8 | bytes[at + 3];
+}
+
+// What follows the structure's fixed part. Its sizeof is larger, for its alignment.
+std::optional<std::span<const std::uint8_t>> Rest(std::span<const std::uint8_t> bytes,
+                                                  std::size_t from, std::size_t length) noexcept {
+  if (length > bytes.size() - from) return std::nullopt;
+  return bytes.subspan(from, length);
+}
+
+}  // namespace
+
+std::optional<FwEvent> ParseFwEvent(std::span<const std::uint8_t> bytes) noexcept {
+  if (bytes.size() < sizeof(fw_cdev_event_common)) return std::nullopt;
+  using Reset = fw_cdev_event_bus_reset;
+  using Response = fw_cdev_event_response;
+  using Packets = fw_cdev_event_iso_interrupt;
+  using Resource = fw_cdev_event_iso_resource;
+  const auto type = At<std::uint32_t>(bytes, offsetof(fw_cdev_event_common, type));
+  switch (type) {
+    case FW_CDEV_EVENT_BUS_RESET: {
+      if (bytes.size() < offsetof(Reset, generation) + 4) return std::nullopt;
+      return FwBusReset{At<std::uint32_t>(bytes, offsetof(Reset, generation))};
+    }
+    case FW_CDEV_EVENT_RESPONSE: {
+      if (bytes.size() < offsetof(Response, data)) return std::nullopt;
+      const auto data = Rest(bytes, offsetof(Response, data),
+                             At<std::uint32_t>(bytes, offsetof(Response, length)));
+      if (!data) return std::nullopt;
+      return FwResponse{At<std::uint64_t>(bytes, offsetof(Response, closure)),
+                        At<std::uint32_t>(bytes, offsetof(Response, rcode)), *data};
+    }
+    case FW_CDEV_EVENT_ISO_INTERRUPT: {
+      if (bytes.size() < offsetof(Packets, header)) return std::nullopt;
+      const auto headers = Rest(bytes, offsetof(Packets, header),
+                                At<std::uint32_t>(bytes, offsetof(Packets, header_length)));
+      if (!headers) return std::nullopt;
+      return FwPackets{*headers};
+    }
+    case FW_CDEV_EVENT_ISO_RESOURCE_ALLOCATED:
+    case FW_CDEV_EVENT_ISO_RESOURCE_DEALLOCATED: {
+      if (bytes.size() < offsetof(Resource, bandwidth) + 4) return std::nullopt;
+      return FwResource{type == FW_CDEV_EVENT_ISO_RESOURCE_ALLOCATED,
+                        At<std::int32_t>(bytes, offsetof(Resource, channel))};
+    }
+    default:
+      return std::nullopt;
+  }
+}
+
+std::optional<FwPacket> TakeFwPacket(std::span<const std::uint8_t>& headers) noexcept {
+  if (headers.size() < kFwPacketHeaderBytes) return std::nullopt;
+  FwPacket packet{.length = BigEndian(headers, 0) >> 16};
+  const std::uint32_t time = BigEndian(headers, 4);
+  packet.cycle = static_cast<int>((time >> 13 & 7) * 8000 + std::min(time & 0x1fff, 7999u));
+  // Beyond a short packet's end the kernel leaves old memory.
+  packet.payload = headers.subspan(8, std::min(packet.length, kFwPacketBytes));
+  headers = headers.subspan(kFwPacketHeaderBytes);
+  return packet;
+}
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string FirstLine(const fs::path& file) {
+  std::string line;
+  std::ifstream stream(file);
+  std::getline(stream, line);
+  return line;
+}
+
+// Calls take(folder, is_local) for each node. Units, fw1.0, are none.
+template <class Take>
+void ForEachNode(Take take) {
+  std::error_code none;
+  for (const fs::directory_entry& entry :
+       fs::directory_iterator("/sys/bus/firewire/devices", none)) {
+    const std::string name = entry.path().filename();
+    if (!name.starts_with("fw") || name.find('.') != std::string::npos) continue;
+    take(entry.path(), FirstLine(entry.path() / "is_local") == "1");
+  }
+}
+
+std::optional<std::uint64_t> GuidOf(const fs::path& folder) {
+  const std::string text = FirstLine(folder / "guid");  // "0x000b990080df6000"
+  if (!text.starts_with("0x")) return std::nullopt;
+  std::uint64_t guid = 0;
+  const auto [end, error] = std::from_chars(text.data() + 2, text.data() + text.size(), guid, 16);
+  if (error != std::errc()) return std::nullopt;
+  return guid;
+}
+
+}  // namespace
+
+std::vector<FwFound> FindFwNodes(std::uint32_t vendor) {
+  constexpr int kVendorShift = 40;
+  std::vector<FwFound> found;
+  ForEachNode([&](const fs::path& folder, bool is_local) {
+    const std::optional<std::uint64_t> guid = GuidOf(folder);
+    if (is_local || !guid || *guid >> kVendorShift != vendor) return;
+    const std::string node = "/dev/" + folder.filename().string();
+    found.push_back({*guid, node, access(node.c_str(), R_OK | W_OK) == 0});
+  });
+  std::ranges::sort(found, {}, &FwFound::guid);
+  return found;
+}
+
+bool HasFwController() {
+  bool has = false;
+  ForEachNode([&](const fs::path&, bool is_local) { has = has || is_local; });
+  return has;
+}
+
 namespace {
 
 constexpr std::uint32_t kAbi = 5;  // without later kinds of events

@@ -11,7 +11,7 @@
 // A device that ends its forces by itself (its force button, its limit of velocity, its watchdog,
 // its dead man's switch) is a fault.
 //
-// Frame M: its middle is that of the workspace; see fd_models.h. Torques are about that point of
+// Frame M: its middle is that of the workspace; see fd_library.h. Torques are about that point of
 // the wrist whose position is read.
 // Threads, errors: as StreamBus. The library's functions are called on the I/O thread, but for what
 // ends a motion of the arm: the library takes calls from any thread, say its documents. Nobody of
@@ -28,7 +28,6 @@
 #include <string>
 
 #include "server/device/forcedimension/fd_library.h"
-#include "server/device/forcedimension/fd_models.h"
 #include "server/device/stream/streamed_device.h"
 
 namespace palpate {

@@ -23,7 +23,7 @@
 #include <string>
 #include <vector>
 
-#include "server/device/haply/inverse_messages.h"
+#include "server/device/haply/inverse_link.h"
 #include "server/device/stream/streamed_device.h"
 
 namespace palpate {
@@ -43,12 +43,6 @@ DeviceDescription HaplySpec(const std::string& model);
 
 // The arms of a running service. Throws BusError if there is none. Any thread.
 std::vector<InverseArm> FindInverseArms(std::uint16_t port);
-
-// The service's frame, in m, and M, in mm.
-Vec3 InverseToM(const Vec3& p_m);
-Vec3 InverseFromM(const Vec3& force_n);
-// The handle points along its y: that is the stylus's -z.
-Eigen::Quaterniond InverseGripToM(const Eigen::Quaterniond& orientation);
 
 class HaplyBus final : public StreamBus {
  public:

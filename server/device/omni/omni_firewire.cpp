@@ -1,5 +1,6 @@
 #include "server/device/omni/omni_firewire.h"
 
+#include <fmt/core.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -7,13 +8,19 @@
 #include <array>
 #include <utility>
 
-#include "server/device/firewire/fw_finder.h"
 #include "server/device/firewire/fw_link.h"
-#include "server/device/omni/firewire_frames.h"
-#include "server/device/omni/omni_serial.h"
+#include "server/device/firewire/fw_node.h"
+#include "server/device/omni/omni_frames.h"
 #include "server/realtime/tick_timer.h"
 
 namespace palpate {
+
+std::string OmniSerialOf(std::uint64_t guid) {
+  const auto bits = [&](int lowest, int count) { return guid >> lowest & ((1u << count) - 1); };
+  return fmt::format("{}{:02}{:02}{}{:05}", bits(23, 3), bits(19, 4), bits(14, 5), bits(11, 3),
+                     bits(1, 10));
+}
+
 namespace {
 
 using std::chrono::milliseconds;

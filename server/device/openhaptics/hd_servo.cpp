@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "server/device/stream/rotation.h"
+#include "server/device/stream/vendor_library.h"
 #include "server/realtime/tick_timer.h"
 
 namespace palpate {

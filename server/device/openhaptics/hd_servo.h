@@ -19,8 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "server/device/openhaptics/hd_api.h"
-#include "server/device/openhaptics/hd_errors.h"
+#include "server/device/openhaptics/hd_library.h"
 #include "server/device/stream/device_seat.h"
 #include "server/realtime/spsc_ring.h"
 

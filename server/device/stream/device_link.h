@@ -12,7 +12,7 @@
 #include <string>
 #include <thread>
 
-#include "server/device/stream/device_log.h"
+#include "server/device/stream/device_seat.h"
 
 namespace palpate {
 

@@ -4,7 +4,6 @@
 #include <optional>
 #include <utility>
 
-#include "server/device/usb/libusb_handles.h"
 #include "server/device/usb/usb_stream.h"
 
 namespace palpate {

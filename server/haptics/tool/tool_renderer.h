@@ -4,7 +4,7 @@
 // Of the settings, stiffness, damping, viscosity and passivity control act. Pops, layers, friction,
 // grain, the magnet and force shading do not; the session refuses them with a tool. The coupling
 // that turns the tool back has the stiffness times ρ². A device without torque gets the force alone
-// (spring_tank.h says at what share).
+// (tool_memory.h says at what share).
 //
 // Frame: D (mm, N, N mm). Threads: pure; one thread per state.
 // Real-time: no allocation, no locks; bounded by the work that is given.

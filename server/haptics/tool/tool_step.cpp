@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/haptics/tool/ball_planes.h"
+#include "server/haptics/tool/chord.h"
 
 namespace palpate {
 namespace {

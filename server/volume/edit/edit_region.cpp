@@ -8,7 +8,7 @@
 #include <type_traits>
 
 #include "common/error/error.h"
-#include "common/error/number_text.h"
+#include "common/error/text.h"
 
 namespace palpate {
 namespace {

@@ -7,20 +7,102 @@
 #include <algorithm>
 #include <cassert>
 #include <chrono>
+#include <cstddef>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <map>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "common/error/error.h"
+#include "common/geometry/geometry.h"
 #include "server/volume/edit/edit_region.h"
 #include "server/volume/edit/filter_interrupter.h"
-#include "server/volume/edit/mean_filter.h"
 #include "server/volume/snapshot/openvdb_grids.h"
 
 namespace palpate {
 namespace {
+
+// Means of the voxels around each voxel, equal bit by bit to openvdb::tools::Filter. Works in a
+// dense array, ten times as fast as in a tree. Tests compare the two.
+//
+// Threads: one at a time. Not for real-time code.
+class MeanFilter {
+ public:
+  // Holds `size` voxels. The voxels around them always have the value `around`.
+  MeanFilter(const Vec3i& size, int width, float around);
+
+  // Points to voxel (x, y, 0), followed by the voxels along z.
+  float* Row(int x, int y) { return values_.data() + Place(x, y); }
+  const float* Row(int x, int y) const { return values_.data() + Place(x, y); }
+
+  // Computes one mean of (2·width + 1)³ voxels. `check` is called often; it may throw.
+  void Run(const std::function<void()>& check);
+
+ private:
+  std::size_t Place(int x, int y) const {
+    return static_cast<std::size_t>(x + width_) * stride_x_ +
+           static_cast<std::size_t>(y + width_) * stride_y_ + static_cast<std::size_t>(width_);
+  }
+  void Pass(std::size_t stride, const std::function<void()>& check);
+
+  const Vec3i size_;
+  const int width_;
+  const std::size_t stride_y_;
+  const std::size_t stride_x_;
+  std::vector<float> values_;  // the voxels, with `width` voxels around them
+  std::vector<float> next_;
+};
+
+// The number of sums computed together, so that the compiler uses vector instructions.
+constexpr int kTogether = 16;
+
+MeanFilter::MeanFilter(const Vec3i& size, int width, float around)
+    : size_(size),
+      width_(width),
+      stride_y_(static_cast<std::size_t>(size.z() + 2 * width)),
+      stride_x_(static_cast<std::size_t>(size.y() + 2 * width) * stride_y_),
+      values_(static_cast<std::size_t>(size.x() + 2 * width) * stride_x_, around),
+      next_(values_) {}
+
+// Uses OpenVDB's order x, z, y, because the sums depend on it.
+void MeanFilter::Run(const std::function<void()>& check) {
+  Pass(stride_x_, check);
+  Pass(1, check);
+  Pass(stride_y_, check);
+}
+
+// Computes as OpenVDB does: adds floats from the first voxel to the last, and multiplies by a
+// float.
+void MeanFilter::Pass(std::size_t stride, const std::function<void()>& check) {
+  const int count = 2 * width_ + 1;
+  const float share = 1.0f / static_cast<float>(count);
+  const std::size_t back = static_cast<std::size_t>(width_) * stride;
+  for (int x = 0; x < size_.x(); ++x) {
+    check();
+    for (int y = 0; y < size_.y(); ++y) {
+      const float* const first = Row(x, y) - back;
+      float* const out = next_.data() + Place(x, y);
+      int z = 0;
+      for (; z + kTogether <= size_.z(); z += kTogether) {
+        float sums[kTogether] = {};
+        for (int n = 0; n < count; ++n) {
+          const float* const from = first + z + static_cast<std::size_t>(n) * stride;
+          for (int u = 0; u < kTogether; ++u) sums[u] += from[u];
+        }
+        for (int u = 0; u < kTogether; ++u) out[z + u] = sums[u] * share;
+      }
+      for (; z < size_.z(); ++z) {
+        float sum = 0.0f;
+        for (int n = 0; n < count; ++n) sum += first[z + static_cast<std::size_t>(n) * stride];
+        out[z] = sum * share;
+      }
+    }
+  }
+  values_.swap(next_);
+}
 
 using Clock = std::chrono::steady_clock;
 using Node = openvdb::FloatTree::LeafNodeType;
@@ -29,6 +111,13 @@ using Node = openvdb::FloatTree::LeafNodeType;
 constexpr int kPartEdge = 8;
 constexpr int kLargePartEdge = 16;
 constexpr int kLargePartReach = 8;  // voxels; a longer reach makes large parts
+
+// The reach of a result, in voxels along an axis: width · iterations, four times as much for
+// kGaussian.
+std::int64_t FilterReach(const VolumeFilter& filter) {
+  return std::int64_t{filter.width} * filter.iterations *
+         (filter.kind == FilterKind::kGaussian ? 4 : 1);
+}
 
 void CheckNumbers(const VolumeFilter& filter) {
   if (filter.width < 1 || filter.width > kMostFilterWidth) {
@@ -76,11 +165,6 @@ openvdb::Coord CornerOf(const Vec3i& brick) {
 }
 
 }  // namespace
-
-std::int64_t FilterReach(const VolumeFilter& filter) {
-  return std::int64_t{filter.width} * filter.iterations *
-         (filter.kind == FilterKind::kGaussian ? 4 : 1);
-}
 
 // Filters some bricks of one state of the volume.
 class FilterRun::Worker {

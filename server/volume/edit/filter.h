@@ -43,10 +43,6 @@ inline constexpr int kMostFilterWidth = 8;
 // of the volume: 192³ voxels in two buffers, 54 MiB.
 inline constexpr int kMostFilterReach = 32;
 
-// The reach of a result, in voxels along an axis: width · iterations, four times as much for
-// kGaussian.
-std::int64_t FilterReach(const VolumeFilter& filter);
-
 using FilterProgress = std::function<void(double fraction)>;
 using FilterCancelled = std::function<bool()>;
 

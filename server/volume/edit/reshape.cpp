@@ -15,7 +15,6 @@
 #include "common/error/error.h"
 #include "server/volume/edit/filter_interrupter.h"
 #include "server/volume/load/handover.h"
-#include "server/volume/snapshot/grid_form.h"
 #include "server/volume/snapshot/grid_tree.h"
 #include "server/volume/snapshot/openvdb_grids.h"
 

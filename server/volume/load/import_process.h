@@ -5,6 +5,7 @@
 // fork would make the servo's pages copy-on-write.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -16,10 +17,18 @@
 
 #include "common/files/own_files.h"
 #include "server/volume/load/dense_bricks.h"
-#include "server/volume/load/load_memory.h"
-#include "server/volume/load/raw_voxels.h"
 
 namespace palpate {
+
+// Describes a file that holds only voxels. Plain values.
+struct RawVoxels {
+  std::array<std::int64_t, 3> size{};  // voxels along x (fastest), y, z
+  std::string type;  // "int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"
+  bool big_endian = false;
+  std::int64_t offset_bytes = 0;  // position of the first voxel
+
+  bool operator==(const RawVoxels&) const = default;
+};
 
 using SizeKnown = std::function<void(const Vec3i& size, const LoadMemory& memory)>;
 

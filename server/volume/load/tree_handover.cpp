@@ -21,8 +21,8 @@
 #include <vector>
 
 #include "common/error/error.h"
-#include "server/volume/load/handover_file.h"
-#include "server/volume/snapshot/grid_form.h"
+#include "server/volume/load/handover.h"
+#include "server/volume/snapshot/grid_tree.h"
 
 namespace palpate {
 namespace {

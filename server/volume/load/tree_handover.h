@@ -1,4 +1,4 @@
-// Takes over a volume that is handed over as the leaves and tiles of a tree (handover_layout.h).
+// Takes over a volume that is handed over as the leaves and tiles of a tree (handover.h).
 //
 // Not for real-time code. Threads: any. Errors: Error.
 #pragma once

@@ -13,7 +13,6 @@
 
 #include <openvdb/io/Stream.h>
 
-#include "server/volume/snapshot/grid_form.h"
 #include "server/volume/snapshot/grid_tree.h"
 #include "server/volume/snapshot/openvdb_grids.h"
 

@@ -11,7 +11,6 @@
 
 #include "common/error/error.h"
 #include "server/volume/load/handover.h"
-#include "server/volume/snapshot/grid_form.h"
 #include "server/volume/snapshot/grid_tree.h"
 
 namespace palpate {

@@ -1,7 +1,7 @@
 // Sends a volume from palpated to a palpate-import that saves it as .vdb.
 //
 // The bytes: HandoverHeader; for a volume from a .vdb file the parts of its grid's form, in the
-// order and with the types of handover_layout.h, where the leaves are those beyond the lattice;
+// order and with the types of handover.h, where the leaves are those beyond the lattice;
 // then all bricks, z fastest. A brick is a PipedLeaf and, unless it is constant, 64 bytes of states
 // and 8³ voxels of its type.
 //

@@ -1,7 +1,9 @@
 #include "server/volume/snapshot/brick_directory.h"
 
+#include <algorithm>
 #include <cassert>
 #include <map>
+#include <memory>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -234,6 +236,64 @@ std::uint64_t BrickDirectory::MemoryBytes(const Vec3i& size_voxels, LeafType typ
   return static_cast<std::uint64_t>(bricks.cast<std::int64_t>().prod()) * Leaf::Bytes(type) +
          static_cast<std::uint64_t>(CountOf(bricks, 8).cast<std::int64_t>().prod()) *
              (sizeof(Block) + sizeof(BlockPtr));
+}
+
+namespace {
+
+// Returns the leaf with the background beyond the lattice.
+LeafPtr WithBackground(const LeafPtr& leaf, const Vec3i& voxels, float background) {
+  Brick filled = leaf->Floats();
+  for (int i = 0; i < kBrickEdge; ++i) {
+    for (int j = 0; j < kBrickEdge; ++j) {
+      for (int k = 0; k < kBrickEdge; ++k) {
+        if (i >= voxels.x() || j >= voxels.y() || k >= voxels.z()) {
+          filled[VoxelInBrick(i, j, k)] = background;
+        }
+      }
+    }
+  }
+  return leaf->With(filled);
+}
+
+}  // namespace
+
+LeafPtr BrickPool::Share(const LeafPtr& leaf) {
+  const std::uint64_t hash = HashOfBrick(leaf->Floats(), 0).low;
+  const auto [begin, end] = by_hash_.equal_range(hash);
+  for (auto known = begin; known != end; ++known) {
+    // Compares bits, not values: a content hash distinguishes -0 and 0.
+    if (HaveSameBits(*known->second, *leaf)) return known->second;
+  }
+  by_hash_.emplace(hash, leaf);
+  return leaf;
+}
+
+BrickDirectory BrickPool::Share(const BrickDirectory& bricks, const Vec3i& size_voxels,
+                                float background) {
+  return {size_voxels, [&](const Vec3i& brick) {
+            const Vec3i voxels = size_voxels - brick * kBrickEdge;
+            const bool is_whole = (voxels.array() >= kBrickEdge).all();
+            return Share(is_whole ? bricks.At(brick)
+                                  : WithBackground(bricks.At(brick), voxels, background));
+          }};
+}
+
+std::uint64_t MemoryBytes(std::span<const BrickDirectory> directories, const Vec3i& size_voxels) {
+  std::unordered_set<const Leaf*> leaves;
+  std::uint64_t leaf_bytes = 0;
+  for (const BrickDirectory& directory : directories) {
+    const std::uint64_t count = directory.brick_count().cast<std::int64_t>().prod();
+    for (std::uint64_t number = 0; number < count; ++number) {
+      const LeafPtr& leaf = directory.At(directory.BrickOf(number));
+      if (leaves.insert(leaf.get()).second) leaf_bytes += leaf->Bytes();
+    }
+  }
+  // The most memory that the directories themselves take.
+  const std::uint64_t places = static_cast<std::uint64_t>(
+      directories.empty() ? 0 : directories[0].brick_count().cast<std::int64_t>().prod());
+  const std::uint64_t each =
+      BrickDirectory::MemoryBytes(size_voxels) - places * Leaf::Bytes(LeafType::kFloat);
+  return directories.size() * each + leaf_bytes;
 }
 
 }  // namespace palpate

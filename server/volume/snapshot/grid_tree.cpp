@@ -7,7 +7,6 @@
 #include <memory>
 #include <utility>
 
-#include "server/volume/snapshot/grid_form.h"
 #include "server/volume/snapshot/openvdb_grids.h"
 
 namespace palpate {

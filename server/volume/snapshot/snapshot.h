@@ -12,7 +12,6 @@
 #include <cstdint>
 
 #include "common/isosurface/cell.h"
-#include "common/isosurface/ties.h"
 #include "server/volume/snapshot/brick_directory.h"
 #include "server/volume/snapshot/volume_metadata.h"
 

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "common/error/error.h"
-#include "common/error/number_text.h"
+#include "common/error/text.h"
 
 namespace palpate {
 namespace {

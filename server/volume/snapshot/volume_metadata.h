@@ -46,7 +46,7 @@ struct VolumeMetadata {
   // True if loading `source` again gives this volume. False for uploads, series, raw voxels, a
   // frame other than the first, and volumes loaded with a named grid or component.
   bool reloadable = true;
-  // For a volume from a .vdb file: the rest of its grid, for saving (grid_form.h).
+  // For a volume from a .vdb file: the rest of its grid, for saving (grid_tree.h).
   std::shared_ptr<const GridForm> grid_form{};
 
   // The value beyond the lattice, data units: the end of the range that is outside.

@@ -1,4 +1,4 @@
-// Scales values for the graphics card as client/view/render/value_scale.h does, which says why: by a
+// Scales values for the graphics card as client/view/render/brick_cache.h does, which says why: by a
 // power of two, so that the largest is near 2^32.
 
 const kLargestExponent = 32;

@@ -7,7 +7,7 @@ import { norm, scale, subtract } from "./geometry";
 
 export type Tool = NonNullable<GuestFacts["settings"]["settings"]["tool"]>;
 
-// In the desktop viewer's colours (client/view/drawing/tool_drawing.cpp).
+// In the desktop viewer's colours (client/view/drawing/overlay.cpp).
 const kSteel = 0xbcc0c8;
 const kCarving = 0xd6ba78;
 const kTouching = 0x3cc85a;
