@@ -1,4 +1,3 @@
-#include "client/view/window/png_file.h"
 #include "client/view/window/run.h"
 
 // Must come before headers that include OpenGL's own header.
@@ -30,6 +29,7 @@
 #include "client/view/viewer/layout.h"
 #include "client/view/viewer/preferences.h"
 #include "client/view/viewer/viewer.h"
+#include "client/view/window/png_file.h"
 #include "common/error/error.h"
 
 namespace palpate::view {

@@ -8,7 +8,7 @@
 //
 // Lights: red until homed, then blue without forces and green with forces.
 // Threads and real-time: as UsbProtocol. Ownership: borrows the link in calls only.
-// Source: see frames.h, kinematics.h and above. Verification level: none; we have not seen a
+// Source: see frames.h, kinematics.h and below. Verification level: none; we have not seen a
 // device.
 #pragma once
 
