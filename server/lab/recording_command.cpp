@@ -42,6 +42,14 @@ void WarnIfCut(const RecordingReader& reader) {
   std::fprintf(stderr, "palpate-lab: %s\n", reader.stopped_because().c_str());
 }
 
+// On standard error, because the table may go to standard output. Ticks may be lost at the end,
+// where no row counts them.
+void SayWhatIsMissing(const RecordingReader& reader) {
+  const char* where = reader.lost_ticks() > 0 ? " (the column lost_ticks says where)" : "";
+  fmt::print(stderr, "{} ticks, {} missing{}\n", reader.ticks(), reader.lost_ticks(), where);
+  WarnIfCut(reader);
+}
+
 std::string Report(const ReplayCounts& counts) {
   std::string text = fmt::format(
       "ticks      {}\ncompared   {}, {} in contact\ndiffering  {}\n"
@@ -115,7 +123,7 @@ void ExportRecording(const ExportOptions& options, std::ostream& out) {
     };
     WriteWhole(options.output, write, ReplacesIf(options.overwrite));
   }
-  WarnIfCut(reader);
+  SayWhatIsMissing(reader);
 }
 
 }  // namespace palpate::lab

@@ -35,7 +35,7 @@ std::string Header() {
   std::string row;
   const TickSample sample;
   VisitFields(sample, [&](std::string_view name, const auto&) { row.append(name).append(","); });
-  return row + "unix_ns,markers";
+  return row + "lost_ticks,unix_ns,markers";
 }
 
 // Adds quotes if commas, quotes or line ends would break the table.
@@ -66,6 +66,7 @@ class Table {
         AppendField(field, row_);
       }
     });
+    AppendField(lost_ticks_, row_);
     if (const auto unix_ns = header_.UnixOf(sample.time_ns)) row_ += std::to_string(*unix_ns);
     stream_ << row_ << ',' << Quoted(std::exchange(markers_, {})) << '\n';
     CheckStream();
@@ -75,6 +76,8 @@ class Table {
   void Add(const RecordedEvent& event) {
     markers_ += (markers_.empty() ? "" : "; ") + event.marker;
   }
+
+  void Add(const RecordedGap& gap) { lost_ticks_ += gap.last_tick - gap.first_tick + 1; }
 
   void End() {
     stream_.flush();
@@ -91,7 +94,8 @@ class Table {
   std::ostream& stream_;
   const RecordingHeader header_;
   std::string row_;
-  std::string markers_;  // of the next row
+  std::string markers_;           // of the next row
+  std::uint64_t lost_ticks_ = 0;  // before the next row
 };
 
 }  // namespace
@@ -103,6 +107,8 @@ void ExportCsv(RecordingReader& reader, std::ostream& stream) {
       for (const TickSample& sample : *samples) table.Add(sample);
     } else if (const auto* event = std::get_if<RecordedEvent>(&*item)) {
       table.Add(*event);
+    } else if (const auto* gap = std::get_if<RecordedGap>(&*item)) {
+      table.Add(*gap);
     }
   }
   table.End();
@@ -110,7 +116,12 @@ void ExportCsv(RecordingReader& reader, std::ostream& stream) {
 
 void ExportCsv(std::span<const TickSample> ticks, std::ostream& stream) {
   Table table(stream, {});
-  for (const TickSample& sample : ticks) table.Add(sample);
+  std::uint64_t next = ticks.empty() ? 0 : ticks.front().tick;
+  for (const TickSample& sample : ticks) {
+    if (sample.tick > next) table.Add(RecordedGap{next, sample.tick - 1});
+    next = sample.tick + 1;
+    table.Add(sample);
+  }
   table.End();
 }
 

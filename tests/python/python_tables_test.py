@@ -62,7 +62,7 @@ class Ticks(RecordingTest):
 
         for name in ("tick", "time_ns", "buttons", "scene_revision", "settings_revision",
                      "volume_revision", "update_ns", "iterations", "missed_ticks", "capped_ticks",
-                     "faulty_ticks", "refinement", "layers_passed", "contact_layer",
+                     "faulty_ticks", "lost_ticks", "refinement", "layers_passed", "contact_layer",
                      "tool_radius_mm", "hand", "touching_balls"):
             np.testing.assert_array_equal(getattr(ticks, name), column(name, int), name)
         np.testing.assert_array_equal(self.recording.to_unix_ns(ticks.time_ns),
@@ -128,7 +128,11 @@ class Agreement(RecordingTest):
                     self.assertEqual(lab.returncode, 3, lab.stderr)
                     continue
                 self.assertEqual(lab.returncode, 0, lab.stderr)
-                self.assertEqual(len(lab.stdout.splitlines()) - 1, len(recording.ticks))
+                rows = list(csv.DictReader(io.StringIO(lab.stdout)))
+                self.assertEqual([int(row["lost_ticks"]) for row in rows],
+                                 recording.ticks.lost_ticks.tolist())
+                if recording.complete:
+                    self.assertRegex(lab.stderr, rf"\b{recording.lost_ticks} missing")
                 complaints = [line for line in lab.stderr.splitlines() if "palpate-lab" in line]
                 self.assertEqual(complaints == [], recording.complete,
                                  (complaints, recording.ends_early))
@@ -165,6 +169,14 @@ class Hdf5(RecordingTest):
         subprocess.run([sys.executable, "-c", command, self.path, "trial.h5"], check=True,
                        cwd=self.folder)
         self.assertTrue(h5py.is_hdf5(self.folder / "trial.h5"))
+
+    def test_gaps_are_in_it(self):
+        (self.folder / "gap.mcap").write_bytes(dict(corpus_recordings.files())["with_a_gap"])
+        recording = palpate.open_recording(self.folder / "gap.mcap")
+        recording.to_hdf5(self.folder / "gap.h5")
+        with h5py.File(self.folder / "gap.h5") as file:
+            self.assertEqual([[*column] for column in file["gaps"].values()], [[4], [9]])
+            self.assertEqual([*file["ticks/lost_ticks"]], [0, 0, 0, 0, 6])
 
     def check_plain(self, name, held):
         if isinstance(held, h5py.Dataset):

@@ -67,6 +67,15 @@ std::string Table(const std::string& bytes) {
   return table.str();
 }
 
+// Of a stylus whose x is the number of the tick.
+TickSample Sample(std::uint64_t tick, std::uint64_t missed = 0) {
+  TickSample sample;
+  sample.tick = tick;
+  sample.missed_ticks = missed;
+  sample.hip_mm = {static_cast<double>(tick), 2.0, 3.0};
+  return sample;
+}
+
 TEST(CsvExport, NumbersReadBackBitForBit) {
   const std::vector<TickSample> samples = testing::RandomSamples(40, 500);
   const std::vector<std::string> lines = Split(Table(Record(samples)), '\n');
@@ -121,6 +130,25 @@ TEST(CsvExport, MarkersStandOnTheirTick) {
   EXPECT_TRUE(lines[3].ends_with(",\"left; end, of it\""));
 }
 
+TEST(CsvExport, EachRowCountsTheTicksThatAreNotRecorded) {
+  const std::vector<TickSample> samples = {Sample(5), Sample(6), Sample(9), Sample(10), Sample(20)};
+  std::ostringstream of_memory;
+  ExportCsv(samples, of_memory);
+  const std::string recorded = Record([&](RecordingWriter& writer) {
+    for (const TickSample& sample : samples) {
+      writer.SkipTo(sample.tick);
+      testing::Append(writer, std::vector{sample});
+    }
+  });
+  for (const std::string& table : {Table(recorded), of_memory.str()}) {
+    std::vector<std::string> lines = Split(table, '\n'), lost;
+    for (const std::string& line : lines) {
+      lost.push_back(Split(line, ',').at(Column(lines[0], "lost_ticks")));
+    }
+    EXPECT_EQ(lost, (std::vector<std::string>{"lost_ticks", "0", "0", "2", "2", "11"}));
+  }
+}
+
 TEST(CsvExport, AFullStreamIsAnError) {
   RecordingReader reader = ReadBytes(Record([](RecordingWriter&) {}));
   std::ostringstream table;
@@ -152,15 +180,6 @@ TEST(VolumeHash, DependsOnWhatIsFeltAlone) {
   const auto in_other_row = [](int i, int j, int k) { return double{1.0} * ((i * 2 + j) * 4 + k); };
   EXPECT_NE(HashVolume(*MakeVolume({2, 4, 4}, in_row)),
             HashVolume(*MakeVolume({4, 2, 4}, in_other_row)));
-}
-
-// Of a stylus whose x is the number of the tick.
-TickSample Sample(std::uint64_t tick, std::uint64_t missed = 0) {
-  TickSample sample;
-  sample.tick = tick;
-  sample.missed_ticks = missed;
-  sample.hip_mm = {static_cast<double>(tick), 2.0, 3.0};
-  return sample;
 }
 
 std::vector<DeviceState> PathOf(const std::string& bytes,

@@ -34,7 +34,10 @@ _MOST_HELD, _FREE_BYTES, _BYTES_PER_MESSAGE = 64, 64 << 20, 1 << 10
 class RecordedTicks(RecordedColumns, Table):
     __doc__ = f"""n recorded ticks, oldest first; len() is n. Frames and units are as in Poses.
 
-{ABOUT}{RECORDED_ABOUT}    """
+{ABOUT}{RECORDED_ABOUT}    lost_ticks: (n,) ticks before this one that are not recorded. It rises at each gap
+    """
+
+    lost_ticks: npt.NDArray[np.uint64]
 
     def __len__(self) -> int:
         return len(self.tick)
@@ -175,9 +178,9 @@ class RecordingFile:
         return voxels.values
 
     def to_hdf5(self, path: str | os.PathLike[str]) -> None:
-        """Writes ticks and markers as HDF5: plain arrays, which MATLAB reads, too.
+        """Writes ticks, markers and gaps as HDF5: plain arrays, which MATLAB reads, too.
 
-        The arrays are ticks/force_n, ticks/unix_ns, markers/text ... Their attribute "unit" is that
+        The arrays are ticks/force_n, ticks/unix_ns, markers/text, gaps/first_tick ... Their attribute "unit" is that
         of the contract. Words are their numbers; the attribute "words" names them. Overwrites the
         file.
         Errors: FailedPrecondition (h5py is not installed), OSError.
@@ -191,7 +194,9 @@ class RecordingFile:
             "markers": {"tick": np.array([marker.tick for marker in markers], np.uint64),
                         "time_ns": np.array([marker.time_ns for marker in markers], np.int64),
                         "text": np.array([marker.text.encode() for marker in markers], "S")}
-            if markers else {}})
+            if markers else {},
+            "gaps": {name: np.array([getattr(gap, name) for gap in self.gaps], np.uint64)
+                     for name in ("first_tick", "last_tick")} if self.gaps else {}})
 
     def _step_at(self, tick: int) -> int:
         found = [n for n, step in enumerate(self._steps) if step.scene.tick <= tick]
@@ -201,7 +206,8 @@ class RecordingFile:
 
     def __repr__(self) -> str:
         early = f", ends early: {self.ends_early}" if self.ends_early else ""
-        return (f"<palpate recording {self.path}: {len(self.ticks)} ticks, "
+        missing = f" and {self.lost_ticks} missing" if self.gaps else ""
+        return (f"<palpate recording {self.path}: {len(self.ticks)} ticks{missing}, "
                 f"{len(self.markers)} markers, {len(self.scenes)} scenes{early}>")
 
     def _repr_html_(self) -> str:
@@ -329,8 +335,9 @@ def _read(stream: typing.BinaryIO, name: str) -> RecordingFile:
     header = file.metadata.get("palpate.recording")
     if header is None:
         raise InvalidArgument(f"{name} is no recording of Palpate, or ends within its header")
-    ticks = RecordedTicks(**contents.ticks.columns())
     gaps = [RecordedGap(first, last) for first, last in contents.ticks.gaps]
+    columns = contents.ticks.columns()
+    ticks = RecordedTicks(**columns, lost_ticks=_lost_before(columns["tick"], gaps))
     why = why or _why_not_whole(file, ticks, contents.ticks.last, gaps)
     created, monotonic = (_whole(header, key, -1 << 63, (1 << 63) - 1)
                           for key in ("created_unix_ns", "created_monotonic_ns"))
@@ -343,6 +350,14 @@ def _read(stream: typing.BinaryIO, name: str) -> RecordingFile:
         scenes=tuple(step.scene for step in contents.steps), edits=tuple(contents.edits),
         gaps=tuple(gaps), ends_early=f"{name}: {why}, after {len(ticks)} ticks" if why else "",
         _steps=tuple(contents.steps))
+
+
+def _lost_before(ticks: npt.NDArray[np.uint64],
+                 gaps: list[RecordedGap]) -> npt.NDArray[np.uint64]:
+    """Returns for each tick how many ticks of the gaps come before it."""
+    ends = np.array([gap.last_tick for gap in gaps], np.uint64)
+    sizes = [0, *(gap.last_tick - gap.first_tick + 1 for gap in gaps)]
+    return np.cumsum(np.array(sizes, np.uint64))[np.searchsorted(ends, ticks)]
 
 
 def _whole(texts: dict[str, str], key: str, least: int, most: int) -> int | None:

@@ -103,6 +103,8 @@ class Table:
                      ("in contact", f"{arrays['contact'].mean():.1%} of them"),
                      ("greatest force", f"{force_n:.3f} N"),
                      ("isovalue", f"{arrays['isovalue'][-1]:g} at the end")]
+            if "lost_ticks" in arrays and (lost := arrays["lost_ticks"][-1]):
+                rows.append(("missing", f"{lost} ticks before the last one"))
         if (dropped := getattr(self, "dropped_samples", 0)):
             rows.append(("dropped", dropped))
         return table("palpate ticks", rows)
