@@ -406,10 +406,37 @@ TEST(WebHttp, KeysDoNotTravelUnprotected) {
   EXPECT_TRUE(refuses("0.0.0.0", "", true, false));
   EXPECT_TRUE(refuses("127.0.0.1", "", false, true));
   EXPECT_TRUE(refuses("127.0.0.1", "https://palpate.example.org", false, false));
-  for (const std::string bad : {"palpate.example.org", "ftp://a", "https://", "https://a/path",
-                                "https://user@a", "https://a:port", "https://a?b"}) {
+  for (const std::string bad : {"palpate.example.org", "ftp://a", "https://", "https:///path",
+                                "https://user@a", "https://a:port", "https://a?b", "https://a/b?c",
+                                "https://a/b#c", "https://a/b;c", "https://a//b", "https://a/.."}) {
     EXPECT_TRUE(refuses("127.0.0.1", bad, true, false)) << bad;
   }
+}
+
+// Behind a proxy that passes the path on, and behind one that takes it off.
+TEST(WebHttp, APathOfPublicUrlIsBeforeEveryAddress) {
+  web::HttpOptions options;
+  options.behind_proxy = true;
+  options.public_url = "https://lab.example/at/palpate/";
+  WebRig rig(options);
+  const Fields own = {{"Host", "lab.example"}, {"Origin", "https://lab.example"}};
+  for (const std::string base : {"/at/palpate", ""}) {
+    Browser browser(rig);
+    const std::string set_cookie(
+        browser.Send(kPost, base + "/login", kRoomLogin, own)["Set-Cookie"]);
+    EXPECT_NE(set_cookie.find("; Path=/at/palpate/;"), std::string::npos) << set_cookie;
+    browser.cookie = set_cookie.substr(0, set_cookie.find(';'));
+    for (const std::string& path : {std::string("/"), std::string("/app.js"),
+                                    std::string("/health"), "/volume/" + kBlobName}) {
+      EXPECT_EQ(browser.Get(base + path, own).result_int(), 200u) << base + path;
+    }
+    EXPECT_EQ(browser.Join(own, base + "/stream").result_int(), 101u) << base;
+  }
+  Browser browser(rig);
+  const WebResponse sent_on = browser.Get("/at/palpate", own);
+  EXPECT_EQ(sent_on.result_int(), 308u);
+  EXPECT_EQ(sent_on["Location"], "/at/palpate/");
+  EXPECT_EQ(browser.Get("/at/palpated", own).result_int(), 404u);
 }
 
 TEST(WebHttp, APortInUseIsAConflict) {

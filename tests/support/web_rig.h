@@ -234,13 +234,13 @@ class Browser {
     return Send(http::verb::get, path, "", fields);
   }
   // Asks for a WebSocket.
-  WebResponse Join(const Fields& fields = {}) {
+  WebResponse Join(const Fields& fields = {}, const std::string& path = "/stream") {
     Fields all = {{"Connection", "Upgrade"},
                   {"Upgrade", "websocket"},
                   {"Sec-WebSocket-Version", "13"},
                   {"Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="}};
     for (const auto& [name, value] : fields) all[name] = value;
-    return Get("/stream", all);
+    return Get(path, all);
   }
   // Any bytes. False: the connection is closed.
   bool SendBytes(const std::string& bytes) {

@@ -6,7 +6,7 @@ import { envelope, modules, somePose } from "./page_harness.mjs";
 
 const { Room, State } = await modules("wire/room.ts", "state.ts");
 
-globalThis.location = { href: "https://palpate.example.org/#room=KEY" };
+globalThis.location = { href: "https://lab.example/palpate/#room=KEY" };
 let logins; // bodies
 let answer; // to a login
 let sockets;
@@ -52,7 +52,7 @@ async function joined() {
 test("a login opens the stream", async () => {
   const { state, room, end } = await joined();
   assert.deepEqual(logins, [{ room: "KEY" }]);
-  assert.equal(sockets[0].url, "wss://palpate.example.org/stream");
+  assert.equal(sockets[0].url, "wss://lab.example/palpate/stream");
   assert.equal(state.link, "open");
   assert.equal(room.roomKey, "KEY");
   assert.ok(answer.response.bodyUsed);

@@ -36,7 +36,8 @@ void AddOptions(arguments::Command& app, CommandLine& line) {
   app.add_option("--listen", line.listen, "Address for browsers [default: 127.0.0.1:7480]")
       ->option_text("HOST:PORT");
   app.add_option("--public-url", line.public_url,
-                 "What guests type, such as https://palpate.example.org\n"
+                 "What guests type, such as https://palpate.example.org, with the path if a proxy\n"
+                 "serves it below one\n"
                  "[default: http://localhost and the port]")
       ->option_text("URL");
   app.add_option("--page", line.page, "Folder of the page [default: the one that was built]")

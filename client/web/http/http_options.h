@@ -28,7 +28,8 @@ struct HttpTimeouts {
 
 struct HttpOptions {
   HostPort listen{"127.0.0.1", 7480};  // an IP address, or localhost; port 0: the system's choice
-  // What guests type, such as "https://palpate.example.org". Empty: loopback only.
+  // What guests type, such as "https://palpate.example.org" or "https://lab.example/palpate/".
+  // Empty: loopback only.
   std::string public_url;
   std::filesystem::path certificate_file, key_file;  // PEM; empty: no TLS
   bool behind_proxy = false;  // the last X-Forwarded-For entry is the browser's address

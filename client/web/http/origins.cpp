@@ -19,7 +19,20 @@ std::uint16_t DefaultPort(const std::string& scheme) { return scheme == "https" 
 struct Url {
   std::string scheme;
   HostPort address;
+  std::string path;
 };
+
+// Begins and ends with a slash. It becomes a part of a header, so few characters are allowed.
+std::string ParsePath(std::string path) {
+  if (!path.ends_with('/')) path += '/';
+  const bool has_odd = std::any_of(path.begin(), path.end(), [](unsigned char c) {
+    return std::isalnum(c) == 0 && std::string_view("/-._~").find(c) == std::string_view::npos;
+  });
+  if (has_odd || path.find("//") != std::string::npos || path.find("/.") != std::string::npos) {
+    Refuse("the path of public_url is such as /palpate/: letters, digits, and - . _ ~");
+  }
+  return path;
+}
 
 Url ParseUrl(std::string_view text) {
   const std::string what = "public_url is such as https://palpate.example.org";
@@ -29,9 +42,11 @@ Url ParseUrl(std::string_view text) {
   url.scheme = LowerCase(text.substr(0, colon));
   if (url.scheme != "http" && url.scheme != "https") Refuse(what);
   text.remove_prefix(colon + 3);
-  if (text.ends_with('/')) text.remove_suffix(1);
-  if (text.empty() || text.find_first_of("/?#@ ") != std::string_view::npos) {
-    Refuse(what + ", without path or user");
+  const std::size_t slash = std::min(text.find('/'), text.size());
+  url.path = ParsePath(std::string(text.substr(slash)));
+  text = text.substr(0, slash);
+  if (text.empty() || text.find_first_of("?#@ ") != std::string_view::npos) {
+    Refuse(what + ", without user, ? or #");
   }
   const std::size_t last_colon = text.rfind(':');
   const bool has_port = last_colon != std::string_view::npos && !text.ends_with(']');
@@ -70,6 +85,7 @@ Origins::Origins(const HttpOptions& options, std::uint16_t port) {
   }
   if (!is_https_ && (has_tls || !is_local)) Refuse("public_url must begin with https://");
   Add(url.scheme, url.address.host, url.address.port);
+  path_ = url.path;
 }
 
 bool Origins::AllowsOrigin(std::string_view origin) const {

@@ -26,11 +26,14 @@ class Origins {
   bool AllowsHost(std::string_view host) const;
   // True if browsers use https: cookies are Secure then.
   bool is_https() const { return is_https_; }
+  // Before every address that browsers ask for: "/", or the path of public_url with its slashes.
+  const std::string& path() const { return path_; }
 
  private:
   void Add(const std::string& scheme, const std::string& host, std::uint16_t port);
 
   bool is_https_ = false;
+  std::string path_ = "/";
   std::vector<std::string> origins_, hosts_;
 };
 

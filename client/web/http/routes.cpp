@@ -46,7 +46,7 @@ class Router {
       : site_(site),
         request_(request),
         address_(AddressOf(site, request, peer)),
-        path_(View(request.target()).substr(0, View(request.target()).find('?'))),
+        path_(PathOf(site, View(request.target()))),
         now_(std::chrono::steady_clock::now()) {
     FindSession();
   }
@@ -58,6 +58,14 @@ class Router {
   }
 
  private:
+  // Below the path of public_url. Some proxies take that off, others pass it on.
+  static std::string_view PathOf(const Site& site, std::string_view target) {
+    std::string_view path = target.substr(0, target.find('?'));
+    const std::string& base = site.origins.path();
+    if (path.starts_with(base)) path.remove_prefix(base.size() - 1);
+    return path;
+  }
+
   Answer Find() {
     // Without a look at the name: what asks is a supervisor, and it learns nothing.
     if (path_ == "/health") return IsGet() ? Health() : WrongMethod("GET");
@@ -69,6 +77,9 @@ class Router {
     if (path_ == "/logout") return IsPost() ? LogOut() : WrongMethod("POST");
     if (!IsGet()) return WrongMethod("GET");
     if (path_ == "/stream") return Join();
+    if (const std::string& base = site_.origins.path(); base == std::string(path_) + '/') {
+      return SendOn(base);
+    }
     constexpr std::string_view kVolume = "/volume/";
     if (path_.starts_with(kVolume)) return VolumeBlobs(path_.substr(kVolume.size()));
     return File();
@@ -109,6 +120,13 @@ class Router {
   }
   Answer NoLogin() { return Refuse(http::status::unauthorized, "login", "log in first"); }
 
+  // The page's links are relative: without the slash at its end they would lead beside the page.
+  static Answer SendOn(const std::string& base) {
+    Answer answer = TextAnswer(http::status::permanent_redirect, base);
+    answer.fields.emplace_back(http::field::location, base);
+    return answer;
+  }
+
   Answer Health() {
     const std::string problem = site_.hub.health ? site_.hub.health() : std::string();
     return problem.empty() ? TextAnswer(http::status::ok, "ok")
@@ -116,7 +134,8 @@ class Router {
   }
 
   std::string SessionCookie(const std::string& value, bool is_over) const {
-    std::string cookie = std::string(kCookie) + "=" + value + "; HttpOnly; SameSite=Strict; Path=/";
+    std::string cookie = std::string(kCookie) + "=" + value +
+                         "; HttpOnly; SameSite=Strict; Path=" + site_.origins.path();
     if (site_.origins.is_https()) cookie += "; Secure";
     return is_over ? cookie + "; Max-Age=0" : cookie;
   }
