@@ -120,7 +120,6 @@ add_custom_target(completion_palpate DEPENDS ${completion})
 add_dependencies(manuals completion_palpate)
 install(FILES ${completion} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
   RENAME palpate COMPONENT cli)
-install(DIRECTORY deploy/tools DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate COMPONENT cli)
 set(CPACK_DEBIAN_CLI_PACKAGE_SHLIBDEPS ON)
 
 # --- palpate-viewer ---------------------------------------------------------------

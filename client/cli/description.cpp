@@ -14,6 +14,7 @@
 #include "client/sdk/words.h"
 #include "common/error/error.h"
 #include "common/error/text.h"
+#include "common/felt_tool/tool_size.h"
 
 namespace palpate::cli {
 namespace {
@@ -148,7 +149,7 @@ std::string Describe(const client::Settings& settings) {
   for (const SurfaceLayer& layer : settings.layers.layer) {
     AppendLine(text, "", "layer " + Describe(layer));
   }
-  if (!settings.tool.ball.empty()) AppendLine(text, "", Describe(settings.tool));
+  if (!settings.tool.ball.empty()) AppendLine(text, "", "tool " + InWords(settings.tool));
   std::string off;
   for (const Setting& setting : client::kHapticSettings) {
     if (SettingJson(setting, settings).is_null()) continue;  // an older daemon does not have it

@@ -32,8 +32,6 @@ std::string Describe(const client::ServoDescription& servo);
 std::string Describe(const client::VolumeInfo& volume);
 // Settings that are off share one line.
 std::string Describe(const client::Settings& settings);
-// One line, without \n.
-std::string Describe(const HeldTool& tool);
 // Returns the warnings of the volume's import, or "" if there are none.
 std::string DescribeWarnings(const client::VolumeInfo& volume);
 // Prints the same warnings on stderr, one line each.

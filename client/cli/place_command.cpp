@@ -11,6 +11,7 @@
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
 #include "client/cli/output.h"
+#include "client/cli/set_command.h"
 #include "common/error/text.h"
 
 namespace palpate::cli {
@@ -167,6 +168,8 @@ void AddPlace(arguments::Command& app, Invocation& invocation) {
       PrintNotKept(result.not_kept);
       Print(result.registration, result.settings_revision, false, result.applied_tick,
             invocation.json);
+      const std::string tip = TipInWords(palpated, palpated.GetSettings());
+      if (!tip.empty() && !invocation.json) WriteOutput(tip + "\n");
     };
   });
 }

@@ -2,15 +2,17 @@
 #include "client/cli/set_command.h"
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
 #include <chrono>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
+#include <variant>
+#include <vector>
 
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
@@ -21,6 +23,7 @@
 #include "common/error/error.h"
 #include "common/error/text.h"
 #include "common/felt_tool/tool_file.h"
+#include "common/felt_tool/tool_size.h"
 #include "common/files/text_file.h"
 
 namespace palpate::cli {
@@ -70,6 +73,54 @@ const Setting& TakeSetting(SetValues& values) {
   return *setting;
 }
 
+bool Names(const client::SettingsUpdate& update, const Setting& setting) {
+  return std::visit(
+      [&](const auto& kind) {
+        if constexpr (requires { kind.updated; }) {
+          return kind.updated(update).has_value();
+        } else {
+          return (update.*kind.update).has_value();
+        }
+      },
+      setting.kind);
+}
+
+// The commands that end what forbids the update.
+std::string WaysOn(const client::Settings& now, const client::SettingsUpdate& update) {
+  std::vector<std::string> ways;
+  const bool takes_tool = update.tool && !update.tool->ball.empty();
+  const auto names = [&](bool Setting::*trait) {
+    return std::ranges::any_of(client::kSettings, [&](const Setting& setting) {
+      return setting.*trait && Names(update, setting);
+    });
+  };
+  if (!now.layers.layer.empty() && (takes_tool || names(&Setting::of_layers))) {
+    ways.emplace_back("palpate layer --remove all");
+  }
+  if (!now.tool.ball.empty() && (update.layers || names(&Setting::refused_with_tool))) {
+    ways.emplace_back("palpate tool none");
+  }
+  if (update.layers && now.free_side == client::FreeSide::kAbove) {
+    ways.emplace_back("palpate set free_side below");
+  }
+  for (const Setting& setting : client::kSettings) {
+    if (!takes_tool || !setting.refused_with_tool || IsOff(setting, now)) continue;
+    const bool is_flag = std::holds_alternative<client::FlagSetting>(setting.kind);
+    ways.push_back(fmt::format("palpate set {} {}", setting.name, is_flag ? "off" : "0"));
+  }
+  return fmt::format("{}", fmt::join(ways, "; "));
+}
+
+// A refusal by layers or by a held tool is told with the commands that end them.
+client::SettingsResult SetOrSayHow(client::Calls& palpated,
+                                   const client::SettingsUpdate& update) try {
+  return palpated.Set(update);
+} catch (const Error& refusal) {
+  const std::string ways = WaysOn(palpated.GetSettings(), update);
+  if (ways.empty()) throw;
+  throw Error(refusal.kind(), fmt::format("{}: '{}'", refusal.what(), ways));
+}
+
 // Returns when the ball of `asked` is felt, from its side: its field is made in the background.
 void WaitForBall(client::Calls& palpated, const client::Settings& asked, bool asks_for_ball) {
   client::Settings now = asked;
@@ -99,12 +150,17 @@ void Change(client::Calls& palpated, const Setting& setting, const SetValues& va
   if (&setting == &client::kIsovalue && !update.isovalue) {
     update.isovalue = SuggestedIsovalueOf(palpated.GetVolume(), values.value);
   }
-  const client::SettingsResult result = palpated.Set(update);
+  const client::SettingsResult result = SetOrSayHow(palpated, update);
   PrintNotKept(result.not_kept);
   if (update.tool_radius_mm || update.free_side) {
     WaitForBall(palpated, result.settings, update.tool_radius_mm.has_value());
   }
-  if (!json) return WriteOutput(DescribeChange(setting, result) + "\n");
+  if (!json) {
+    const bool waits = setting.idle_with_tool && !result.settings.tool.ball.empty();
+    return WriteOutput(
+        DescribeChange(setting, result) +
+        (waits ? "; it waits until the tool is put down ('palpate tool none')\n" : "\n"));
+  }
   Json object = ToJson(result.settings);
   object["applied_tick"] = result.applied_tick;
   object["receipt_to_applied_ns"] = result.receipt_to_applied_ns;
@@ -198,7 +254,7 @@ void Set(client::Calls& palpated, const SurfaceLayers& layers,
   client::SettingsUpdate update;
   update.layers = layers;
   update.expected_revision = revision;
-  const client::SettingsResult result = palpated.Set(update);
+  const client::SettingsResult result = SetOrSayHow(palpated, update);
   PrintNotKept(result.not_kept);
   PrintLayers(result.settings, json);
   if (!json) WriteOutput(fmt::format("felt since tick {}\n", result.applied_tick));
@@ -330,37 +386,53 @@ void AddLayer(arguments::Command& app, Invocation& invocation) {
 namespace {
 
 constexpr std::chrono::milliseconds kToolLook{100};
-// Of a tool of 64 balls with long comments. A longer one would take seconds to parse.
-constexpr std::size_t kMostToolBytes = 256 << 10;
-constexpr char kOurTools[] = "share/palpate/tools";
-
 struct ToolValues {
   std::string action;
   std::string file;
+  std::optional<double> scale;
 };
 
-// The tools that come with this program.
-std::filesystem::path OurTool(const std::string& name) {
-  std::error_code unknown;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", unknown);
-  return program.parent_path().parent_path() / kOurTools / (name + ".toml");
-}
-
-HeldTool Read(const std::string& name) {
-  const bool is_name = name.find('/') == std::string::npos && !name.ends_with(".toml");
-  const std::filesystem::path path = is_name ? OurTool(name) : std::filesystem::path(name);
-  if (is_name && !std::filesystem::exists(path)) {
-    throw Error(ErrorKind::kNotFound,
-                fmt::format("there is no tool '{}' in {}; for a file of your own give its name "
-                            "with .toml",
-                            name, path.parent_path().string()));
+// What does not fit here, with the commands that make it fit; `name`: how it was loaded.
+std::string FitInWords(const HeldTool& tool, const std::string& name, double scale,
+                       const client::Placement& place) {
+  const double voxel_mm = place.device_mm_per_voxel;
+  const auto fitting = FittingScale(tool, voxel_mm);
+  const auto magnification = FittingMagnification(Scaled(tool, scale), voxel_mm);
+  std::string ways;
+  if (fitting) ways = fmt::format("palpate tool load {} --scale {:g}", name, *fitting);
+  if (magnification) {
+    ways += fmt::format("{}palpate place --scale-by {:g}", ways.empty() ? "" : "', or '",
+                        *magnification);
   }
-  return ParseTool(ReadTextFile(path, kMostToolBytes), path.filename().string());
+  return ways.empty() ? "no scale makes its balls fit" : "do '" + ways + "'";
 }
 
-void PrintTool(const client::Settings& settings, bool json) {
-  WriteOutput(json ? ToText(ToJson(settings.tool))
-                   : fmt::format("{}{}\n", Describe(settings.tool), OfReplay(settings.replayed)));
+// Throws `refusal` with what to do.
+[[noreturn]] void SayHowToFit(client::Calls& palpated, const Error& refusal, const HeldTool& tool,
+                              const ToolValues& values) {
+  const double scale = values.scale.value_or(1.0);
+  const client::Placement place = palpated.GetPlacement().registration;
+  if (refusal.kind() != ErrorKind::kInvalidArgument ||
+      FittingScale(Scaled(tool, scale), place.device_mm_per_voxel) == 1.0) {
+    throw refusal;
+  }
+  throw Error(refusal.kind(),
+              fmt::format("{}: {}", refusal.what(), FitInWords(tool, values.file, scale, place)));
+}
+
+void PrintTool(client::Calls& palpated, const client::Settings& settings, bool json) {
+  if (json) return WriteOutput(ToText(ToJson(settings.tool)));
+  std::string text = InWords(settings.tool);
+  if (!settings.tool.ball.empty()) {
+    text += "; " + SizeInVolume(settings.tool,
+                                palpated.GetPlacement().registration.device_mm_per_volume_mm);
+  } else if (settings.ball.felt_radius_mm > 0.0) {
+    text = fmt::format("no tool: a ball of {:g} mm at the stylus's tip is felt",
+                       settings.ball.felt_radius_mm);
+  }
+  const std::string tip = TipInWords(palpated, settings);
+  WriteOutput(
+      fmt::format("{}{}{}\n", text, tip.empty() ? "" : "; " + tip, OfReplay(settings.replayed)));
 }
 
 // Returns when the tool is felt: the fields of its radii are made in the background.
@@ -384,30 +456,27 @@ client::Settings WaitUntilFelt(client::Calls& palpated, const client::Settings& 
   return now;
 }
 
-void Take(client::Calls& palpated, const HeldTool& tool, bool json) {
+void Take(client::Calls& palpated, const HeldTool& tool, const ToolValues& values, bool json) {
   client::SettingsUpdate update;
-  update.tool = tool;
-  const client::SettingsResult result = palpated.Set(update);
+  update.tool = Scaled(tool, values.scale.value_or(1.0));
+  client::SettingsResult result;
+  try {
+    result = SetOrSayHow(palpated, update);
+  } catch (const Error& refusal) {
+    SayHowToFit(palpated, refusal, tool, values);
+  }
   PrintNotKept(result.not_kept);
-  PrintTool(WaitUntilFelt(palpated, result.settings), json);
+  PrintTool(palpated, WaitUntilFelt(palpated, result.settings), json);
 }
 
 }  // namespace
 
-std::string Describe(const HeldTool& tool) {
-  if (tool.ball.empty()) return "no tool: the stylus's tip is felt";
-  const auto carving = std::ranges::count_if(tool.ball, &HeldToolBall::carves);
-  double least_mm = tool.ball.front().radius_mm, most_mm = least_mm, length_mm = 0.0;
-  for (const HeldToolBall& ball : tool.ball) {
-    least_mm = std::min(least_mm, ball.radius_mm);
-    most_mm = std::max(most_mm, ball.radius_mm);
-    length_mm = std::max(length_mm, ball.center_mm.norm() + ball.radius_mm);
-  }
-  const std::string radii = least_mm == most_mm ? fmt::format("{:g} mm", least_mm)
-                                                : fmt::format("{:g} to {:g} mm", least_mm, most_mm);
-  return fmt::format("tool {}: {} balls of radius {}, up to {:g} mm from the tip{}",
-                     tool.name.empty() ? "without a name" : OneLine(tool.name), tool.ball.size(),
-                     radii, length_mm, carving > 0 ? fmt::format("; {} carve", carving) : "");
+std::string TipInWords(client::Calls& palpated, const client::Settings& settings) {
+  std::string text = client::BallInWords(settings);
+  if (settings.tool.ball.empty() || settings.ball.problem.empty()) return text;
+  const client::Placement place = palpated.GetPlacement().registration;
+  if (FittingScale(settings.tool, place.device_mm_per_voxel) == 1.0) return text;
+  return text + ": " + FitInWords(settings.tool, settings.tool.name, 1.0, place);
 }
 
 void AddTool(arguments::Command& app, Invocation& invocation) {
@@ -418,6 +487,7 @@ void AddTool(arguments::Command& app, Invocation& invocation) {
             "it. A FILE is TOML; deploy/guides/tools.md says what is in it. probe, drill and\n"
             "endoscope come with this program.\n"
             "Examples: palpate tool load drill\n"
+            "          palpate tool load drill --scale 0.6   (all its lengths, for small voxels)\n"
             "          palpate tool load my-tool.toml\n"
             "          palpate tool none              (the stylus's tip again)\n"
             "          palpate tool                   (which tool it is)");
@@ -425,9 +495,14 @@ void AddTool(arguments::Command& app, Invocation& invocation) {
   command->add_option("action", values->action, "load, or none; without it the tool is shown")
       ->option_text("load|none")
       ->suggest({"load", "none"});
+  std::vector<std::string> names;
+  for (const OurTool& tool : OurTools()) names.emplace_back(tool.name);
   command->add_option("file", values->file, "A tool's name, or a file of it")
       ->option_text("NAME|FILE")
-      ->suggest({"probe", "drill", "endoscope"});
+      ->suggest(names);
+  command->add_option("--scale", values->scale, "All lengths of the tool times this")
+      ->check(arguments::PositiveNumber())
+      ->option_text("X");
   AddJson(*command, invocation);
   command->callback([&invocation, values] {
     const bool loads = values->action == "load";
@@ -436,10 +511,12 @@ void AddTool(arguments::Command& app, Invocation& invocation) {
     }
     if (loads == values->file.empty()) throw arguments::UsageError("give load FILE, or none");
     // What cannot be read is told before a daemon is asked.
-    const HeldTool tool = loads ? Read(values->file) : HeldTool();
+    const HeldTool tool = loads ? ReadTool(values->file) : HeldTool();
     invocation.command = [values, tool, &invocation](client::Calls& palpated) {
-      if (values->action.empty()) return PrintTool(palpated.GetSettings(), invocation.json);
-      Take(palpated, tool, invocation.json);
+      if (values->action.empty()) {
+        return PrintTool(palpated, palpated.GetSettings(), invocation.json);
+      }
+      Take(palpated, tool, *values, invocation.json);
     };
   });
 }

@@ -59,7 +59,11 @@ struct Setting {
   std::string_view label;       // for panels: Stiffness
   std::string_view unit;        // N/mm; empty: a ratio, or not a number
   std::string_view help;        // its effect, in one line that begins with a small letter
-  std::string_view shown_with;  // key of a flag: while the flag is off, this setting has no effect
+  // Key of a flag or a number: while that is off or 0, this setting has no effect.
+  std::string_view shown_with;
+  bool refused_with_tool;  // while a rigid tool is held, it must be 0 or off
+  bool idle_with_tool;     // no effect on a rigid tool
+  bool of_layers;          // each layer has its own: no change while there are layers
   std::variant<NumberSetting, FlagSetting, ChoiceSetting> kind;
 };
 

@@ -1,16 +1,25 @@
 #include "common/felt_tool/tool_file.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <initializer_list>
 #include <utility>
+#include <vector>
 
 #include "common/error/error.h"
+#include "common/error/text.h"
+#include "common/files/text_file.h"
 
 namespace palpate {
 namespace {
+
+// Of a tool of 64 balls with long comments. A longer one would take seconds to parse.
+constexpr std::size_t kMostToolBytes = 256 << 10;
 
 [[noreturn]] void RefuseAt(const toml::node& node, std::string_view why) {
   throw Error(ErrorKind::kInvalidArgument,
@@ -99,6 +108,22 @@ HeldTool ParseTool(std::string_view text, std::string_view name) try {
               fmt::format("{}, line {}: {}", name, error.source().begin.line, error.description()));
 } catch (const Error& error) {
   throw Error(error.kind(), fmt::format("{}, {}", name, error.what()));
+}
+
+HeldTool ReadTool(const std::string& name) {
+  if (name.find('/') != std::string::npos || name.ends_with(".toml")) {
+    const std::filesystem::path path(name);
+    return ParseTool(ReadTextFile(path, kMostToolBytes), path.filename().string());
+  }
+  std::vector<std::string_view> names;
+  for (const OurTool& tool : OurTools()) {
+    if (tool.name == name) return ParseTool(tool.text, tool.name);
+    names.push_back(tool.name);
+  }
+  throw Error(ErrorKind::kNotFound,
+              fmt::format("there is no tool '{}': there are {}; for a file of your own give its "
+                          "name with .toml",
+                          OneLine(name), fmt::join(names, ", ")));
 }
 
 HeldTool ToolFromToml(const toml::table& table) {

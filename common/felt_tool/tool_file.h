@@ -18,6 +18,7 @@
 
 #include <toml++/toml.h>
 
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -30,6 +31,16 @@ inline constexpr int kMostBallsOfALine = 1000;
 
 // `name`: of the file, for messages.
 HeldTool ParseTool(std::string_view text, std::string_view name);
+
+// A tool that comes with Palpate.
+struct OurTool {
+  std::string_view name;
+  std::string_view text;  // of its file
+};
+std::span<const OurTool> OurTools();
+
+// One of ours by its name, or a file: its name has a / or ends with .toml. Also throws kNotFound.
+HeldTool ReadTool(const std::string& name);
 
 HeldTool ToolFromToml(const toml::table& table);
 toml::table ToolToToml(const HeldTool& tool);

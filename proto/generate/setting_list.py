@@ -32,6 +32,9 @@ class Setting:
     maximum: float | None
     whole: bool
     shown_with: str
+    refused_with_tool: bool
+    idle_with_tool: bool
+    of_layers: bool
     details: str  # the comment above the field
     enum: str  # of a choice, "FreeSide"
     words: tuple[str, ...]  # of a choice, in the contract's order, which begins at 1
@@ -113,19 +116,20 @@ def _setting(field: typing.Any, says: typing.Any, words: dict[str, tuple[str, ..
                  "choice": says.default_choice}[kind],
         unit=says.unit, minimum=says.minimum if says.HasField("minimum") else None,
         maximum=says.maximum if says.HasField("maximum") else None, whole=says.whole,
-        shown_with=says.shown_with, details=details, enum=enum, words=words.get(enum, ()))
+        shown_with=says.shown_with, refused_with_tool=says.refused_with_tool,
+        idle_with_tool=says.idle_with_tool, of_layers=says.of_layers, details=details, enum=enum, words=words.get(enum, ()))
 
 
 def _check(settings: list[Setting]) -> None:
     if tuple(setting.key for setting in settings[:2]) != ISOVALUES:
         raise Fault(f"the first fields of {MESSAGE} are {' and '.join(ISOVALUES)}")
-    flags = [setting.key for setting in settings if setting.kind == "flag"]
+    switches = [setting.key for setting in settings if setting.kind != "choice"]
     for setting in settings:
-        for fault in _faults(setting, flags):
+        for fault in _faults(setting, switches):
             raise Fault(f"{setting.key}: {fault}")
 
 
-def _faults(setting: Setting, flags: list[str]) -> typing.Iterator[str]:
+def _faults(setting: Setting, switches: list[str]) -> typing.Iterator[str]:
     for text in (setting.label, setting.help):
         if not text or '"' in text or "\\" in text or "%" in text:
             yield "label and help are needed, without quotes, backslashes and percent signs"
@@ -133,8 +137,10 @@ def _faults(setting: Setting, flags: list[str]) -> typing.Iterator[str]:
         yield "help begins with a small letter and has no full stop"
     if setting.name == setting.key and setting.unit:
         yield f"the name ends with the unit: ...{suffix_of(setting.unit)}"
-    if setting.shown_with and setting.shown_with not in flags:
-        yield f"shown_with: {setting.shown_with} is no flag"
+    if setting.shown_with and setting.shown_with not in switches:
+        yield f"shown_with: {setting.shown_with} is no flag or number"
+    if setting.refused_with_tool and setting.default:
+        yield "refused_with_tool: the default is 0 or off"
     if setting.kind == "choice" and setting.default not in setting.words:
         yield f"default_choice is one of {', '.join(setting.words)}"
     if setting.kind != "number" or setting.key == "isovalue":

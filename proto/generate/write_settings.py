@@ -19,6 +19,11 @@ def value(setting: Setting) -> str:
     return f"{setting.enum}::{camel(setting.default)}"
 
 
+def switches(setting: Setting, *names: str) -> str:
+    """"true, false" of attributes."""
+    return ", ".join(str(getattr(setting, name)).lower() for name in names)
+
+
 def type_of(setting: Setting) -> str:
     return {"number": "double", "flag": "bool", "choice": setting.enum}[setting.kind]
 
@@ -44,12 +49,14 @@ def daemon(settings: list[Setting]) -> str:
     text += f"inline constexpr std::array<NumberSetting, {len(numbers)}> kNumberSettings = {{{{\n"
     for setting in numbers:
         unit = f" {setting.unit}" if setting.unit else ""
+        columns = switches(setting, "whole", "refused_with_tool", "of_layers")
         text += (f'    {{"{setting.key}", &HapticSettings::{setting.key}, {setting.minimum!r}, '
-                 f'{setting.maximum!r}, "{unit}", {str(setting.whole).lower()}}},\n')
+                 f'{setting.maximum!r}, "{unit}", {columns}}},\n')
     text += "}};\n\n"
     text += f"inline constexpr std::array<FlagSetting, {len(flags)}> kFlagSettings = {{{{\n"
     for setting in flags:
-        text += f'    {{"{setting.key}", &HapticSettings::{setting.key}}},\n'
+        text += (f'    {{"{setting.key}", &HapticSettings::{setting.key}, '
+                 f'{switches(setting, "refused_with_tool")}}},\n')
     text += "}};\n\n"
     text += f"inline constexpr std::array<ChoiceSetting, {len(choices)}> kChoiceSettings = {{{{\n"
     for setting in choices:
@@ -115,4 +122,5 @@ def entry(setting: Setting) -> str:
     texts = [setting.key, setting.name, setting.label, setting.unit, setting.help,
              setting.shown_with]
     rows = ",\n     ".join([", ".join(map(quoted, texts[:4])), quoted(texts[4]), quoted(texts[5])])
-    return f"    {{{rows},\n     {kind}}},\n"
+    tips = switches(setting, "refused_with_tool", "idle_with_tool", "of_layers")
+    return f"    {{{rows}, {tips},\n     {kind}}},\n"

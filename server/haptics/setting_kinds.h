@@ -24,6 +24,8 @@ struct NumberSetting {
   double low, high;
   std::string_view unit;  // with a leading blank; empty: a ratio
   bool whole;
+  bool refused_with_tool;  // while a rigid tool is held, it must be 0
+  bool of_layers;          // each layer has its own
 
   // False for NaN.
   bool Allows(double value) const {
@@ -35,6 +37,7 @@ struct NumberSetting {
 struct FlagSetting {
   std::string_view key;
   bool HapticSettings::*member;
+  bool refused_with_tool;  // it must be off
 };
 
 // A choice among enumerators, by their numbers.

@@ -56,27 +56,27 @@ struct HapticSettings {
 };
 
 inline constexpr std::array<NumberSetting, 14> kNumberSettings = {{
-    {"stiffness_n_per_mm", &HapticSettings::stiffness_n_per_mm, 0.0, 3.0, " N/mm", false},
-    {"damping_n_s_per_m", &HapticSettings::damping_n_s_per_m, 0.0, 5.0, " N·s/m", false},
-    {"static_friction", &HapticSettings::static_friction, 0.0, 2.0, "", false},
-    {"dynamic_friction", &HapticSettings::dynamic_friction, 0.0, 2.0, "", false},
-    {"texture_force_n", &HapticSettings::texture_force_n, 0.0, 1.0, " N", false},
-    {"texture_wavelength_mm", &HapticSettings::texture_wavelength_mm, 0.3, 20.0, " mm", false},
-    {"tool_radius_mm", &HapticSettings::tool_radius_mm, 0.0, 20.0, " mm", false},
-    {"viscosity_n_s_per_m", &HapticSettings::viscosity_n_s_per_m, 0.0, 5.0, " N·s/m", false},
-    {"pop_force_n", &HapticSettings::pop_force_n, 0.0, 3.3, " N", false},
-    {"magnet_force_n", &HapticSettings::magnet_force_n, 0.0, 1.5, " N", false},
-    {"magnet_range_mm", &HapticSettings::magnet_range_mm, 0.0, 10.0, " mm", false},
-    {"carve_radius_mm", &HapticSettings::carve_radius_mm, 0.1, 20.0, " mm", false},
-    {"carve_rate_per_s", &HapticSettings::carve_rate_per_s, -20.0, 20.0, " 1/s", false},
-    {"refinement", &HapticSettings::refinement, 1.0, 4.0, "", true},
+    {"stiffness_n_per_mm", &HapticSettings::stiffness_n_per_mm, 0.0, 3.0, " N/mm", false, false, true},
+    {"damping_n_s_per_m", &HapticSettings::damping_n_s_per_m, 0.0, 5.0, " N·s/m", false, false, true},
+    {"static_friction", &HapticSettings::static_friction, 0.0, 2.0, "", false, true, true},
+    {"dynamic_friction", &HapticSettings::dynamic_friction, 0.0, 2.0, "", false, true, true},
+    {"texture_force_n", &HapticSettings::texture_force_n, 0.0, 1.0, " N", false, true, false},
+    {"texture_wavelength_mm", &HapticSettings::texture_wavelength_mm, 0.3, 20.0, " mm", false, false, false},
+    {"tool_radius_mm", &HapticSettings::tool_radius_mm, 0.0, 20.0, " mm", false, false, false},
+    {"viscosity_n_s_per_m", &HapticSettings::viscosity_n_s_per_m, 0.0, 5.0, " N·s/m", false, false, false},
+    {"pop_force_n", &HapticSettings::pop_force_n, 0.0, 3.3, " N", false, true, true},
+    {"magnet_force_n", &HapticSettings::magnet_force_n, 0.0, 1.5, " N", false, true, false},
+    {"magnet_range_mm", &HapticSettings::magnet_range_mm, 0.0, 10.0, " mm", false, false, false},
+    {"carve_radius_mm", &HapticSettings::carve_radius_mm, 0.1, 20.0, " mm", false, false, false},
+    {"carve_rate_per_s", &HapticSettings::carve_rate_per_s, -20.0, 20.0, " 1/s", false, false, false},
+    {"refinement", &HapticSettings::refinement, 1.0, 4.0, "", true, false, false},
 }};
 
 inline constexpr std::array<FlagSetting, 4> kFlagSettings = {{
-    {"force_shading", &HapticSettings::force_shading},
-    {"passivity_control", &HapticSettings::passivity_control},
-    {"carve_tool", &HapticSettings::carve_tool},
-    {"clutch_tool", &HapticSettings::clutch_tool},
+    {"force_shading", &HapticSettings::force_shading, true},
+    {"passivity_control", &HapticSettings::passivity_control, false},
+    {"carve_tool", &HapticSettings::carve_tool, false},
+    {"clutch_tool", &HapticSettings::clutch_tool, false},
 }};
 
 inline constexpr std::array<ChoiceSetting, 2> kChoiceSettings = {{

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/felt_tool/tool_size.h"
 #include "server/log/log.h"
 #include "server/realtime/thread_setup.h"
 
@@ -22,11 +23,14 @@ std::string RefusalOfTip(const HapticSettings& settings, const AffineMap& X_DI) 
   const auto ball = std::ranges::find_if_not(fields, CanBe);
   if (ball == fields.end()) return {};
   const auto [low, high] = BallRange(X_DI.linear);
-  return fmt::format(
+  const std::string why = fmt::format(
       "a ball of {:g} mm cannot be felt here: its radius can be {:.4g} to {:.4g} mm ({:g} to {:g} "
       "voxels of the shortest edge)",
       // Rounded inwards.
       ball->radius_mm, 1.0005 * low, 0.9995 * high, kLeastBallVoxels, kMostBallVoxels);
+  const auto scale = FittingScale(settings.tool, low / kLeastBallVoxels);
+  if (settings.tool.ball.empty() || !scale) return why;
+  return fmt::format("{}; the tool can at a scale of {:g}", why, *scale);
 }
 
 MemoryClaim ClaimFor(const Ball& ball, const VolumeSnapshot& volume, MemoryBudget& budget) {

@@ -233,6 +233,8 @@ class Session {
                   const std::shared_ptr<const VolumeSnapshot>& volume, double isovalue);
   void TakeLattice();
   void FitLayersLocked();
+  std::string RemoveLayersLocked(const SettingsUpdate& settings, const VolumeMetadata& metadata,
+                                 SurfaceLayers& layers) const;
   bool Follow(std::vector<FeltBall>& fields, const VolumeSnapshot& volume) const;
   std::uint64_t PublishEdited(const std::shared_ptr<const VolumeSnapshot>& volume,
                               std::span<const BrickChange> changes);

@@ -115,7 +115,9 @@ HapticSettings Session::FeltOn(const LoadRequest& request, const SettingsUpdate&
   std::unique_lock lock(mutex_);
   HapticSettings felt = Changed(*volume_, settings_, WithoutIsovalue(settings)).haptics;
   felt.free_side = SideOf(metadata, request, settings);
+  const std::string removed = RemoveLayersLocked(settings, metadata, felt.layers);
   lock.unlock();
+  if (!removed.empty()) metadata.warnings.push_back(removed);
   if (settings.layers) CheckLayers(felt.layers, metadata);
   CheckHeld(felt, device_);
   const std::string refusal = RefusalOfTip(felt, X_DI);
@@ -172,6 +174,7 @@ void Session::TakeLoaded(const LoadRequest& request, const SettingsUpdate& setti
   if (metadata.is_level_set && was_density) side_of_densities_ = settings_.haptics.free_side;
   settings_ = Changed(*volume, settings_, settings);
   settings_.haptics.free_side = side;
+  RemoveLayersLocked(settings, metadata, settings_.haptics.layers);
   volume_ = volume;
   request_ = request;
   is_reshaped_ = false;
@@ -256,6 +259,14 @@ void Session::TakeLattice() {
   settings_.normalized_isovalue = volume_->Normalize(settings_.isovalue);
   FitLayersLocked();
   ++settings_revision_;
+}
+
+// Those that the load itself asks for stay.
+std::string Session::RemoveLayersLocked(const SettingsUpdate& settings,
+                                        const VolumeMetadata& metadata,
+                                        SurfaceLayers& layers) const {
+  if (settings.layers || !has_volume_) return {};
+  return RemoveLayersOf(volume_->metadata(), metadata, layers);
 }
 
 void Session::FitLayersLocked() {

@@ -75,22 +75,18 @@ void CheckTool(const HeldTool& tool) {
 std::string RefusalWithTool(const HapticSettings& haptics) {
   if (haptics.tool.ball.empty()) return {};
   if (!haptics.layers.layer.empty()) {
-    return "a tool is not felt on layers: remove them (palpate layer --remove all), or put the "
-           "tool down (palpate tool none)";
+    return "a tool is not felt on layers: remove the layers, or put the tool down";
   }
-  using S = HapticSettings;
-  std::string set = haptics.force_shading ? "force_shading" : "";
+  std::vector<std::string_view> set;
+  for (const FlagSetting& setting : kFlagSettings) {
+    if (setting.refused_with_tool && haptics.*setting.member) set.push_back(setting.key);
+  }
   for (const NumberSetting& setting : kNumberSettings) {
-    for (const auto forbidden : {&S::static_friction, &S::dynamic_friction, &S::texture_force_n,
-                                 &S::pop_force_n, &S::magnet_force_n}) {
-      if (setting.member != forbidden || !(haptics.*forbidden > 0.0)) continue;
-      set += fmt::format("{}{}", set.empty() ? "" : ", ", setting.key);
-    }
+    if (setting.refused_with_tool && haptics.*setting.member > 0.0) set.push_back(setting.key);
   }
   if (set.empty()) return {};
-  return fmt::format(
-      "a tool is felt without {}: set it to 0 or off, or put the tool down (palpate tool none)",
-      set);
+  return fmt::format("a tool is felt without {}: set it to 0 or off, or put the tool down",
+                     fmt::join(set, ", "));
 }
 
 void CheckHeld(const HapticSettings& haptics, const DeviceDescription& device) {
@@ -203,9 +199,7 @@ void OrderLayers(const SurfaceLayers& felt, SurfaceLayers& layers) {
 
 void CheckSide(const SurfaceLayers& layers, FreeSide side) {
   if (layers.layer.empty() || side == FreeSide::kBelow) return;
-  Refuse(
-      "layers are felt from below: leave free_side below, or remove the layers "
-      "(palpate layer --remove all)");
+  Refuse("layers are felt from below: leave free_side below, or remove the layers");
 }
 
 void CheckLayers(const SurfaceLayers& layers, const VolumeMetadata& volume) {
@@ -220,6 +214,23 @@ void CheckLayers(const SurfaceLayers& layers, const VolumeMetadata& volume) {
     }
     before = &layer;
   }
+}
+
+std::string RemoveLayersOf(const VolumeMetadata& before, const VolumeMetadata& volume,
+                           SurfaceLayers& layers) {
+  // As after it was saved and loaded again.
+  const bool is_same = before.source == volume.source ||
+                       (before.size == volume.size && before.spacing_mm == volume.spacing_mm);
+  const bool means_same = before.unit == volume.unit && (!volume.unit.empty() || is_same);
+  if (layers.layer.empty() || means_same) return {};
+  std::vector<std::string> gone;
+  for (const SurfaceLayer& layer : layers.layer) {
+    gone.push_back(fmt::format("{}={:.9g}", layer.name, layer.isovalue));
+  }
+  layers = {};
+  return fmt::format("the layers of the volume before are removed: {}; set them again if they "
+                     "mean the same here",
+                     fmt::join(gone, ","));
 }
 
 std::string FitLayers(const VolumeMetadata& volume, FreeSide side, SurfaceLayers& layers) {

@@ -60,6 +60,11 @@ void CheckSide(const SurfaceLayers& layers, FreeSide side);
 // for two that are too close.
 void CheckLayers(const SurfaceLayers& layers, const VolumeMetadata& volume);
 
+// Removes all layers if their isovalues mean something else on the new volume: it is in other units,
+// or without units another one. Returns a line for people; empty: they stay.
+std::string RemoveLayersOf(const VolumeMetadata& before, const VolumeMetadata& volume,
+                           SurfaceLayers& layers);
+
 // Leaves out the layers that the volume cannot have when it is felt from this side. Returns a line
 // for people; empty: all fit.
 std::string FitLayers(const VolumeMetadata& volume, FreeSide side, SurfaceLayers& layers);

@@ -42,11 +42,7 @@ namespace {
 std::string ReplacedByLayers(const SettingsUpdate& update) {
   if (update.isovalue || update.normalized_isovalue) return "isovalue";
   for (const NumberSetting& setting : kNumberSettings) {
-    using S = HapticSettings;
-    for (const auto replaced : {&S::stiffness_n_per_mm, &S::damping_n_s_per_m, &S::static_friction,
-                                &S::dynamic_friction, &S::pop_force_n}) {
-      if (setting.member == replaced && update.Names(replaced)) return std::string(setting.key);
-    }
+    if (setting.of_layers && update.Names(setting.member)) return std::string(setting.key);
   }
   return {};
 }
@@ -58,8 +54,8 @@ void CheckReplaced(const SurfaceLayers& felt, const SettingsUpdate& update) {
   const std::string key = ReplacedByLayers(update);
   if (key.empty()) return;
   throw Error(ErrorKind::kInvalidArgument,
-              fmt::format("layers are felt, and each has its own {}: change one of them "
-                          "(palpate layer NAME), or remove them (palpate layer --remove all)",
+              fmt::format("layers are felt, and each has its own {}: change one of the layers, or "
+                          "remove them",
                           key));
 }
 

@@ -72,7 +72,7 @@ class SettingsTest(DaemonTest):
                          [("bone", 2), ("skin", 1)])
         # What they replace is refused, and says where to look.
         for name, value in (("isovalue", 0.5), ("stiffness_n_per_mm", 1.0), ("free_side", "above")):
-            with self.assertRaisesRegex(palpate.InvalidArgument, "palpate layer"):
+            with self.assertRaisesRegex(palpate.InvalidArgument, "remove them"):
                 setattr(settings, name, value)
         before = settings.all()
         close = palpate.Layer("close", bone.isovalue + 9e-7)

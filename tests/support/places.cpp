@@ -24,7 +24,6 @@ const char* const kPatientLetters = PALPATE_TESTS "/web/patient_letters.txt";
 const char* const kCells = PALPATE_TESTS "/data/cells";
 const char* const kFuzzCorpus = PALPATE_FUZZ_CORPUS;
 const char* const kExampleConfig = PALPATE_TESTS "/../deploy/config/palpated.toml";
-const char* const kTools = PALPATE_TESTS "/../deploy/tools";
 
 const char* const kDataFolder = PALPATE_DATA_DIR;
 const char* const kSharedCells = PALPATE_DATA_DIR "/../cells";

@@ -33,7 +33,6 @@ extern const char* const kFuzzCorpus;
 extern const char* const kPatientLetters;
 // The configuration that the package installs.
 extern const char* const kExampleConfig;
-extern const char* const kTools;
 
 // Data outside the project: real volumes, and the published cells. Either may be missing.
 extern const char* const kDataFolder;

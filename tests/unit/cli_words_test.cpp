@@ -1,4 +1,5 @@
 // What the command line reads and says: settings, places, volumes, paths.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -19,6 +20,7 @@
 #include "client/sdk/messages.h"
 #include "common/error/text.h"
 #include "common/felt_tool/tool_file.h"
+#include "common/felt_tool/tool_size.h"
 #include "common/isosurface/decomposition.h"
 #include "server/haptics/settings.h"
 #include "tests/support/places.h"
@@ -57,10 +59,8 @@ count = 3
       .rotation_length_mm = 12.5};
   EXPECT_EQ(tool, expected);
   EXPECT_EQ(ToolFromToml(ToolToToml(tool)), tool);
-  const std::filesystem::path ours = test::kTools;
   for (const auto& [name, balls] : {std::pair("probe", 64u), {"drill", 39u}, {"endoscope", 63u}}) {
-    EXPECT_EQ(ParseTool(test::TextOf(ours / (std::string(name) + ".toml")), name).ball.size(),
-              balls);
+    EXPECT_EQ(ReadTool(name).ball.size(), balls);
   }
 }
 
@@ -82,6 +82,26 @@ TEST(Tools, WhatIsNoneIsRefusedWithItsLine) {
     EXPECT_NE(refusal.find(line), std::string::npos) << text << ": " << refusal;
     EXPECT_NE(refusal.find("x.toml"), std::string::npos) << refusal;
   }
+}
+
+// The scale makes the greatest and the least ball fit, and can be typed.
+TEST(Tools, FitAtTheScaleNextToOne) {
+  const HeldTool drill = ReadTool("drill");  // 1.5 and 3 mm
+  for (const double voxel_mm : {0.02, 0.1, 0.374999, 0.375, 1.0, 5.0, 5.1, 20.0}) {
+    const auto scale = FittingScale(drill, voxel_mm);
+    const auto magnification = FittingMagnification(drill, voxel_mm);
+    ASSERT_TRUE(scale && magnification) << voxel_mm;
+    const bool fits = voxel_mm >= 0.375 && voxel_mm <= 5.0;
+    EXPECT_EQ(*scale == 1.0, fits) << voxel_mm;
+    EXPECT_EQ(*magnification == 1.0, fits) << voxel_mm;
+    for (const double voxels : {*scale / voxel_mm, 1.0 / (*magnification * voxel_mm)}) {
+      EXPECT_LE(3.0 * voxels, kMostBallVoxels) << voxel_mm;
+      EXPECT_GE(1.5 * voxels, kLeastBallVoxels) << voxel_mm;
+    }
+    EXPECT_EQ(FittingScale(Scaled(drill, std::stod(fmt::format("{:g}", *scale))), voxel_mm), 1.0);
+  }
+  EXPECT_FALSE(FittingScale({.ball = {{.radius_mm = 0.1}, {.radius_mm = 5.0}}}, 1.0));
+  EXPECT_EQ(FittingScale({.ball = {{}}}, 1.0), 1.0);  // a point
 }
 
 TEST(Progress, InAPipeIsALineEveryTwoSeconds) {

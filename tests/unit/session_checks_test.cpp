@@ -115,7 +115,7 @@ TEST_F(SessionLayersTest, BadOnesChangeNothing) {
                                      {.numbers = {{&HapticSettings::pop_force_n, 1.0}}},
                                      {.choices = {Choice("free_side", FreeSide::kAbove)}}};
   for (const SettingsUpdate& update : replaced) {
-    EXPECT_NE(Complaint([&] { session().Update(update); }).find("palpate layer"),
+    EXPECT_NE(Complaint([&] { session().Update(update); }).find("remove"),
               std::string::npos);
   }
   EXPECT_EQ(session().settings().settings_revision, revision);
@@ -134,7 +134,7 @@ TEST_F(SessionLayersTest, BadOnesChangeNothing) {
 
 TEST_F(SessionLayersTest, ANewVolumeKeepsThoseThatItHasAndNamesTheOthers) {
   session().Update({.layers = SurfaceLayers{{Layer(1, "skin", 0.3), Layer(2, "bone", 0.9)}}});
-  VolumeMetadata metadata;
+  VolumeMetadata metadata = session().volume().volume->metadata();  // without a unit, the same file
   metadata.size = Vec3i::Constant(16);
   metadata.value_min = 0.0;
   metadata.value_max = 0.5;
@@ -145,6 +145,18 @@ TEST_F(SessionLayersTest, ANewVolumeKeepsThoseThatItHasAndNamesTheOthers) {
   EXPECT_EQ(Layers().layer[0].name, "skin");
   ASSERT_EQ(kept.volume->metadata().warnings.size(), 1u);
   EXPECT_NE(kept.volume->metadata().warnings[0].find("bone"), std::string::npos);
+  // Of other units nothing is known.
+  const SurfaceLayers felt = Layers();
+  metadata.unit = "HU";
+  const VolumeState other = session().PublishVolume({.source = "made"}, metadata, bricks);
+  EXPECT_TRUE(Layers().layer.empty());
+  EXPECT_NE(other.volume->metadata().warnings[0].find("skin=0.3"), std::string::npos);
+  session().Update({.layers = felt});
+  metadata.source = "another";
+  metadata.size.x() -= 1;
+  metadata.warnings.clear();
+  session().PublishVolume({.source = "made"}, metadata, bricks);
+  EXPECT_EQ(Layers(), felt);
   // The load's own layers must fit.
   const SettingsUpdate far{.layers = SurfaceLayers{{Layer(1, "far", 0.7)}}};
   EXPECT_EQ(Refusal([&] { session().PublishVolume({.source = "made"}, metadata, bricks, 0, far); }),

@@ -176,8 +176,12 @@ TEST(ViewHandAim, AlongTheSurfaceTheTargetIsBehindWhatIsUnderThePointer) {
     for (const double harder_mm : {0.0, 4.0}) {
       HandAim aim;
       aim.Begin(Vec3::Zero());
-      aim.Follow(at_px, kAimView, HalfAWall(200.0), {.press_mm = press_mm}, harder_mm);
-      EXPECT_NEAR((aim.target_D() - Looking().Eye()).norm(), 200.0 + press_mm + harder_mm, 1e-4);
+      for (const double tip_mm : {0.0, 2.5}) {
+        aim.Follow(at_px, kAimView, HalfAWall(200.0), {.press_mm = press_mm}, tip_mm);
+        aim.PressHarder(harder_mm);
+        EXPECT_NEAR((aim.target_D() - Looking().Eye()).norm(),
+                    200.0 + press_mm + harder_mm - tip_mm, 1e-4);
+      }
       EXPECT_LT(Beside_mm(aim.target_D(), Looking(), at_px), 1e-9);
     }
   }
@@ -220,9 +224,9 @@ TEST(ViewHandAim, InThePlaneTheHandKeepsItsDepthUntilItIsPushed) {
   aim.Follow({200.0, 150.0}, kAimView, seen, plane, 0.0);
   EXPECT_NEAR(Depth_mm(aim.target_D(), seen.camera), 257.0, 1e-9);
   // Harder for a moment: then it is back.
-  aim.Follow({200.0, 150.0}, kAimView, seen, plane, 4.0);
+  aim.PressHarder(4.0);
   EXPECT_NEAR(Depth_mm(aim.target_D(), seen.camera), 261.0, 1e-9);
-  aim.Follow({200.0, 150.0}, kAimView, seen, plane, 0.0);
+  aim.PressHarder(0.0);
   EXPECT_NEAR(Depth_mm(aim.target_D(), seen.camera), 257.0, 1e-9);
 }
 

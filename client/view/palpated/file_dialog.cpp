@@ -14,10 +14,11 @@ struct KindWords {
   const char* kdialog;  // its option
 };
 // In the order of DialogKind.
-constexpr std::array<KindWords, 3> kWords = {{
+constexpr std::array<KindWords, 4> kWords = {{
     {"Open a volume", "--getopenfilename"},
     {"Open a folder of DICOM or TIFF files", "--getexistingdirectory"},
     {"Save the volume as .nrrd or .vdb", "--getsavefilename"},
+    {"Take a tool: a .toml file", "--getopenfilename"},
 }};
 
 std::filesystem::path InstalledProgram() {

@@ -14,7 +14,7 @@
 
 namespace palpate::view {
 
-enum class DialogKind { kOpenFile, kOpenFolder, kSave };
+enum class DialogKind { kOpenFile, kOpenFolder, kSave, kTool };
 
 // Empty: none of the programs is installed. `path_variable`: as $PATH. `desktop`: as
 // $XDG_CURRENT_DESKTOP; on KDE, kdialog comes first.

@@ -22,12 +22,13 @@ constexpr int kMostTries = 20;
 }  // namespace
 
 bool IsShown(const client::Setting& setting, const client::Settings& settings) {
-  const auto tool =
+  const bool has_tool = !settings.tool.ball.empty();
+  if (has_tool && (setting.refused_with_tool || setting.idle_with_tool)) return false;
+  if (!settings.layers.layer.empty() && setting.of_layers) return false;
+  const auto shown_with =
       std::find_if(client::kSettings.begin(), client::kSettings.end(),
                    [&](const client::Setting& s) { return s.key == setting.shown_with; });
-  if (tool == client::kSettings.end()) return true;
-  const auto* flag = std::get_if<client::FlagSetting>(&tool->kind);
-  return !flag || settings.*flag->member;
+  return shown_with == client::kSettings.end() || ValueOf(*shown_with, settings) != 0.0;
 }
 
 std::string SliderFormat(const client::Setting& setting) {
@@ -52,6 +53,11 @@ double ValueOf(const client::Setting& setting, const client::Settings& settings)
 
 client::SettingsUpdate UpdateTo(const client::Setting& setting, double value) {
   client::SettingsUpdate update;
+  SetIn(setting, value, update);
+  return update;
+}
+
+void SetIn(const client::Setting& setting, double value, client::SettingsUpdate& update) {
   if (const auto* number = std::get_if<client::NumberSetting>(&setting.kind)) {
     update.*number->update = value;
   } else if (const auto* flag = std::get_if<client::FlagSetting>(&setting.kind)) {
@@ -59,7 +65,6 @@ client::SettingsUpdate UpdateTo(const client::Setting& setting, double value) {
   } else {
     std::get<client::ChoiceSetting>(setting.kind).update(update, static_cast<std::size_t>(value));
   }
-  return update;
 }
 
 bool IsSame(double a, double b) { return std::abs(a - b) <= 1e-9 * (1.0 + std::abs(b)); }

@@ -13,7 +13,8 @@
 
 namespace palpate::view {
 
-// False while the setting has no effect: it belongs to a tool that is off.
+// False while the setting has no effect: it belongs to one that is off, layers have their own, or a
+// tool is held.
 bool IsShown(const client::Setting& setting, const client::Settings& settings);
 
 // The slider's printf format: "%.2f N/mm". `setting` must be a number.
@@ -21,6 +22,7 @@ std::string SliderFormat(const client::Setting& setting);
 
 double ValueOf(const client::Setting& setting, const client::Settings& settings);
 client::SettingsUpdate UpdateTo(const client::Setting& setting, double value);
+void SetIn(const client::Setting& setting, double value, client::SettingsUpdate& update);
 // Up to what a double loses on its way.
 bool IsSame(double a, double b);
 

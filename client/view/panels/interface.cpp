@@ -81,7 +81,7 @@ void OpenForRole(Viewer& viewer) {
   if (!is_connected || opened_for == role) return;
   opened_for = role;
   ImGuiStorage& open = *ImGui::GetStateStorage();
-  for (const char* heading : {kFeelHeading, kDeviceHeading})
+  for (const char* heading : {kToolHeading, kFeelHeading, kDeviceHeading})
     open.SetInt(ImGui::GetID(heading), role == client::Role::kViewer ? 0 : 1);
 }
 
@@ -132,11 +132,12 @@ void DrawLeftPanels(Viewer& viewer, const Area& area) {
   ImGui::End();
 }
 
-// The headings Feel, Device, Session.
+// The headings Tool, Feel, Device, Session.
 void DrawRightPanels(Viewer& viewer, const Area& area) {
   BeginPanel("right", area);
   OpenForRole(viewer);
   ImGui::PushItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
+  ToolPanel(viewer);
   FeelPanel(viewer);
   DevicePanel(viewer);
   SessionPanel(viewer);
@@ -193,7 +194,7 @@ void DrawPanels(Viewer& viewer, const Layout& layout, float scale) {
   const SliceStrip strip = LayOutSlices(layout, scale);
   const std::optional<int> filling = FillingSlice(viewer, layout);
   // In a slice's place there is no room for the legend.
-  DrawView(viewer, PlaceOfView(filling, layout, strip), !filling && !layout.in_four, scale);
+  DrawView(viewer, PlaceOfView(filling, layout, strip), layout, !filling && !layout.in_four, scale);
   if (layout.notice.size.y > 0.0f) DrawNotice(viewer, layout.notice, scale);
   DrawFileCard(viewer, layout.view, scale);
   if (layout.left.size.x > 0.0f) DrawLeftPanels(viewer, layout.left);

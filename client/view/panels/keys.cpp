@@ -51,6 +51,12 @@ void Toggle(Viewer& viewer) {
   ToggleTool(viewer, tool);
 }
 
+// Of the stylus in the hand.
+template <int button>
+void KeepButton(Viewer& viewer) {
+  if (viewer.state().tool == Tool::kHand) viewer.state().hand.kept_buttons ^= 1U << button;
+}
+
 // Of the font's size.
 template <int percent>
 void GrowFont(Viewer& viewer) {
@@ -128,8 +134,12 @@ constexpr Line kLines[] = {
     {"G, B, M",
      "hand, brush, measure; the same key again: turn",
      {{{"g", Toggle<Tool::kHand>}, {"b", Toggle<Tool::kBrush>}, {"m", Toggle<Tool::kMeasure>}}}},
-    {"hand: left button, wheel", "press harder, deeper; right drag turns, with shift it moves"},
-    {"hand: alt, wheel", "turn the stylus with the pointer, roll it"},
+    {"hand: left button, wheel",
+     "carve, if button 0 carves, else deeper; deeper; right drag turns, with shift it moves"},
+    {"hand: alt, alt + wheel", "turn the stylus with the pointer, roll it"},
+    {"hand: X, Y",
+     "hold button 0, button 1 of the stylus; the same key again: let go",
+     {{{"x", KeepButton<0>}, {"y", KeepButton<1>}}}},
     // Many keyboards have no key of their own for brackets.
     {"[ and ], comma and point",
      "radius of the brush; also ctrl + wheel",

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <utility>
 
 #include "client/view/drawing/camera.h"
 #include "client/view/drawing/orientation_cube.h"
@@ -357,26 +359,92 @@ void DrawViewMarks(Viewer& viewer, const Area& view, float below, float scale) {
 
 namespace {
 
-std::string Words(const HandOptions& hand, const ViewVolume& volume) {
+std::string WheelWords(const HandOptions& hand, bool turns, const ViewVolume& volume) {
+  if (turns) return "wheel: rolls";
   if (hand.way == HandWay::kPlane) return "wheel: farther, closer";
   const double press_mm = hand.press_mm / DeviceMmPerMm(volume);
   return press_mm < 0.0 ? fmt::format("wheel: {:.1f} mm above it", -press_mm)
                         : fmt::format("wheel: pressed in by {:.1f} mm", press_mm);
 }
 
+// What the stylus's button does, for a button of the strip.
+std::string ButtonWords(const Viewer& viewer, int button) {
+  const auto& settings = viewer.feed().settings();
+  const bool carves = button == 0 && viewer.hand().CanCarve(viewer.feed());
+  const bool moves = button == 1 && settings && settings->clutch_tool;
+  return fmt::format("Button {}{} ({})", button,
+                     carves  ? ": carves"
+                     : moves ? ": moves the volume"
+                             : "",
+                     button == 0 ? 'X' : 'Y');
+}
+
+// A line of the strip that breaks where there is no room.
+class StripLine {
+ public:
+  explicit StripLine(float most) : most_(most) {}
+  // Call it before each part.
+  void Make(float width) {
+    if (!std::exchange(is_first_, false)) ImGui::SameLine();
+    if (ImGui::GetCursorPosX() + width > most_) ImGui::NewLine();
+  }
+  bool Radio(const char* label, bool on) {
+    Make(ImGui::GetFrameHeight() + ImGui::GetStyle().ItemInnerSpacing.x +
+         ImGui::CalcTextSize(label).x);
+    return ImGui::RadioButton(label, on);
+  }
+  bool Toggle(const char* label, bool on) {
+    Make(ButtonWidth(label));
+    return ToggleButton(label, on);
+  }
+  void Words(const std::string& text, const ImVec4& color) {
+    Make(ImGui::CalcTextSize(text.c_str()).x);
+    ImGui::TextColored(color, "%s", text.c_str());
+  }
+
+ private:
+  float most_;
+  bool is_first_ = true;
+};
+
+void StripOfPlace(HandOptions& hand, float most) {
+  StripLine line(most);
+  line.Words("You hold the stylus", kGood);
+  if (line.Radio("along the surface", hand.way == HandWay::kSurface)) hand.way = HandWay::kSurface;
+  Tip("The stylus touches the surface under the pointer.");
+  if (line.Radio("in the view's plane", hand.way == HandWay::kPlane)) hand.way = HandWay::kPlane;
+  Tip("The stylus keeps its distance from you, also where it meets the surface.");
+}
+
+// Each is lit while it acts.
+void StripOfActs(Viewer& viewer, float most) {
+  HandOptions& hand = viewer.state().hand;
+  const HandTool::Acts& acts = viewer.hand().acts();
+  StripLine line(most);
+  for (const int button : {0, 1}) {
+    const std::uint32_t bit = 1U << button;
+    if (line.Toggle(ButtonWords(viewer, button).c_str(), (acts.buttons & bit) != 0))
+      hand.kept_buttons ^= bit;
+    Tip("holds this button of the stylus, or lets it go");
+  }
+  if (line.Toggle("Turn the stylus (alt)", acts.turns || hand.turns)) hand.turns = !hand.turns;
+  Tip("the pointer turns the stylus, and the wheel rolls it; alt does so while it is held");
+  const auto color = [](bool acts_now) -> ImVec4 { return acts_now ? kGood : kDim; };
+  StripLine words(most);
+  const bool carves = viewer.hand().CanCarve(viewer.feed());
+  words.Words(carves ? "left button: carves" : "left button: deeper",
+              color(acts.presses || (carves && (acts.buttons & 1U) != 0)));
+  words.Words(WheelWords(hand, acts.turns, viewer.feed().volume()), color(acts.turns));
+  words.Words("right drag: turn the view", kDim);
+  words.Words("G: give back", kDim);
+}
+
 }  // namespace
 
 float DrawHandStrip(Viewer& viewer, const Area& view, float scale) {
   if (viewer.state().tool != Tool::kHand) return 0.0f;
-  HandOptions& hand = viewer.state().hand;
   // Where its lines end.
   const float most = view.size.x - 20.0f * scale - ImGui::GetStyle().WindowPadding.x;
-  const auto beside_if_fits = [most](const char* label) {
-    ImGui::SameLine();
-    const float width = ImGui::GetFrameHeight() + ImGui::GetStyle().ItemInnerSpacing.x +
-                        ImGui::CalcTextSize(label).x;
-    if (ImGui::GetCursorPosX() + width > most) ImGui::NewLine();
-  };
   const float bottom = view.min.y + view.size.y;
   ImGui::SetNextWindowPos({view.min.x + 10.0f * scale, bottom - 8.0f * scale}, ImGuiCond_Always,
                           {0.0f, 1.0f});
@@ -385,19 +453,8 @@ float DrawHandStrip(Viewer& viewer, const Area& view, float scale) {
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoNav |
                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing |
                    ImGuiWindowFlags_AlwaysAutoResize);
-  ImGui::TextColored(kGood, "You hold the stylus");
-  beside_if_fits("along the surface");
-  if (ImGui::RadioButton("along the surface", hand.way == HandWay::kSurface))
-    hand.way = HandWay::kSurface;
-  Tip("The stylus touches the surface under the pointer.");
-  beside_if_fits("in the view's plane");
-  if (ImGui::RadioButton("in the view's plane", hand.way == HandWay::kPlane))
-    hand.way = HandWay::kPlane;
-  Tip("The stylus keeps its distance from you, also where it meets the surface.");
-  ImGui::PushTextWrapPos(std::max(most, 1.0f));
-  ImGui::TextColored(kDim, "%s   left button: deeper   right drag: turn   G: give back",
-                     Words(hand, viewer.feed().volume()).c_str());
-  ImGui::PopTextWrapPos();
+  StripOfPlace(viewer.state().hand, most);
+  StripOfActs(viewer, most);
   const float height = ImGui::GetWindowSize().y + 12.0f * scale;
   ImGui::End();
   return height;

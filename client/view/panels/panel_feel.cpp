@@ -1,10 +1,14 @@
 // How it feels, for everyone; and the device.
 
+#include <fmt/format.h>
+
+#include <cmath>
 #include <optional>
 #include <string>
 #include <variant>
 
 #include "client/sdk/words.h"
+#include "client/view/drawing/readout.h"
 #include "client/view/palpated/setting_change.h"
 #include "client/view/panels/panels.h"
 #include "client/view/panels/widgets.h"
@@ -21,8 +25,13 @@ struct Control {
   const char* label = setting.label.data();  // ends with \0, as all texts of the list
 
   bool operator()(const client::NumberSetting& number) const {
-    return HeldSlider(viewer, label, value, number.minimum, number.maximum,
-                      SliderFormat(setting).c_str());
+    std::string format = SliderFormat(setting);
+    // A length of the device, beside which the volume is larger or smaller.
+    const double device_mm_per_mm = DeviceMmPerMm(viewer.feed().volume());
+    if (setting.unit == "mm" && std::abs(device_mm_per_mm - 1.0) > 0.005 && value > 0.0) {
+      format += fmt::format(" ({:.3g} in the volume)", value / device_mm_per_mm);
+    }
+    return HeldSlider(viewer, label, value, number.minimum, number.maximum, format.c_str());
   }
   bool operator()(const client::FlagSetting& /*flag*/) const {
     bool on = value > 0.5;

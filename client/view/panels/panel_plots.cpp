@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "client/view/drawing/readout.h"
 #include "client/view/panels/panels.h"
 #include "client/view/panels/widgets.h"
 
@@ -23,19 +24,25 @@ struct Plotted {
 constexpr std::array<Plotted, kPlots> kPlotted = {{
     {Plot::kForce_n, "Force", "N", 2, "the force on the hand, its length"},
     {Plot::kPenetration_mm, "Depth", "mm", 2,
-     "how far the stylus tip (HIP) is from the proxy (SCP_H), in contact"},
+     "how far the stylus tip (HIP) is from the proxy (SCP_H), in contact, in mm of the volume"},
     {Plot::kUpdate_us, "Update", "\xC2\xB5s", 1,
      "the time that the haptic loop computes in a tick, of 1000 \xC2\xB5s"},
     {Plot::kMissedTicks, "Missed ticks", "", 0, "ticks that came too late, since the last pose"},
     {Plot::kStreamAge_ms, "Stream age", "ms", 1, "how old a pose is when it comes here"},
 }};
 
+// What is plotted, of one unit of the history: lengths are those of the volume, as everywhere here.
+double UnitOf(const Viewer& viewer, Plot plot) {
+  return plot == Plot::kPenetration_mm ? 1.0 / DeviceMmPerMm(viewer.feed().volume()) : 1.0;
+}
+
 // If no poses come any more, there is no present value.
 std::string NewestOf(const Viewer& viewer, const Plotted& plotted) {
   const LiveFeed& feed = viewer.feed();
   const bool is_live = feed.connection().state == client::ConnectionState::kConnected;
   if (!is_live || feed.silent_s()) return "\xE2\x80\x93";
-  return fmt::format("{:.{}f}", feed.plots().Newest(plotted.plot), plotted.digits);
+  return fmt::format("{:.{}f}", UnitOf(viewer, plotted.plot) * feed.plots().Newest(plotted.plot),
+                     plotted.digits);
 }
 
 // Draws the last 10 seconds by the clock. While no poses came, there is no line.
@@ -103,9 +110,10 @@ void DrawPlot(const Viewer& viewer, const Plotted& plotted, const ImVec2& size, 
   const Area area{
       {min.x + left, min.y + 1.5f * height},
       {std::max(1.0f, size.x - left - 8.0f * scale), std::max(1.0f, size.y - 2.7f * height)}};
-  const float top = AxisTop(plots.Greatest(plotted.plot));
+  const auto unit = static_cast<float>(UnitOf(viewer, plotted.plot));
+  const float top = AxisTop(unit * plots.Greatest(plotted.plot));
   DrawAxes(area, top);
-  DrawCurve(plots, plotted.plot, viewer.feed().plots_end_ns(), top, area);
+  DrawCurve(plots, plotted.plot, viewer.feed().plots_end_ns(), top / unit, area);
   ImGui::PopClipRect();
 }
 

@@ -61,6 +61,22 @@ bool EditLayer(Viewer& viewer, SurfaceLayer& layer, double speed, bool& removed)
   return changed || removed;
 }
 
+// Layers are felt neither with a tool nor from above: the button that ends that. Returns false if
+// nothing is in their way.
+bool OfferLayers(Viewer& viewer, const client::Settings& settings) {
+  const auto offer = [&](const char* why, const char* label, const client::SettingsUpdate& update) {
+    WrappedText(kDim, why);
+    if (ImGui::Button(label)) viewer.feed().commands().Set(update);
+    return true;
+  };
+  if (!settings.tool.ball.empty()) {
+    return offer("layers are not felt with a tool", "Put the tool down", {.tool = HeldTool()});
+  }
+  if (settings.free_side == client::FreeSide::kBelow) return false;
+  return offer("layers are felt from below only", "Feel it from below",
+               {.free_side = client::FreeSide::kBelow});
+}
+
 void LayersPanel(Viewer& viewer) {
   const auto& lattice = viewer.feed().volume().lattice();
   if (!lattice || !viewer.feed().settings()) return;
@@ -71,6 +87,7 @@ void LayersPanel(Viewer& viewer) {
     return;
   }
   BeginAllowed(viewer, client::Role::kEditor);
+  if (OfferLayers(viewer, *viewer.feed().settings())) return EndAllowed();
   const double range = lattice->value_max - lattice->value_min;
   bool changed = false;
   std::optional<std::size_t> gone;

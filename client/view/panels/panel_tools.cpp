@@ -22,15 +22,6 @@ constexpr std::array<ToolButton, 4> kTools = {{
      "two clicks on the surface or in a slice; a right click on a line removes it"},
 }};
 
-// Returns true if it was pressed.
-bool Toggle(const char* label, bool on) {
-  ImGui::PushStyleColor(ImGuiCol_Button,
-                        ImGui::GetStyleColorVec4(on ? ImGuiCol_ButtonActive : ImGuiCol_FrameBg));
-  const bool pressed = ImGui::Button(label);
-  ImGui::PopStyleColor();
-  return pressed;
-}
-
 void ToggleSide(Preferences& preferences, Side side, bool shown) {
   const bool left = side == Side::kLeft;
   if (ImGui::ArrowButton(left ? "left side" : "right side",
@@ -65,14 +56,14 @@ void DrawToolBar(Viewer& viewer, const Layout& layout, float scale) {
     const char* label = width < area.size.x ? button.label : button.narrow;
     const std::string why = WhyNot(viewer, button.tool);
     ImGui::BeginDisabled(!why.empty());
-    if (Toggle(label, viewer.state().tool == button.tool)) viewer.state().tool = button.tool;
+    if (ToggleButton(label, viewer.state().tool == button.tool)) viewer.state().tool = button.tool;
     ImGui::EndDisabled();
     Tip(why.empty() ? button.tip : why.c_str());
   }
   const char* four = "2 \xC3\x97 2";
   bool& in_four = viewer.preferences().four_panes;
   ImGui::SetCursorPos({area.size.x - ImGui::GetFrameHeight() - ButtonWidth(four) - 2.0f * gap, y});
-  if (Toggle(four, in_four)) {
+  if (ToggleButton(four, in_four)) {
     in_four = !in_four;
     viewer.state().filling_slice.reset();
     viewer.state().slices_shown = true;

@@ -92,8 +92,19 @@ Label MessageOf(const std::string& text, const ThemeColor& color, float width) {
   return {.text = text, .color = color.u32(), .ground = kMessageGround.u32(), .wrap_px = width};
 }
 
-// Above what is at the view's lower edge, which has the height `below`.
-void DrawMessages(const Viewer& viewer, const Area& area, float below, float scale) {
+// The side that had the last click; null: none.
+const Area* SideOfClick(const Layout& layout) {
+  const ImVec2 click = ImGui::GetIO().MouseClickedPos[ImGuiMouseButton_Left];
+  for (const Area* side : {&layout.left, &layout.right}) {
+    if (side->Holds({click.x, click.y})) return side;
+  }
+  return nullptr;
+}
+
+// Above what is at the view's lower edge, which has the height `below`. `says_refusal`: also that
+// of the last command.
+void DrawMessages(const Viewer& viewer, const Area& area, bool says_refusal, float below,
+                  float scale) {
   const EmergencyStop::Line stop = viewer.feed().emergency_stop().line();
   const float width = area.size.x - 40.0f * scale;
   // The bar above shows a stop that is done, as long as palpated sends poses.
@@ -101,7 +112,7 @@ void DrawMessages(const Viewer& viewer, const Area& area, float below, float sca
   const std::array<Label, 4> messages = {
       MessageOf(viewer.feed().shared().FreshLine(), kWarning, width),
       MessageOf(viewer.message(), kPlain, width),
-      MessageOf(viewer.feed().commands().problem(), kWarning, width),
+      MessageOf(says_refusal ? viewer.feed().commands().problem() : "", kWarning, width),
       MessageOf(says_stop ? stop.text : "", stop.is_bad ? kBad : kGood, width)};
   float y = area.min.y + area.size.y - below - 30.0f * scale;
   for (const Label& message : messages) {
@@ -131,7 +142,8 @@ void DrawArrival(const Viewer& viewer, const Area& area, float scale) {
 
 }  // namespace
 
-void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale) {
+void DrawView(Viewer& viewer, const Area& area, const Layout& layout, bool has_legend,
+              float scale) {
   // The picture is dark in both themes.
   const ThemeScope dark(Theme::kDark);
   const float hand = DrawHandStrip(viewer, area, scale);
@@ -151,7 +163,7 @@ void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale) {
   DrawCube(viewer, area, scale);
   DrawViewMarks(viewer, area, hand, scale);
   if (has_legend) DrawLegend(viewer, area, scale);
-  DrawMessages(viewer, area, hand, scale);
+  DrawMessages(viewer, area, !SideOfClick(layout), hand, scale);
   DrawArrival(viewer, area, scale);
   DrawReplayBanner(viewer, area, scale);
   ImGui::End();
@@ -160,16 +172,14 @@ void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale) {
 void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale) {
   const std::string problem = viewer.feed().commands().problem();
   if (problem.empty()) return;
-  const ImVec2 click = ImGui::GetIO().MouseClickedPos[ImGuiMouseButton_Left];
-  const Eigen::Vector2d at(click.x, click.y);
-  const Area& side = layout.left.Holds(at) ? layout.left : layout.right;
-  if (!side.Holds(at)) return;
+  const Area* side = SideOfClick(layout);
+  if (!side) return;
   const float margin = 12.0f * scale;
-  const Label label = MessageOf(problem, kWarning, side.size.x - 2.0f * margin);
+  const Label label = MessageOf(problem, kWarning, side->size.x - 2.0f * margin);
   // Below the pointer, so that the control stays visible.
-  const float y =
-      std::min(click.y + 30.0f * scale, side.min.y + side.size.y - margin - SizeOf(label).y);
-  DrawLabel(*ImGui::GetForegroundDrawList(), {side.min.x + margin, y}, label, scale);
+  const float y = std::min(ImGui::GetIO().MouseClickedPos[ImGuiMouseButton_Left].y + 30.0f * scale,
+                           side->min.y + side->size.y - margin - SizeOf(label).y);
+  DrawLabel(*ImGui::GetForegroundDrawList(), {side->min.x + margin, y}, label, scale);
 }
 
 }  // namespace palpate::view

@@ -13,7 +13,7 @@ void DrawTopBar(Viewer& viewer, const Area& area, float scale);
 // Whether forces act, why not, and the button that is allowed: visible but on the start page.
 void DrawStateBar(Viewer& viewer, const Area& area, float scale);
 // The picture, with legend and messages.
-void DrawView(Viewer& viewer, const Area& area, bool has_legend, float scale);
+void DrawView(Viewer& viewer, const Area& area, const Layout& layout, bool has_legend, float scale);
 // What a drag in the view does, and the sides on or off: always visible.
 void DrawToolBar(Viewer& viewer, const Layout& layout, float scale);
 // Why the user cannot take the tool; empty: they can.
@@ -22,7 +22,7 @@ std::string WhyNot(const Viewer& viewer, Tool tool);
 float DrawHandStrip(Viewer& viewer, const Area& view, float scale);
 // The last 10 seconds: the bar is always visible.
 void DrawPlots(Viewer& viewer, const Layout& layout, float scale);
-// A refusal of the last command, near the last click in a panel. The view shows it, too.
+// A refusal of the last command, near the last click if that was in a side; else the view shows it.
 void DrawRefusal(const Viewer& viewer, const Layout& layout, float scale);
 // Over the view while a recording is shown in place of the live state.
 void DrawReplayBanner(const Viewer& viewer, const Area& area, float scale);
@@ -57,8 +57,10 @@ void CutTab(Viewer& viewer);
 void EditTab(Viewer& viewer);
 // The headings on the right.
 inline constexpr const char* kFeelHeading = "Feel, for everyone";
+inline constexpr const char* kToolHeading = "Tool in the hand, for everyone";
 inline constexpr const char* kDeviceHeading = "Device";
 void FeelPanel(Viewer& viewer);
+void ToolPanel(Viewer& viewer);
 void DevicePanel(Viewer& viewer);
 // Recordings: made here, listed and replayed.
 void SessionPanel(Viewer& viewer);

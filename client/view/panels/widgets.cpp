@@ -90,6 +90,14 @@ void BeginPanel(const char* name, const Area& area, ImGuiWindowFlags more) {
                    ImGuiWindowFlags_NoBackground | more);
 }
 
+bool ToggleButton(const char* label, bool on) {
+  ImGui::PushStyleColor(ImGuiCol_Button,
+                        ImGui::GetStyleColorVec4(on ? ImGuiCol_ButtonActive : ImGuiCol_FrameBg));
+  const bool pressed = ImGui::Button(label);
+  ImGui::PopStyleColor();
+  return pressed;
+}
+
 bool DragDouble(const char* label, double& value, double speed, double least, double most,
                 const char* format) {
   return EditNumber(label, value, [&](double& shown) {

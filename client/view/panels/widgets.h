@@ -41,6 +41,9 @@ void WrappedText(const ImVec4& color, std::string_view text);
 // The width of a button with this text.
 float ButtonWidth(const char* label);
 
+// A button that is lit while it is on. Returns true if it was pressed.
+bool ToggleButton(const char* label, bool on);
+
 // Draws a number that the user drags, or types after ctrl+click. A dragged number changes at once.
 // A typed number changes when the user presses Enter or leaves the field; Esc restores it. Returns
 // true if the number changed.

@@ -5,6 +5,7 @@
 #include "client/sdk/words.h"
 #include "client/view/viewer/viewer.h"
 #include "common/error/error.h"
+#include "common/felt_tool/tool_file.h"
 #include "common/wire/address.h"
 
 namespace palpate::view {
@@ -100,7 +101,8 @@ std::filesystem::path Files::StartFolder() const {
 const std::vector<std::string>& Files::recent() const { return viewer_.preferences().recent_files; }
 
 void Files::Choose(DialogKind kind) {
-  if (const std::string why = WhyNotOpen(); kind != DialogKind::kSave && !why.empty()) {
+  const bool opens = kind == DialogKind::kOpenFile || kind == DialogKind::kOpenFolder;
+  if (const std::string why = WhyNotOpen(); opens && !why.empty()) {
     viewer_.Say("cannot open a volume: " + why);
     return;
   }
@@ -129,7 +131,9 @@ void Files::Open(const std::string& source) {
   problem_.clear();
   ask_ = Ask::kNothing;
   form_.shown = false;
-  if (const std::string why = WhyNotOpen(); !why.empty()) {
+  if (source.ends_with(".toml")) {
+    WishTool(source);
+  } else if (const std::string why = WhyNotOpen(); !why.empty()) {
     problem_ = "cannot open " + source + ": " + why;
   } else if (!IsSample(source) && IsMissing(source)) {
     problem_ = "there is no file or folder " + source;
@@ -141,6 +145,12 @@ void Files::Open(const std::string& source) {
     // If it cannot be opened, palpated's own sample is not shown in its place.
     page_kept_ = !viewer_.feed().volume().lattice() && daemon_.runs();
   }
+}
+
+void Files::WishTool(const std::string& path) try {
+  viewer_.state().wished_tool = ReadTool(path);
+} catch (const Error& error) {
+  problem_ = error.what();
 }
 
 void Files::StartAgain() {

@@ -60,6 +60,7 @@ class Files {
   void Choose(DialogKind kind);
   void TypePath();
   // `source`: a path of this machine, or a sample. If no palpated runs here yet, starts one first.
+  // A .toml file is a tool: see ViewState::wished_tool.
   void Open(const std::string& source);
   // What waits for another palpated is void, and so is every question.
   void ForgetServer();
@@ -102,6 +103,7 @@ class Files {
  private:
   using Clock = std::chrono::steady_clock;
 
+  void WishTool(const std::string& path);
   // `fresh`: as LocalDaemon::Start.
   void StartHere(bool fresh);
   void TakeAnswer(const FileDialog::Answer& answer);

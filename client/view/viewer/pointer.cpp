@@ -111,13 +111,13 @@ Vec3 OnPlane(const Ray& ray, const Vec3& p_D, const Camera& camera) {
 }  // namespace
 
 void HandAim::Follow(const Eigen::Vector2d& at_px, const ImageSize& view, const SeenSurface& seen,
-                     const HandOptions& options, double harder_mm) {
+                     const HandOptions& options, double tip_mm) {
   const Ray ray = seen.camera.RayThrough(at_px.x(), at_px.y(), view);
   const auto surface_D =
       options.way == HandWay::kSurface ? seen.At(at_px, view) : std::optional<Vec3>();
-  plane_D_ = surface_D ? Vec3(*surface_D + options.press_mm * ray.direction)
+  plane_D_ = surface_D ? Vec3(*surface_D + (options.press_mm - tip_mm) * ray.direction)
                        : OnPlane(ray, plane_D_, seen.camera);
-  target_D_ = plane_D_ + harder_mm * ray.direction;
+  sight_D_ = ray.direction;
 }
 
 std::vector<Vec3> WayAround(const Vec3& from_D, const Vec3& target_D, const Vec3& eye_D,

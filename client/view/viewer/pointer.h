@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -69,9 +70,13 @@ enum class HandWay {
 
 struct HandOptions {
   HandWay way = HandWay::kSurface;
-  // How far behind the surface the hand wants to be, along the sight. The hand is a spring, so this
-  // is how firmly it touches. Negative: before the surface.
+  // How far behind the surface the hand wants to be, along the sight: the tip's own surface, if it
+  // is a ball. The hand is a spring, so this is how firmly it touches. Negative: before the
+  // surface.
   double press_mm = 3.0;
+  // Kept on, as if they were held: bit n is the stylus's button n; the pointer turns the stylus.
+  std::uint32_t kept_buttons = 0;
+  bool turns = false;
   static constexpr double kLeastPress_mm = -20.0;
   static constexpr double kMostPress_mm = 20.0;
 
@@ -87,19 +92,22 @@ struct HandOptions {
 class HandAim {
  public:
   // Where the hand is when it is taken.
-  void Begin(const Vec3& hip_D) { target_D_ = plane_D_ = hip_D; }
-  const Vec3& target_D() const { return target_D_; }
+  void Begin(const Vec3& hip_D) { *this = {}, plane_D_ = hip_D; }
+  Vec3 target_D() const { return plane_D_ + harder_mm_ * sight_D_; }
 
-  // Leads the target to the pointer. `harder_mm` deeper than the options say. Where no surface is
-  // under the pointer, the hand stays in the plane of its last place.
+  // Leads the target to the pointer. `tip_mm`: how far ball or tool reaches beyond the tip. Where
+  // no surface is under the pointer, the hand stays in the plane of its last place.
   void Follow(const Eigen::Vector2d& at_px, const ImageSize& view, const SeenSurface& seen,
-              const HandOptions& options, double harder_mm);
+              const HandOptions& options, double tip_mm);
+  // From now on, the target is this much deeper, along the last line of sight.
+  void PressHarder(double harder_mm) { harder_mm_ = harder_mm; }
   // Moves the plane away from the eye.
   void Push(double farther_mm, const Camera& camera);
 
  private:
-  Vec3 target_D_ = Vec3::Zero();
-  Vec3 plane_D_ = Vec3::Zero();  // a point of the plane; without harder_mm
+  Vec3 plane_D_ = Vec3::Zero();  // a point of the plane; without harder_mm_
+  Vec3 sight_D_ = Vec3::Zero();  // of length 1; zero before the first Follow
+  double harder_mm_ = 0.0;
 };
 
 // A ball around the volume.

@@ -2,6 +2,9 @@
 
 #include <imgui.h>
 
+#include <algorithm>
+#include <utility>
+
 #include "client/view/viewer/viewer.h"
 
 namespace palpate::view {
@@ -16,6 +19,20 @@ constexpr double kJump_mm = 40.0;
 constexpr double kAround_mm_per_s = 300.0;
 constexpr double kTurnPerPixel_rad = 0.006;
 constexpr double kRollPerStep_rad = 0.1;
+
+constexpr std::uint32_t kCarveButton = 1U << 0;
+
+// How far the ball or the tool reaches beyond the stylus's tip, which the pointer leads.
+double TipReach_mm(const LiveFeed& feed) {
+  const auto& settings = feed.settings();
+  if (!settings || settings->tool.ball.empty())
+    return feed.pose() ? feed.pose()->tool_radius_mm : 0;
+  double reach_mm = 0.0;
+  for (const HeldToolBall& ball : settings->tool.ball) {
+    reach_mm = std::max(reach_mm, ball.radius_mm - ball.center_mm.z());
+  }
+  return reach_mm;
+}
 
 Surroundings SurroundingsOf(const ViewVolume& volume) {
   if (!volume.lattice() || !volume.X_DI()) return {};
@@ -45,6 +62,13 @@ std::optional<Vec3> HandTool::target_D() const {
   return leads_ ? std::optional<Vec3>(aim_.target_D()) : std::nullopt;
 }
 
+bool HandTool::CanCarve(const LiveFeed& feed) {
+  const auto& settings = feed.settings();
+  if (!settings || !settings->carve_tool) return false;
+  const auto& balls = settings->tool.ball;
+  return balls.empty() || std::ranges::any_of(balls, &HeldToolBall::carves);
+}
+
 bool HandTool::Take(Viewer& viewer, const ViewPointer& pointer) {
   following_.reset();
   if (viewer.state().tool != Tool::kHand) {
@@ -54,6 +78,7 @@ bool HandTool::Take(Viewer& viewer, const ViewPointer& pointer) {
   if (!leads_) Begin(viewer);
   if (!leads_ || !Goes(viewer)) return false;
   HoldTool(viewer.feed());
+  Act(viewer, pointer);
   const bool used = Lead(viewer, pointer);
   GoAround(viewer.feed());
   return used;
@@ -68,6 +93,12 @@ void HandTool::Begin(Viewer& viewer) {
   }
   feed.TakeHand();
   aim_.Begin(feed.pose()->hip_mm);
+  viewer.state().hand.kept_buttons = 0;
+  viewer.state().hand.turns = false;
+  acts_ = {};
+  broke_off_ = false;
+  beside_px_.setZero();
+  rests_px_.reset();
   sent_D_ = aim_.target_D();
   R_DS_.reset();
   HoldTool(feed);
@@ -104,16 +135,40 @@ bool HandTool::Goes(Viewer& viewer) {
   return false;
 }
 
+// The left button carves if that is what the stylus's button does; else it presses harder.
+void HandTool::Act(Viewer& viewer, const ViewPointer& pointer) {
+  const HandOptions& options = viewer.state().hand;
+  const bool left = pointer.held && !pointer.shift;
+  const bool carves = CanCarve(viewer.feed());
+  const bool turns_view = ImGui::IsItemActive() && !left;
+  const Acts before = acts_;
+  acts_ = {.presses = left && !carves,
+           .turns = pointer.hovered && !turns_view && (ImGui::GetIO().KeyAlt || options.turns),
+           .buttons = options.kept_buttons | (left && carves ? kCarveButton : 0U)};
+  aim_.PressHarder(acts_.presses ? kHarder_mm : 0.0);
+  if (acts_ != before) GoToTarget(viewer.feed());
+}
+
 bool HandTool::Lead(Viewer& viewer, const ViewPointer& pointer) {
   HandOptions& options = viewer.state().hand;
-  const bool presses = pointer.held && !pointer.shift;
-  const bool turns = ImGui::IsItemActive() && !presses;
-  if ((!pointer.hovered && !presses) || turns) return false;
   ImGuiIO& io = ImGui::GetIO();
-  if (io.KeyAlt) {
+  const bool left = pointer.held && !pointer.shift;
+  if (!pointer.hovered && !left) {
+    // Where it comes back, the hand comes to it.
+    broke_off_ = false;
+    beside_px_.setZero();
+    rests_px_.reset();
+    return false;
+  }
+  if (acts_.turns) {
+    broke_off_ = true;
     TurnStylus({io.MouseDelta.x, io.MouseDelta.y}, pointer, viewer);
     ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeAll);
-    return presses || pointer.wheel_steps != 0.0;
+    return left || pointer.wheel_steps != 0.0;
+  }
+  if (ImGui::IsItemActive() && !left) {
+    broke_off_ = true;
+    return false;
   }
   const bool zooms = pointer.shift || io.KeyCtrl;
   if (!zooms) {
@@ -134,13 +189,21 @@ bool HandTool::Lead(Viewer& viewer, const ViewPointer& pointer) {
                 .px_per_unit = scale,
                 .view = pointer.size,
                 .options = options,
-                .harder_mm = presses ? kHarder_mm : 0.0};
+                .tip_mm = TipReach_mm(viewer.feed())};
   // The pointer may already be farther than Dear ImGui knows.
-  Aim(newest_ ? Eigen::Vector2d((*newest_ - following_->view_min) * scale) : pointer.at_px,
-      viewer.feed());
+  const Eigen::Vector2d at_px =
+      newest_ ? Eigen::Vector2d((*newest_ - following_->view_min) * scale) : pointer.at_px;
+  if (std::exchange(broke_off_, false)) Resume(at_px, pointer.size);
+  if (rests_px_ != at_px || pointer.wheel_steps != 0.0) Aim(at_px, viewer.feed());
   // The hand itself is the cursor: it lags behind where the surface resists.
   ImGui::SetMouseCursor(ImGuiMouseCursor_None);
-  return presses || (pointer.wheel_steps != 0.0 && !zooms);
+  return left || (pointer.wheel_steps != 0.0 && !zooms);
+}
+
+void HandTool::Resume(const Eigen::Vector2d& at_px, const ImageSize& view) {
+  const auto target_px = Projection(seen_.camera, view).PixelOf(aim_.target_D());
+  beside_px_ = target_px ? Eigen::Vector2d(*target_px - at_px) : Eigen::Vector2d::Zero();
+  rests_px_ = at_px;
 }
 
 void HandTool::PointerMoved(const Eigen::Vector2d& at, LiveFeed& feed) {
@@ -154,8 +217,13 @@ void HandTool::PointerMoved(const Eigen::Vector2d& at, LiveFeed& feed) {
 }
 
 void HandTool::Aim(const Eigen::Vector2d& at_px, LiveFeed& feed) {
-  aim_.Follow(at_px, following_->view, seen_, following_->options, following_->harder_mm);
-  const Vec3& target_D = aim_.target_D();
+  rests_px_.reset();
+  aim_.Follow(at_px + beside_px_, following_->view, seen_, following_->options, following_->tip_mm);
+  GoToTarget(feed);
+}
+
+void HandTool::GoToTarget(LiveFeed& feed) {
+  const Vec3 target_D = aim_.target_D();
   if (way_D_.empty() && feed.pose() && (target_D - sent_D_).norm() > kJump_mm) {
     sent_D_ = feed.pose()->scp_h_mm;
     way_D_ = WayAround(sent_D_, target_D, seen_.camera.Eye(), SurroundingsOf(feed.volume()));
@@ -166,7 +234,7 @@ void HandTool::Aim(const Eigen::Vector2d& at_px, LiveFeed& feed) {
   Send(feed);
 }
 
-void HandTool::Send(LiveFeed& feed) const { feed.hand()->MoveTo(sent_D_, 0, R_DS_); }
+void HandTool::Send(LiveFeed& feed) const { feed.hand()->MoveTo(sent_D_, acts_.buttons, R_DS_); }
 
 // As the pointer moves on the screen, the barrel's end follows it; the wheel rolls the stylus.
 void HandTool::TurnStylus(const Eigen::Vector2d& by, const ViewPointer& pointer, Viewer& viewer) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -25,6 +26,16 @@ class HandTool {
   void GiveBack(Viewer& viewer);
   // Where the hand wants to be; none: we do not lead it.
   std::optional<Vec3> target_D() const;
+  // What it does now, beside following the pointer.
+  struct Acts {
+    bool presses = false;       // harder
+    bool turns = false;         // the stylus turns with the pointer, and the wheel rolls it
+    std::uint32_t buttons = 0;  // of the stylus that are held: bit n is button n
+    friend bool operator==(const Acts&, const Acts&) = default;
+  };
+  const Acts& acts() const { return acts_; }
+  // The stylus's button 0, and so the pointer's left one, carves what is in the hand's way.
+  static bool CanCarve(const LiveFeed& feed);
 
  private:
   // How places on the screen become targets, until the next frame.
@@ -33,15 +44,18 @@ class HandTool {
     double px_per_unit = 1.0;
     ImageSize view;
     HandOptions options;
-    double harder_mm = 0.0;
+    double tip_mm = 0.0;
   };
 
   void Begin(Viewer& viewer);
   void HoldTool(const LiveFeed& feed);
   void End(Viewer& viewer);
   bool Goes(Viewer& viewer);
+  void Act(Viewer& viewer, const ViewPointer& pointer);
   bool Lead(Viewer& viewer, const ViewPointer& pointer);
+  void Resume(const Eigen::Vector2d& at_px, const ImageSize& view);
   void Aim(const Eigen::Vector2d& at_px, LiveFeed& feed);
+  void GoToTarget(LiveFeed& feed);
   void GoAround(LiveFeed& feed);
   void TurnStylus(const Eigen::Vector2d& by, const ViewPointer& pointer, Viewer& viewer);
   void Send(LiveFeed& feed) const;
@@ -58,6 +72,12 @@ class HandTool {
   std::chrono::steady_clock::time_point gone_at_{};
   std::optional<Eigen::Vector2d> newest_;  // where the pointer was last, on the screen
   std::optional<Following> following_;     // none: the pointer is not on the view, or turns it
+  Acts acts_;
+  // After the pointer has turned the stylus or the view, the hand stays where it is. When the
+  // pointer moves on, the hand goes with it, beside it.
+  bool broke_off_ = false;
+  Eigen::Vector2d beside_px_ = Eigen::Vector2d::Zero();  // from the pointer to the target
+  std::optional<Eigen::Vector2d> rests_px_;              // the pointer, which has not moved since
 };
 
 }  // namespace palpate::view

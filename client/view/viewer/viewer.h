@@ -112,6 +112,8 @@ struct ViewState {
   FacingForm facing{};
   ConnectForm connect{};
   SessionState session{};
+  // A tool that the user wants to take; the panel takes it, or asks about what is in its way.
+  std::optional<HeldTool> wished_tool{};
   // Requested; done at the end of the frame.
   bool view_picture_wanted = false;
   bool window_picture_wanted = false;
@@ -195,6 +197,7 @@ class Viewer {
   Files& files() { return files_; }
   const Files& files() const { return files_; }
   HandTool& hand() { return hand_; }
+  const HandTool& hand() const { return hand_; }
 
  private:
   using Clock = std::chrono::steady_clock;

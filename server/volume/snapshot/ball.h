@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "common/felt_tool/tool_size.h"  // kLeastBallVoxels, kMostBallVoxels
 #include "common/geometry/geometry.h"
 
 namespace palpate {
@@ -15,11 +16,6 @@ struct Ball {
   bool is_least = false;                      // feels the least value within it, not the greatest
   friend bool operator==(const Ball&, const Ball&) = default;
 };
-
-// Radii in voxels of the shortest edge. Smaller ones mean nothing on the lattice; larger ones take
-// too long.
-inline constexpr double kLeastBallVoxels = 0.3;
-inline constexpr double kMostBallVoxels = 8.0;
 
 // The least and the greatest radius on voxels of this shape, in mm.
 std::pair<double, double> BallRange(const Mat3& device_from_index);
