@@ -76,6 +76,9 @@ class Room(ReceiverTest):
                 publisher.settings(4)
                 guest.wait_for("settings", lambda message: message.settings_revision == 4)
                 guest.wait_for("copy", lambda message: message["bricks_left"] == 0)
+                publisher.text("copy", bricks_left=7, problem="40 %", loading=True)
+                guest.wait_for("copy", lambda message: message == {
+                    "type": "copy", "bricks_left": 0, "problem": "40 %", "loading": True})
 
     def test_poses_go_on_with_this_gateways_times(self):
         with Publisher(self.server) as publisher, from_room(self.server) as gateway, \

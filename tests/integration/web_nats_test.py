@@ -55,7 +55,7 @@ class Room:
     def hashes(self):
         """What the publisher's beat says that it has put."""
         found = {}
-        for name in ["volume", "connection", "settings", "steering", "series", "recording"]:
+        for name in ["volume", "connection", "settings", "steering", "series", "recording", "copy"]:
             subject = name if name == "volume" else f"text.{name}"
             message = self.client.kept(ROOM, subject)
             if message is not None:
@@ -490,8 +490,11 @@ class VolumesTest(RoomTest):
         self.assertTrue(wait_until(
             lambda: kept_facts(client, "settings").settings.settings.isovalue == 77.0))
         self.assertIsNone(client.kept(ROOM, "volume"))
+        problem = lambda: client.kept(ROOM, "text.copy").json["problem"]
+        self.assertTrue(wait_until(problem))
         self.load("small")
         Room(client).wait_for_volume()
+        self.assertTrue(wait_until(lambda: not problem()))
 
     def test_a_new_publisher_keeps_its_own_volume_alone(self):
         client = self.join()

@@ -66,6 +66,30 @@ TEST(RoomState, ThePublishersWordCountsWhileItIsHeard) {
   EXPECT_TRUE(room.state.is_published(room.now));
 }
 
+TEST(RoomState, SaysWhatOfTheVolumeIsMissing) {
+  std::set<std::string> missing;
+  RoomState state{kHere, {}};
+  const auto copy = [&](const std::string& problem, const std::string& loading) {
+    state.TakeCopyText(R"({"type":"copy","problem":")" + problem + R"(","loading":)" + loading +
+                       "}");
+    missing.insert(state.MissingVolume());
+  };
+  state.TakeVolumeLink(true);
+  missing.insert(state.MissingVolume());  // not published
+  state.TakeVolume();
+  EXPECT_EQ(state.MissingVolume(), "");
+  copy("palpated sends no voxels", "false");
+  copy("40 %", "true");
+  EXPECT_TRUE(state.volume().is_loading);
+  EXPECT_EQ(state.volume().problem, "40 %");
+  state.TakeCopyText(R"({"type":"copy","problem":"","loading":false})");
+  EXPECT_EQ(state.MissingVolume(), "");
+  state.TakeVolumeLink(false);
+  missing.insert(state.MissingVolume());
+  EXPECT_EQ(missing.size(), 4u);
+  EXPECT_FALSE(missing.contains(""));
+}
+
 TEST(RoomState, ASilentPublisherIsAway) {
   Room room;
   room.Link(true);

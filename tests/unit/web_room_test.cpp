@@ -375,7 +375,7 @@ TEST(RoomSubjects, AreReadBack) {
   }
   for (const char* const wrong :
        {"", "group.", "group.01", "group.-1", "group.+1", "group.4294967296", "group.1.2",
-        "volume.", "text.", "text.guests", "text.copy", "text.volume", "manifest", "other.1",
+        "volume.", "text.", "text.guests", "text.placement", "text.volume", "manifest", "other.1",
         "1"}) {
     EXPECT_FALSE(subjects.ParseKept(std::string("palpate.hall-1.kept.") + wrong)) << wrong;
   }

@@ -4,8 +4,8 @@ import { test } from "node:test";
 
 import { assertNear, envelope, modules, random, settle, somePose } from "./page_harness.mjs";
 
-const page = await modules("wire/contract.ts", "state.ts", "volume/manifest.ts", "volume/overview_voxels.ts", "volume/copy.ts", "wire/meanwhile.ts");
-const { decode, isFreeAbove, memberOf, State, parseManifest, groupCounts, groupNumber, groupPlace, OverviewVoxels, VolumeCopy, Meanwhile } = page;
+const page = await modules("wire/contract.ts", "state.ts", "volume/manifest.ts", "volume/overview_voxels.ts", "volume/copy.ts", "wire/meanwhile.ts", "ui/badge.ts");
+const { decode, isFreeAbove, memberOf, State, parseManifest, groupCounts, groupNumber, groupPlace, OverviewVoxels, VolumeCopy, Meanwhile, badgeOf } = page;
 
 const poseOf = (members = {}) => decode(envelope({ pose: { ...somePose, ...members } })).pose;
 
@@ -252,6 +252,18 @@ test("where several blobs cannot come in one answer, they come one by one", asyn
   state.receive(gateway.manifest(1));
   await whole;
   assert.deepEqual(valuesOf(copy, gateway.counts), gateway.groups.map((_, number) => gateway.valueOf(number)));
+});
+
+test("without its volume a room is not live, and the badge says what is missing", () => {
+  const state = Object.assign(new State(), { link: "open", connection: { state: "connected" } });
+  state.receivePose({ ...poseOf(), sentMs: performance.now(), ageMs: 0 });
+  const words = [];
+  for (const told of [{}, { volume: { name: "head.nrrd" } }, { copy: { problem: "40 %", loading: true } }, { copy: { problem: "NATS is not reached" } }]) {
+    words.push(badgeOf(Object.assign(state, told)).words);
+  }
+  assert.deepEqual(words.map((one) => one === "live"), [false, true, false, false]);
+  assert.match(words[2], /loads.*40 %/);
+  assert.match(words[3], /NATS/);
 });
 
 test("what happened meanwhile is said", () => {

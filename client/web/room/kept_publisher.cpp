@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "client/web/room/room_protocol.h"
+#include "client/web/upstream/topic_text.h"
 #include "client/web/volume/blob.h"
 #include "client/web/wire/envelope.h"
 #include "common/error/error.h"
@@ -331,7 +332,10 @@ void KeptPublisher::PublishTexts() {
   }
   for (const Topic topic : kTextTopics) {
     const auto& text = texts.at(At(topic));
-    if (text) Put(std::string(NameOf(topic)), subjects_.text(topic), *text);
+    if (!text) continue;
+    const bool is_full = topic == Topic::kCopy && pause_ > 0s;
+    Put(std::string(NameOf(topic)), subjects_.text(topic),
+        is_full ? CopyText(0, "the room's server has no memory for it", false) : *text);
   }
 }
 

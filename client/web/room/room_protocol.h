@@ -21,8 +21,8 @@ namespace palpate::web {
 //
 //   palpate.R.live.pose        a pose (client/web/wire/envelope.h)
 //   palpate.R.live.beat        the publisher's heartbeat
-//   palpate.R.kept.text.T      the newest message of a topic: T is connection, settings, steering,
-//                              series or recording; as guests get it (hub.h)
+//   palpate.R.kept.text.T      the newest message of a topic: T is connection, copy, settings,
+//                              steering, series or recording; as guests get it (hub.h)
 //   palpate.R.kept.volume      volume, placement and manifest (RoomVolume of envelope.proto)
 //   palpate.R.kept.manifest.N  part N of the manifest (Part)
 //   palpate.R.kept.overview.N  part N of the overview
@@ -39,8 +39,8 @@ bool IsRoom(std::string_view name);
 bool IsNatsUser(std::string_view name);
 
 // The topics whose messages a room keeps each on a subject of its own.
-inline constexpr Topic kTextTopics[] = {Topic::kConnection, Topic::kSettings, Topic::kSteering,
-                                        Topic::kSeries, Topic::kRecording};
+inline constexpr Topic kTextTopics[] = {Topic::kConnection, Topic::kCopy,   Topic::kSettings,
+                                        Topic::kSteering,   Topic::kSeries, Topic::kRecording};
 // "connection", "volume", ...: the topic's name.
 std::string_view NameOf(Topic topic);
 

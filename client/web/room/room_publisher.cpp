@@ -179,7 +179,7 @@ std::string RoomPublisher::problem() const {
 
 // Posted, so that the texts of a volume, which change one after the other, are taken together.
 void RoomPublisher::OnTopic(Topic topic) {
-  if (topic == Topic::kGuests || topic == Topic::kCopy) return;
+  if (topic == Topic::kGuests) return;
   if (std::exchange(is_put_posted_, true)) return;
   post_([this] {
     is_put_posted_ = false;

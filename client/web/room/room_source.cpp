@@ -170,6 +170,8 @@ void RoomSource::Take() {
     if (!text) continue;
     if (static_cast<Topic>(topic) == Topic::kConnection) {
       state_.TakeText(*text);
+    } else if (static_cast<Topic>(topic) == Topic::kCopy) {
+      state_.TakeCopyText(*text);
     } else if (std::ranges::count(kDoing, static_cast<Topic>(topic)) > 0) {
       doing_[topic] = *std::move(text);
     } else {
@@ -184,6 +186,7 @@ void RoomSource::Take() {
 }
 
 void RoomSource::PutShown(RoomCopy::Shown shown) {
+  state_.TakeVolume();
   hub_.Put(Topic::kVolume, std::move(shown.volume));
   if (!shown.placement.empty()) hub_.Put(Topic::kPlacement, std::move(shown.placement));
   hub_.Put(Topic::kManifest, std::move(shown.manifest));
@@ -192,8 +195,9 @@ void RoomSource::PutShown(RoomCopy::Shown shown) {
 // Poses and voxels come by connections of their own, so the loss of one says nothing of the other.
 void RoomSource::PutCopy() {
   constexpr std::uint64_t kBricks = std::uint64_t{kGroupBricks} * kGroupBricks * kGroupBricks;
-  hub_.Put(Topic::kCopy, CopyText(kBricks * missing_groups_,
-                                  kept_->is_connected() ? "" : "NATS is not reached", false));
+  state_.TakeVolumeLink(kept_->is_connected());
+  const RoomState::Volume volume = state_.volume();
+  hub_.Put(Topic::kCopy, CopyText(kBricks * missing_groups_, volume.problem, volume.is_loading));
 }
 
 void RoomSource::PutPose(std::string sent) {
@@ -212,9 +216,12 @@ void RoomSource::PutConnection() {
   if (connection_.state != before.state) connection_since_ms_ = NowMs();
   hub_.Put(Topic::kConnection, ConnectionText(connection_.state, connection_.why,
                                               connection_.palpated, connection_since_ms_));
-  if (connection_.state != before.state || connection_.why != before.why) {
-    options_.log("room " + options_.room + ": " +
-                 (is_connected ? "live" : OneLine(connection_.why)));
+  const std::string missing = state_.MissingVolume();
+  const std::string now = !is_connected     ? connection_.why
+                          : missing.empty() ? "live"
+                                            : "no volume: " + missing;
+  if (now != std::exchange(logged_state_, now)) {
+    options_.log("room " + options_.room + ": " + OneLine(now));
   }
   const bool is_told = is_connected && kept_->is_connected();
   for (const Topic topic : kDoing) {

@@ -89,7 +89,7 @@ class RoomSource final : public Source {
   std::string pose_;                        // the newest, as the publisher sent it
   std::array<std::string, kTopics> doing_;  // what the publisher told of series and recording
   std::uint64_t missing_groups_ = 0;
-  std::string last_line_;
+  std::string last_line_, logged_state_;
 
   std::atomic<bool> is_complete_{false};
   std::atomic<bool> is_answered_{false};  // since Poll looked

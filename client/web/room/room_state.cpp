@@ -47,6 +47,24 @@ void RoomState::TakeText(std::string_view text) {
   if (*state != ConnectionState::kConnected && !why.empty()) word_->why = why;
 }
 
+void RoomState::TakeCopyText(std::string_view text) {
+  const json object = json::parse(text, nullptr, false);
+  if (!object.is_object()) return;
+  const auto loading = object.find("loading");
+  const bool is_loading = loading != object.end() && *loading == json(true);
+  volume_ = {TextAt(object, "problem"), is_loading};
+}
+
+RoomState::Volume RoomState::volume() const {
+  return has_volume_link_ ? volume_ : Volume{"NATS is not reached", false};
+}
+
+std::string RoomState::MissingVolume() const {
+  const Volume now = volume();
+  if (now.is_loading) return "palpated loads it";
+  return now.problem.empty() && !has_volume_ ? "the room has none yet" : now.problem;
+}
+
 bool RoomState::is_published(Time now) const {
   // A beat of before the link was lost says nothing of a server that was started anew.
   return is_connected_ && heard_ && *heard_ >= since_ && now - *heard_ < kBeatLife;

@@ -1,5 +1,6 @@
 // What a room's guests are told of the way to its palpated: the gateway's link to NATS by which
-// poses and beats come, then the room's publisher, then the publisher's own word.
+// poses and beats come, then the room's publisher, then the publisher's own word; and of the
+// volume.
 //
 // A publisher is heard by its beats, twice a second. Threads: pure. Time is passed in.
 // Errors: none. What is no message of the room is ignored.
@@ -28,6 +29,12 @@ class RoomState {
   void TakeBeat(const Beat& beat, Time now);
   // The publisher's text of the topic `connection`, as RoomCopy gives it.
   void TakeText(std::string_view json);
+  // The same of the topic `copy`.
+  void TakeCopyText(std::string_view json);
+  // The link by which voxels come.
+  void TakeVolumeLink(bool is_connected) { has_volume_link_ = is_connected; }
+  // A volume is shown.
+  void TakeVolume() { has_volume_ = true; }
 
   struct Connection {
     client::ConnectionState state = client::ConnectionState::kConnecting;
@@ -35,6 +42,13 @@ class RoomState {
     std::string palpated{};  // the last known name
   };
   Connection At(Time now) const;
+  struct Volume {
+    std::string problem{};    // why it does not follow; "": it does
+    bool is_loading = false;  // `problem` says how far palpated's first volume is
+  };
+  Volume volume() const;
+  // What of the volume is missing, for the log; "": nothing.
+  std::string MissingVolume() const;
   // A publisher of this protocol is heard.
   bool is_published(Time now) const;
   // The newest beat's machine is this one.
@@ -48,6 +62,8 @@ class RoomState {
   Time published_since_;                     // while is_published
   bool shares_clock_ = false;
   std::optional<Connection> word_;  // the publisher's own
+  Volume volume_;                   // the publisher's own
+  bool has_volume_link_ = false, has_volume_ = false;
 };
 
 }  // namespace palpate::web

@@ -134,6 +134,14 @@ export class State {
     return (Number.isNaN(this.pose.ageMs) ? 0 : this.pose.ageMs) + Math.max(0, way);
   }
 
+  // What of the volume is missing, in plain words; "": nothing.
+  missingVolume(): string {
+    const { copy, volume, manifest } = this;
+    if (copy?.loading) return `palpated loads: ${copy.problem}`;
+    if (copy?.problem) return `the volume does not follow: ${copy.problem}`;
+    return volume || manifest ? "" : "no volume yet";
+  }
+
   // Everybody's: of the surface that is drawn, which is the innermost one of layers. Null: not known.
   isovalue(): number | null {
     return this.settings?.settings.layers?.layer.at(-1)?.isovalue ?? this.settings?.settings.isovalue ?? this.pose?.isovalue ?? null;

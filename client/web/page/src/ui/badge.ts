@@ -1,4 +1,4 @@
-// Whether what is shown is live, old or of a replay: a badge with a sign and words. Only changes of its
+// Whether what is shown is live, old, of a replay, or without its volume: a badge with a sign and words. Only changes of its
 // kind are announced to screen readers, and only those that last.
 import type { State } from "../state";
 import { find, setAttribute, setText } from "./dom";
@@ -37,7 +37,9 @@ export function badgeOf(state: State): Badge {
   if (!pose) return badge("caution", "no pose yet");
   const ageMs = state.poseAgeMs();
   if (ageMs > kOldMs) return badge("caution", ageText(ageMs), "the stream is old");
-  return pose.replayed ? badge("caution", kReplay) : badge("acting", "live");
+  if (pose.replayed) return badge("caution", kReplay);
+  const missing = state.missingVolume();
+  return missing ? badge("caution", missing, "the volume is missing") : badge("acting", "live");
 }
 
 // Returns a function to call several times a second.

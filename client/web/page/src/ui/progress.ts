@@ -18,10 +18,10 @@ function timeLeft({ fetching, groupsLeft }: VolumeCopy): string {
 // Words, "" if everything is shown; and how much is here, if it comes.
 function progressOf(state: State, copy: VolumeCopy): [string, number?] {
   const { volume } = state;
-  if (!volume && state.copy) return [state.copy.loading ? `palpated loads: ${state.copy.problem}` : "no volume yet"];
   // The badge says what is lost.
-  const problem = state.connection?.state === "connected" ? (state.copy?.problem ?? "") : "";
-  if (problem) return [`the volume does not follow: ${problem}`];
+  const isKnown = !volume || state.connection?.state === "connected";
+  const missing = state.copy && isKnown ? state.missingVolume() : "";
+  if (missing) return [missing];
   const bricksLeft = state.copy?.bricks_left ?? 0;
   if (bricksLeft > 0) return [`the gateway waits for ${grouped(bricksLeft)} bricks`];
   if (copy.whyOverview) {
