@@ -24,7 +24,10 @@ namespace palpate {
 namespace {
 
 constexpr std::string_view kKinds =
-    "simulated, replay, omni-firewire, omni-usb, falcon, openhaptics, forcedimension or haply";
+    "simulated, replay, omni-firewire, falcon, openhaptics, forcedimension, haply, or omni-usb, "
+    "which only identifies the device";
+
+constexpr char kNotFound[] = "not found: plug it in and switch it on";
 
 std::unique_ptr<HapticDevice> MakeSimulated(const DeviceConfig& config, HandInboxes& inboxes) {
   constexpr std::uint64_t kSeed = 1;
@@ -125,7 +128,7 @@ ListedDevice ListedForceDimension(const DeviceConfig& config) {
   const FdOnUsb found = FindFdOnUsb();
   try {
     const FdLibrary library(config.forcedimension.library);
-    if (found.count == 0) listed.problem = "not found: plug it in and switch it on";
+    if (found.count == 0) listed.problem = kNotFound;
     if (!found.may_open) listed.problem = kPermissionHint;
   } catch (const Error& error) {
     listed.problem = error.what();
@@ -144,7 +147,7 @@ void AppendHaply(const DeviceConfig& config, std::vector<ListedDevice>& devices)
     return;
   }
   std::vector<InverseArm> found;
-  listed.problem = "not found: plug it in and switch it on";
+  listed.problem = kNotFound;
   try {
     found = FindInverseArms(config.haply.port);
   } catch (const BusError& error) {
@@ -168,9 +171,8 @@ void AppendHaply(const DeviceConfig& config, std::vector<ListedDevice>& devices)
 // Appends one entry for each device that is plugged in, or one entry that says that there is none.
 template <class Problem>
 void AppendUsb(const DeviceDescription& spec, const std::vector<UsbMatch::Ids>& ids,
-               const Problem& problem_of, std::vector<ListedDevice>& devices) {
+               const Problem& problem_of, std::string none, std::vector<ListedDevice>& devices) {
   std::vector<UsbFound> found;
-  std::string none = "not found: plug it in and switch it on";
   try {
     found = FindUsbDevices(ids);
   } catch (const BusError& error) {
@@ -207,7 +209,7 @@ void AppendOmniFirewire(const DeviceConfig& config, std::vector<ListedDevice>& d
   }
   if (!found.empty()) return;
   const std::string problem = OmniFirewireProblem();
-  listed.problem = "not found: " + (problem.empty() ? "plug it in and switch it on" : problem);
+  listed.problem = problem.empty() ? kNotFound : "not found: " + problem;
   listed.usable = false;
   devices.push_back(listed);
 }
@@ -245,10 +247,10 @@ std::unique_ptr<HapticDevice> MakeDevice(const DeviceConfig& config, int realtim
 std::vector<ListedDevice> ListDevices(const DeviceConfig& config) {
   std::vector<ListedDevice> devices = {Listed(SimulatedDeviceSpec()), ListedReplay(config)};
   AppendOmniFirewire(config, devices);
-  AppendUsb(OmniUsbSpec(), OmniUsbIds(), OmniUsbProblem, devices);
+  AppendUsb(OmniUsbSpec(), OmniUsbIds(), OmniUsbProblem, OmniUsbNotFound(), devices);
   const FalconProtocol falcon(FalconOptions{});
   const auto none = [](const UsbMatch::Ids&) { return std::string(); };
-  AppendUsb(falcon.spec(), falcon.match().ids, none, devices);
+  AppendUsb(falcon.spec(), falcon.match().ids, none, kNotFound, devices);
   devices.push_back(ListedOpenHaptics(config));
   devices.push_back(ListedForceDimension(config));
   AppendHaply(config, devices);

@@ -16,6 +16,11 @@ void LogBlackBox(const std::string& text, bool is_error) {
 // Logs what the operator must know before the hardware moves.
 void ReportDevice(const DeviceDescription& spec) {
   if (!IsHardware(spec)) return;
+  if (!(spec.max_force_n > 0.0)) {
+    LogWarning("device {} ({}): verification level {}; it gets no force", spec.kind, spec.model,
+               NameOf(spec.verification_level));
+    return;
+  }
   LogWarning("device {}: verification level {}; forces are off until `palpate device enable {}`",
              spec.kind, NameOf(spec.verification_level), spec.kind);
 }

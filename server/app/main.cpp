@@ -68,8 +68,8 @@ constexpr KeyOption kKeyOptions[] = {
     {"--method", "haptics.method", Values::kText,
      "decomposition of the cells: tpbcc or bcc [tpbcc]"},
     {"--device", "device.kind", Values::kText,
-     "haptic device: simulated, replay, omni-firewire, omni-usb, falcon, openhaptics, "
-     "forcedimension, haply; see `palpate device list` [simulated]"},
+     "haptic device: simulated, replay, omni-firewire, falcon, openhaptics, forcedimension, haply, "
+     "or omni-usb, which only identifies the device; see `palpate device list` [simulated]"},
     {"--socket", "server.socket", Values::kText,
      "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own]"},
     {"--listen", "server.listen", Values::kText,

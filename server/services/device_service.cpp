@@ -230,9 +230,9 @@ Reply* DeviceService::PushHand(CallContext* context, const v1::PushHandRequest* 
                       (forces ? InWords(now.reason) : "the haptic loop does not tick"));
     };
     if (!(device_.spec().max_force_n > 0.0)) {
-      throw Error(ErrorKind::kFailedPrecondition, "the daemon cannot drive the motors of `" +
-                                                      device_.spec().kind +
-                                                      "`: its motor figures are missing");
+      throw Error(ErrorKind::kFailedPrecondition,
+                  "the daemon cannot drive the motors of `" + device_.spec().kind +
+                      "`: their figures are missing, or not public");
     }
     const int ticks = std::max(1, static_cast<int>(seconds * ServoLoop::kRateHz));
     if (const int left = servo_.pushes().ticks_left(); ticks > left) {

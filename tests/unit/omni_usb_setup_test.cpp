@@ -83,13 +83,25 @@ TEST_F(OmniUsbSetUpTest, NeitherReadingNorForce) {
   EXPECT_EQ(protocol_.Encode({{Vec3(1, 1, 1)}, true}, out), 0u);
   DeviceState state;
   EXPECT_FALSE(protocol_.Receive(Bytes(100, 0xa5), state).has_reading);
-  EXPECT_EQ(protocol_.spec().verification_level, VerificationLevel::kNone);
-  EXPECT_TRUE(IsHardware(protocol_.spec()));
+  const DeviceDescription& spec = protocol_.spec();
+  EXPECT_EQ(spec.verification_level, VerificationLevel::kNone);
+  EXPECT_TRUE(IsHardware(spec));
+  // No forces and buttons that nobody can feel or press are promised.
+  EXPECT_EQ(spec.max_force_n + spec.continuous_force_n + spec.max_stiffness_n_per_mm, 0.0);
+  EXPECT_EQ(spec.button_count, 0u);
+}
+
+TEST_F(OmniUsbSetUpTest, ItNamesTheKindsToUseInsteadBeforeOneIsPluggedIn) {
+  for (const char* kind : {"openhaptics", "omni-firewire"}) {
+    EXPECT_NE(protocol_.spec().model.find(kind), std::string::npos);
+    EXPECT_NE(OmniUsbProblem({0x2988, 0x0302}).find(kind), std::string::npos);
+    EXPECT_NE(OmniUsbNotFound().find(kind), std::string::npos);
+  }
 }
 
 TEST_F(OmniUsbSetUpTest, AHidTouchIsKnownAndRefused) {
   EXPECT_NE(protocol_.match().problem_of({0x2988, 0x0304}).find("HID"), std::string::npos);
-  EXPECT_TRUE(OmniUsbProblem({0x2988, 0x0302}).empty());
+  EXPECT_TRUE(protocol_.match().problem_of({0x2988, 0x0302}).empty());  // asked who it is
   EXPECT_EQ(OmniUsbIds().size(), 3u);
 }
 

@@ -60,14 +60,16 @@ constexpr std::uint32_t kLongestGap = 1000;
 
 }  // namespace
 
-DeviceDescription OmniArmSpec() {
+DeviceDescription OmniArmSpec(bool has_motors) {
   DeviceDescription spec;
   spec.workspace_min_mm = Vec3(-80.0, -60.0, -35.0);
   spec.workspace_max_mm = Vec3(80.0, 60.0, 35.0);
-  spec.max_force_n = 3.3;
-  spec.continuous_force_n = 0.88;
-  // CHAI3D regards 0.4 to 0.7 as safe.
-  spec.max_stiffness_n_per_mm = 0.5;
+  if (has_motors) {
+    spec.max_force_n = 3.3;
+    spec.continuous_force_n = 0.88;
+    // CHAI3D regards 0.4 to 0.7 as safe.
+    spec.max_stiffness_n_per_mm = 0.5;
+  }
   spec.position_resolution_mm = 0.055;
   spec.button_count = 2;
   spec.senses_orientation = true;

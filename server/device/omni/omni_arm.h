@@ -70,8 +70,8 @@ inline constexpr OmniJoints kOmniDock{.shoulder_rad = 0.23, .elbow_rad = -0.37};
 inline constexpr double kOmniMaxMotorGain = 10.0;
 
 // What of a device's spec is the arm's. The workspace is the data sheet's, about M's origin. All of
-// it is within reach.
-DeviceDescription OmniArmSpec();
+// it is within reach. Without motors its greatest force is 0.
+DeviceDescription OmniArmSpec(bool has_motors);
 
 class OmniArm {
  public:

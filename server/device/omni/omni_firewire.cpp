@@ -302,11 +302,10 @@ const FwFound& Choose(const std::vector<FwFound>& found, const std::string& seri
 }  // namespace
 
 DeviceDescription OmniFirewireSpec(bool has_motors) {
-  DeviceDescription spec = OmniArmSpec();
+  DeviceDescription spec = OmniArmSpec(has_motors);
   spec.kind = "omni-firewire";
   spec.model = "Phantom Omni (FireWire)";
   spec.verification_level = kOmniFirewireVerification;
-  if (!has_motors) spec.max_force_n = spec.continuous_force_n = 0.0;
   return spec;
 }
 

@@ -157,6 +157,19 @@ namespace {
 
 constexpr UsbMatch::Ids kHidTouch{0x2988, 0x0304};
 
+constexpr char kOnlyIdentified[] =
+    "this kind only identifies the device: nothing is decoded and no force is sent; use "
+    "`openhaptics` for a Touch on USB, `omni-firewire` for a Phantom Omni on FireWire";
+
+// Why a device is not even asked who it is; "": it is.
+std::string WhyNotAsked(const UsbMatch::Ids& ids) {
+  return ids == kHidTouch
+             ? "it is a Touch that speaks HID; its reports are not public: use it through "
+               "the vendor's driver (`openhaptics`), or see deploy/guides/devices.md to capture "
+               "them"
+             : "";
+}
+
 // A process that was killed can leave the device unable to answer. A break has repaired that.
 std::string Identify(UsbLink& link, const std::atomic<bool>& stop) {
   CdcLine line(link);
@@ -173,9 +186,12 @@ std::string Identify(UsbLink& link, const std::atomic<bool>& stop) {
 }  // namespace
 
 DeviceDescription OmniUsbSpec() {
-  DeviceDescription spec = OmniArmSpec();
+  DeviceDescription spec = OmniArmSpec(false);
   spec.kind = "omni-usb";
-  spec.model = "Phantom Omni / Geomagic Touch (USB)";
+  spec.model =
+      "Phantom Omni / Geomagic Touch (USB), only identified: use openhaptics or omni-firewire";
+  spec.button_count = 0;
+  spec.senses_orientation = false;
   spec.verification_level = kOmniUsbVerification;
   return spec;
 }
@@ -186,17 +202,20 @@ const std::vector<UsbMatch::Ids>& OmniUsbIds() {
 }
 
 std::string OmniUsbProblem(const UsbMatch::Ids& ids) {
-  return ids == kHidTouch
-             ? "it is a Touch that speaks HID; its reports are not public: use it through "
-               "the vendor's driver, or see deploy/guides/devices.md to capture them"
-             : "";
+  const std::string problem = WhyNotAsked(ids);
+  return problem.empty() ? kOnlyIdentified : problem;
+}
+
+std::string OmniUsbNotFound() {
+  std::string text = "not found; ";
+  return text += kOnlyIdentified;
 }
 
 OmniUsbProtocol::OmniUsbProtocol(const std::string& port) : spec_(OmniUsbSpec()) {
   match_.ids = OmniUsbIds();
   match_.port = port;
   match_.data_class = kCdcDataClass;
-  match_.problem_of = OmniUsbProblem;
+  match_.problem_of = WhyNotAsked;
 }
 
 std::string OmniUsbProtocol::SetUp(UsbLink& link, const std::atomic<bool>& stop) {

@@ -63,13 +63,15 @@ std::string PrintableText(std::span<const std::uint8_t> payload);
 // deploy/guides/devices.md asks for.
 inline constexpr VerificationLevel kOmniUsbVerification = VerificationLevel::kNone;
 
-// The spec of the device, also without a device.
+// The spec of the device, also without a device. It has what works: no force, no buttons, and a
+// model that names the kinds to use instead.
 DeviceDescription OmniUsbSpec();
 
-// OmniUsbIds: the ids of all known devices. OmniUsbProblem: why a device is not even asked who it
-// is ("": it is).
+// OmniUsbIds: the ids of all known devices. OmniUsbProblem: why a device cannot be driven, and what
+// to do. OmniUsbNotFound: the same where none is plugged in.
 const std::vector<UsbMatch::Ids>& OmniUsbIds();
 std::string OmniUsbProblem(const UsbMatch::Ids& ids);
+std::string OmniUsbNotFound();
 
 class OmniUsbProtocol final : public UsbProtocol {
  public:
