@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <optional>
 #include <thread>
 
 #include "client/cli/description.h"
@@ -54,8 +55,17 @@ Finding ServoFinding(const client::ServoDescription& servo) {
       advice};
 }
 
-// Adds findings about the daemon, if one answers.
-void AskDaemon(const client::Server& server, std::vector<Finding>& findings) {
+// What a daemon answers, if there is one.
+struct Asked {
+  std::vector<Finding> findings{};
+  std::string device_kind{};  // empty: it did not say
+  Finding device{};
+  std::optional<Finding> forces{};  // a device that gets no force has none
+};
+
+Asked AskDaemon(const client::Server& server) {
+  Asked asked;
+  std::vector<Finding>& findings = asked.findings;
   try {
     const std::unique_ptr<client::Calls> palpated = Reach(server);
     const client::DaemonInfo first = palpated->GetDevice();
@@ -65,12 +75,49 @@ void AskDaemon(const client::Server& server, std::vector<Finding>& findings) {
     std::this_thread::sleep_for(kWatched);
     const client::DaemonInfo last = palpated->GetDevice();
     findings.push_back(JudgeTicks(first.servo, last.servo));
-    findings.push_back(JudgeDevice(last));
-    findings.push_back(JudgeForces(last.forces));
+    asked.device = JudgeDevice(last);
+    asked.device_kind = last.device.kind;
+    if (last.device.max_force_n > 0.0) asked.forces = JudgeForces(last.forces);
   } catch (const Error& error) {
     findings.push_back({"daemon", Verdict::kWarn, OneLine(error.what()),
                         "systemctl status palpated; journalctl -u palpated"});
   }
+  return asked;
+}
+
+bool IsThisMachine(const client::Address& address) {
+  return address.host_port.empty() || IsLoopback(ParseHostPort(address.host_port));
+}
+
+std::vector<Finding> CheckMachine(const doctor::Workstation& machine,
+                                  const client::Address& address) {
+  std::vector<Finding> findings = doctor::CheckWorkstation(machine);
+  findings.push_back(doctor::CheckPort(machine));
+  findings.push_back(doctor::CheckMetricsPort(machine));
+  for (const Finding& finding : doctor::CheckDaemonPorts(machine)) findings.push_back(finding);
+  if (address.host_port.empty()) {
+    findings.push_back(doctor::CheckSocket(
+        machine, address.socket_path.empty() ? DefaultSocketPath() : address.socket_path));
+  }
+  return findings;
+}
+
+// All findings: first about the machine, then about the daemon.
+std::vector<Finding> Examine(const client::Server& server) {
+  Asked asked = AskDaemon(server);
+  doctor::Workstation machine = doctor::ThisMachine();
+  const bool has_device = !asked.device_kind.empty();
+  if (!has_device) {
+    machine.device_kind = doctor::Configured(machine, "device", "kind").value_or("");
+  } else if (IsThisMachine(server.address)) {
+    machine.device_kind = asked.device_kind;
+  }
+  std::vector<Finding> findings = CheckMachine(machine, server.address);
+  if (has_device) TakeOver(machine.device_kind, asked.device, findings);
+  findings.insert(findings.end(), asked.findings.begin(), asked.findings.end());
+  if (has_device) findings.push_back(asked.device);
+  if (asked.forces) findings.push_back(*asked.forces);
+  return findings;
 }
 
 std::string ToLine(const Finding& finding) {
@@ -85,10 +132,9 @@ std::string ToLine(const Finding& finding) {
 void AddDoctor(arguments::Command& app, DoctorValues& values) {
   arguments::Command* command = app.add_subcommand(
       "doctor",
-      "Checks this machine: kernel, rights, clock, devices, folders, ports; and "
-      "of the daemon, if there\n"
-      "is one, its device, forces and ticks. Says for each whether it is ok, and "
-      "what to do where it is not.");
+      "Checks this machine: kernel, rights, clock, quota, devices, folders, ports; and of the\n"
+      "daemon, if there is one, its device, forces and ticks. Says for each whether it is ok,\n"
+      "and what to do where it is not.");
   command->footer(
       "Exit code 10 where something cannot work as it is.\n"
       "Example: palpate doctor --json | jq '.checks[] | select(.verdict != \"ok\")'");
@@ -97,17 +143,7 @@ void AddDoctor(arguments::Command& app, DoctorValues& values) {
 }
 
 int RunDoctor(const client::Server& server, bool json) {
-  const client::Address& address = server.address;
-  const doctor::Workstation machine = doctor::ThisMachine();
-  std::vector<Finding> findings = doctor::CheckWorkstation(machine);
-  findings.push_back(doctor::CheckPort(machine));
-  findings.push_back(doctor::CheckMetricsPort(machine));
-  for (const Finding& finding : doctor::CheckDaemonPorts(machine)) findings.push_back(finding);
-  if (address.host_port.empty()) {
-    findings.push_back(doctor::CheckSocket(
-        machine, address.socket_path.empty() ? DefaultSocketPath() : address.socket_path));
-  }
-  AskDaemon(server, findings);
+  const std::vector<Finding> findings = Examine(server);
   const bool fails = std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
     return finding.verdict == Verdict::kFail;
   });

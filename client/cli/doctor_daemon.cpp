@@ -24,7 +24,20 @@ Finding JudgeDevice(const client::DaemonInfo& daemon) {
   if (problem.empty() && streams) return {"device", Verdict::kOk, name};
   return {"device", streams ? Verdict::kWarn : Verdict::kFail,
           name + (problem.empty() ? "" : ": " + OneLine(problem)),
-          "check its cable and power; palpate device info, palpate device list"};
+          daemon.device.kind == "omni-usb"
+              ? doctor::kDrivingKinds
+              : "check its cable and power; palpate device info, palpate device list"};
+}
+
+void TakeOver(const std::string& kind, Finding& device, std::vector<Finding>& findings) {
+  std::string advice;
+  std::erase_if(findings, [&](const Finding& finding) {
+    if (finding.kind.empty() || finding.kind != kind) return false;
+    // The later checks come first: a vendor's library is of use before its device is plugged in.
+    advice = finding.advice + (advice.empty() ? "" : "; ") + advice;
+    return true;
+  });
+  if (device.verdict == Verdict::kFail && !advice.empty()) device.advice = advice;
 }
 
 Finding JudgeForces(const client::ForceStatus& forces) {

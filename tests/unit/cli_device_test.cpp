@@ -113,6 +113,32 @@ TEST(DoctorDaemon, ADeviceIsFitWhereItStreamsWithoutAProblem) {
   EXPECT_NE(JudgeDevice(daemon).advice, "");
 }
 
+TEST(DoctorDaemon, OneFaultOfADeviceIsOneFindingWithOneRemedy) {
+  const std::vector<Finding> machine = {
+      {"haply", Verdict::kFail, "does not run", "start it", "haply"},
+      {"usb", Verdict::kFail, "not allowed", "join", "falcon"},
+      {"space", Verdict::kOk, "much"}};
+  Finding device{"device", Verdict::kFail, "haply, absent", "check its cable"};
+  std::vector<Finding> left = machine;
+  TakeOver("haply", device, left);
+  EXPECT_EQ(device.advice, "start it");
+  ASSERT_EQ(left.size(), 2u);
+  EXPECT_EQ(left[0].name, "usb");
+  // It streams, from a place where the check does not look.
+  device = {"device", Verdict::kOk, "haply, streaming"};
+  left = machine;
+  TakeOver("haply", device, left);
+  EXPECT_EQ(device.advice, "");
+  EXPECT_EQ(left.size(), 2u);
+}
+
+TEST(DoctorDaemon, AKindThatOnlyIdentifiesSendsToTheKindsThatDrive) {
+  client::DaemonInfo daemon;
+  daemon.device.kind = "omni-usb";
+  EXPECT_TRUE(Has(JudgeDevice(daemon).advice, "openhaptics"));
+  EXPECT_TRUE(Has(JudgeDevice(daemon).advice, "omni-firewire"));
+}
+
 TEST(DoctorDaemon, ForcesThatAreNotOnSayWhatToDo) {
   const std::map<client::ForceState, Verdict> verdicts = {
       {client::ForceState::kOn, Verdict::kOk},        {client::ForceState::kRampIn, Verdict::kOk},

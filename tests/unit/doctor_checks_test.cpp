@@ -1,8 +1,10 @@
 // `palpate doctor` on machines that are made up.
 #include "client/cli/doctor/ports.h"
+#include "client/cli/doctor/quota.h"
 
 #include <gtest/gtest.h>
 
+#include <cerrno>
 #include <fstream>
 #include <set>
 
@@ -23,6 +25,8 @@ class DoctorTest : public ::testing::Test {
       return answering_.contains(host + ":" + std::to_string(port));
     };
     machine_.free_bytes = [this](const std::filesystem::path&) { return free_bytes_; };
+    machine_.try_memory_file = [this] { return memory_file_error_; };
+    machine_.try_call_filter = [this] { return call_filter_error_; };
   }
   void Put(const std::string& path, const std::string& text) const {
     std::filesystem::create_directories((folder_.path() / path).parent_path());
@@ -56,6 +60,7 @@ class DoctorTest : public ::testing::Test {
   std::set<std::string> writable_;
   std::set<std::string> answering_;
   std::uint64_t free_bytes_ = std::uint64_t{100} << 30;
+  int memory_file_error_ = 0, call_filter_error_ = 0;
 };
 
 // What is not ok says what to do.
@@ -80,7 +85,7 @@ TEST_F(DoctorTest, AGoodMachineIsOk) {
   PutTouch();
   writable_ = {"dev/bus/usb/001/007"};
   const std::vector<Finding> findings = CheckWorkstation(machine_);
-  EXPECT_EQ(findings.size(), 13u);
+  EXPECT_EQ(findings.size(), 15u);
   for (const Finding& finding : findings) ExpectAdvice(finding, Verdict::kOk);
 }
 
@@ -220,6 +225,74 @@ TEST_F(DoctorTest, WhatVendorsInstallIsOptional) {
   Put("usr/local/lib/libdrd.so.3", "");
   ExpectAdvice(CheckForceDimension(machine_), Verdict::kOk, "/usr/local/lib/libdrd.so.3");
   ExpectAdvice(CheckHaply(machine_), Verdict::kOk, "does not run");
+}
+
+TEST_F(DoctorTest, WhatTheKindInUseNeedsMustBeThere) {
+  using Check = Finding (*)(const Workstation&);
+  for (const auto& [kind, check] :
+       std::vector<std::pair<std::string, Check>>{{"haply", CheckHaply},
+                                                  {"openhaptics", CheckOpenHaptics},
+                                                  {"forcedimension", CheckForceDimension},
+                                                  {"forcedimension", CheckUsbDevices},
+                                                  {"falcon", CheckUsbDevices},
+                                                  {"omni-usb", CheckUsbDevices},
+                                                  {"omni-firewire", CheckFireWire}}) {
+    SCOPED_TRACE(kind);
+    machine_.device_kind = "simulated";
+    ExpectAdvice(check(machine_), Verdict::kOk);
+    machine_.device_kind = kind;
+    ExpectAdvice(check(machine_), Verdict::kFail);
+    EXPECT_EQ(check(machine_).kind, kind);
+  }
+  Put("etc/palpate/palpated.toml",
+      "[device]\nhaply_port = 4711\nopenhaptics_library = \"/opt/libHD.so\"\n");
+  Put("opt/libHD.so", "");
+  answering_ = {"127.0.0.1:4711"};
+  machine_.device_kind = "haply";
+  ExpectAdvice(CheckHaply(machine_), Verdict::kOk);
+  machine_.device_kind = "openhaptics";
+  ExpectAdvice(CheckOpenHaptics(machine_), Verdict::kOk, "/opt/libHD.so");
+}
+
+TEST_F(DoctorTest, ARefusedImporterIsToldWhatDockerMustAllow) {
+  memory_file_error_ = EPERM;
+  ExpectAdvice(CheckImporter(machine_), Verdict::kFail, "memfd_create");
+  EXPECT_NE(CheckImporter(machine_).advice.find("--security-opt seccomp="), std::string::npos);
+  memory_file_error_ = 0;
+  call_filter_error_ = EPERM;
+  ExpectAdvice(CheckImporter(machine_), Verdict::kFail, "seccomp");
+  call_filter_error_ = ENOSYS;  // the importer goes on without its filter
+  ExpectAdvice(CheckImporter(machine_), Verdict::kWarn, "seccomp");
+}
+
+TEST(CpuQuota, IsParsedAndJunkIsNone) {
+  EXPECT_DOUBLE_EQ(ParseCpuMax("50000 100000\n")->processors(), 0.5);
+  for (const char* none : {"max 100000\n", "", "50000", "50000 0", "-1 100000", "x y"}) {
+    EXPECT_FALSE(ParseCpuMax(none)) << none;
+  }
+  const Throttling some = ParseCpuStat(
+      "usage_usec 9\nnr_periods 340\nnr_throttled 12\nthrottled_usec 1200000\nnr_bursts 3\n");
+  EXPECT_EQ(some.periods, 340u);
+  EXPECT_EQ(some.throttled, 12u);
+  EXPECT_EQ(some.stopped_us, 1'200'000u);
+  EXPECT_EQ(ParseCpuStat("usage_usec 9").throttled, 0u);
+  EXPECT_EQ(ParseCgroup("0::/a.slice/b.service\n"), "/a.slice/b.service");
+  EXPECT_FALSE(ParseCgroup("3:cpu,cpuacct:/a\n0::/\n"));
+  EXPECT_FALSE(ParseCgroup(""));
+}
+
+TEST_F(DoctorTest, AQuotaOfTheDaemonOrOfItsParentIsToldWithItsNumbers) {
+  Put("proc/self/cgroup", "0::/user.slice");
+  Put("sys/fs/cgroup/user.slice/cpu.max", "max 100000");
+  ExpectAdvice(CheckQuota(machine_), Verdict::kOk);
+  Put("proc/42/comm", "palpated");
+  Put("proc/42/cgroup", "0::/system.slice/palpated.service");
+  Put("sys/fs/cgroup/system.slice/palpated.service/cpu.max", "150000 100000");
+  Put("sys/fs/cgroup/system.slice/cpu.max", "50000 100000");
+  Put("sys/fs/cgroup/system.slice/cpu.stat", "nr_periods 340\nnr_throttled 12");
+  ExpectAdvice(CheckQuota(machine_), Verdict::kWarn, "0.5 processors");
+  ExpectAdvice(CheckQuota(machine_), Verdict::kWarn, "12 of 340");
+  EXPECT_NE(CheckQuota(machine_).advice.find("CPUQuota="), std::string::npos);
 }
 
 TEST_F(DoctorTest, SpaceRunsOutInSteps) {

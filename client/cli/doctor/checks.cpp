@@ -1,18 +1,29 @@
 #include "client/cli/doctor/checks.h"
 
+#include <fcntl.h>
 #include <fmt/core.h>
 #include <linux/capability.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/statvfs.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
+#include <toml++/toml.h>
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <charconv>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include "client/cli/doctor/ports.h"
+#include "client/cli/doctor/quota.h"
 
 namespace palpate::doctor {
 namespace {
@@ -24,6 +35,7 @@ constexpr std::uint64_t kGib = std::uint64_t{1} << 30;
 // An hour of recording takes 360 MB.
 constexpr std::uint64_t kLeastFreeBytes = kGib;
 constexpr std::uint64_t kFreeBytes = 10 * kGib;
+constexpr char kPlugIn[] = "plug it in and switch it on";
 
 // Returns the first line of a file below the root, or "" if the file cannot be read.
 std::string Line(const Workstation& machine, const std::string& path) {
@@ -77,14 +89,15 @@ struct KnownDevice {
   const char* vendor;
   const char* product;
   const char* name;
+  const char* kind;
 };
 // "" as product: all of this vendor.
 constexpr std::array<KnownDevice, 5> kKnownDevices = {{
-    {"2988", "0302", "Touch"},
-    {"2988", "0304", "Touch (HID)"},
-    {"0301", "2988", "Touch 3D Stylus"},
-    {"0403", "cb48", "Novint Falcon"},
-    {"1451", "", "Force Dimension device"},
+    {"2988", "0302", "Touch", "omni-usb"},
+    {"2988", "0304", "Touch (HID)", "omni-usb"},
+    {"0301", "2988", "Touch 3D Stylus", "omni-usb"},
+    {"0403", "cb48", "Novint Falcon", "falcon"},
+    {"1451", "", "Force Dimension device", "forcedimension"},
 }};
 
 // Returns null for a device that Palpate does not know.
@@ -96,10 +109,11 @@ const KnownDevice* Known(const std::string& vendor, const std::string& product) 
 }
 
 // The first of the files, by its folder; "": none is there.
-std::string LibraryAt(const Workstation& machine, const char* name) {
+std::string LibraryAt(const Workstation& machine, const std::string& name) {
+  std::error_code error;
+  if (name.starts_with('/')) return fs::exists(machine.root / name.substr(1), error) ? name : "";
   for (const char* folder : {"usr/lib", "usr/lib64", "usr/lib/x86_64-linux-gnu", "usr/local/lib"}) {
     const fs::path library = fs::path(folder) / name;
-    std::error_code error;
     if (fs::exists(machine.root / library, error)) return "/" + library.string();
   }
   return "";
@@ -116,7 +130,50 @@ Finding CheckUdevRule(const Workstation& machine) {
           "install palpate-daemon, or copy 70-palpate.rules to /etc/udev/rules.d"};
 }
 
+// What is missing is a fault where the kind in use needs it.
+Finding Missing(const Workstation& machine, const char* check, const char* kind,
+                const std::string& text, const std::string& advice) {
+  if (machine.device_kind == kind) return {check, Verdict::kFail, text, advice, kind};
+  return {check, Verdict::kOk, fmt::format("{}: only the device kind `{}` needs it", text, kind)};
+}
+
+// As palpated's importer does to hand over a volume.
+int TryMemoryFile() {
+  const int file = memfd_create("palpate-doctor", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+  if (file < 0) return errno;
+  const int failure = fcntl(file, F_ADD_SEALS, F_SEAL_WRITE) == 0 ? 0 : errno;
+  close(file);
+  return failure;
+}
+
+// Filters the calls of a thread that ends at once: a filter cannot be taken away again.
+int TryCallFilter() {
+  int failure = 0;
+  std::thread([&failure] {
+    sock_filter allow = BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW);
+    const sock_fprog filter{1, &allow};
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 ||
+        syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, 0, &filter) != 0) {
+      failure = errno;
+    }
+  }).join();
+  return failure;
+}
+
 }  // namespace
+
+std::optional<std::string> Configured(const Workstation& machine, const std::string& section,
+                                      const std::string& key) {
+  try {
+    const toml::table file =
+        toml::parse_file((machine.root / "etc/palpate/palpated.toml").string());
+    const auto value = file[section][key];
+    if (const auto number = value.value_exact<std::int64_t>()) return std::to_string(*number);
+    return value.value<std::string>();
+  } catch (const toml::parse_error&) {
+    return std::nullopt;  // no such file, or a broken one: 'palpated --check-config' explains it
+  }
+}
 
 Workstation ThisMachine() {
   Workstation machine;
@@ -126,6 +183,8 @@ Workstation ThisMachine() {
   if (!fs::is_directory(machine.state_folder, error)) machine.state_folder = home ? home : "/";
   machine.may_write = [](const fs::path& path) { return access(path.c_str(), R_OK | W_OK) == 0; };
   machine.answers = Answers;
+  machine.try_memory_file = TryMemoryFile;
+  machine.try_call_filter = TryCallFilter;
   machine.free_bytes = [](const fs::path& path) {
     struct statvfs info {};
     if (statvfs(path.c_str(), &info) != 0) return std::uint64_t{0};
@@ -216,7 +275,11 @@ Finding CheckClock(const Workstation& machine) {
 }
 
 Finding CheckUsbDevices(const Workstation& machine) {
-  std::string found;
+  if (machine.device_kind == "omni-usb") {
+    return {"usb", Verdict::kFail, "the device kind `omni-usb` identifies a device, and no more",
+            kDrivingKinds, "omni-usb"};
+  }
+  std::string found, found_kinds;
   for (const fs::path& device : Entries(machine.root / "sys/bus/usb/devices")) {
     const auto line = [&](const char* name) {
       return Line(machine, (device.lexically_relative(machine.root) / name).string());
@@ -230,9 +293,18 @@ Finding CheckUsbDevices(const Workstation& machine) {
     if (!machine.may_write(node)) {
       return {"usb", Verdict::kFail, name + ": this user may not open it",
               "join the group palpate (usermod --append --groups palpate USER), log in again, "
-              "and plug it in again"};
+              "and plug it in again",
+              known->kind};
     }
     found += (found.empty() ? "" : ", ") + name;
+    found_kinds += std::string(known->kind) + " ";
+  }
+  for (const KnownDevice& known : kKnownDevices) {
+    if (machine.device_kind != known.kind || found_kinds.find(known.kind) != found_kinds.npos) {
+      continue;
+    }
+    return {"usb", Verdict::kFail, std::string("no ") + known.name + " is plugged in", kPlugIn,
+            known.kind};
   }
   return {"usb", Verdict::kOk,
           found.empty()
@@ -241,6 +313,7 @@ Finding CheckUsbDevices(const Workstation& machine) {
 }
 
 Finding CheckFireWire(const Workstation& machine) {
+  constexpr const char* kKind = "omni-firewire";
   constexpr const char* kVendor = "0x000b99";  // SensAble, who made the Phantom Omni
   bool has_controller = false;
   std::string found;
@@ -255,40 +328,81 @@ Finding CheckFireWire(const Workstation& machine) {
     if (!machine.may_write(machine.root / "dev" / name)) {
       return {"firewire", Verdict::kFail, "Phantom Omni at " + name + ": this user may not open it",
               "join the group palpate (usermod --append --groups palpate USER), log in again, "
-              "and plug it in again"};
+              "and plug it in again",
+              kKind};
     }
     found += (found.empty() ? "Phantom Omni at " : ", ") + name;
   }
   if (!has_controller) {
-    return {"firewire", Verdict::kOk, "no controller: only a Phantom Omni on FireWire needs one"};
+    return Missing(machine, "firewire", kKind, "no controller for FireWire",
+                   "put in a FireWire card, or load its driver: modprobe firewire_ohci");
+  }
+  if (found.empty() && machine.device_kind == kKind) {
+    return {"firewire", Verdict::kFail, "no Phantom Omni is plugged in", kPlugIn, kKind};
   }
   return {"firewire", Verdict::kOk, found.empty() ? "no Phantom Omni is plugged in" : found};
 }
 
 Finding CheckOpenHaptics(const Workstation& machine) {
-  const std::string library = LibraryAt(machine, "libHD.so");
+  const std::string name =
+      Configured(machine, "device", "openhaptics_library").value_or("libHD.so");
+  const std::string library = LibraryAt(machine, name);
   if (!library.empty()) return {"libhd", Verdict::kOk, library};
-  return {"libhd", Verdict::kOk, "not installed: only the device kind `openhaptics` needs it"};
+  return Missing(
+      machine, "libhd", "openhaptics", name + " is not installed",
+      "install the vendor's driver and OpenHaptics, or set [device] openhaptics_library");
 }
 
 Finding CheckForceDimension(const Workstation& machine) {
-  const std::string library = LibraryAt(machine, "libdrd.so.3");
+  const std::string name =
+      Configured(machine, "device", "forcedimension_library").value_or("libdrd.so.3");
+  const std::string library = LibraryAt(machine, name);
   if (!library.empty()) return {"libdrd", Verdict::kOk, library};
   for (const fs::path& file : Entries(machine.root / "usr/local/lib")) {
     if (!file.filename().string().starts_with("libdrd.so.3.")) continue;
     return {"libdrd", Verdict::kFail,
             "/" + file.lexically_relative(machine.root).string() + " has no link libdrd.so.3",
-            "run ldconfig as root"};
+            "run ldconfig as root", "forcedimension"};
   }
-  return {"libdrd", Verdict::kOk, "not installed: only the device kind `forcedimension` needs it"};
+  return Missing(machine, "libdrd", "forcedimension", name + " is not installed",
+                 "install the vendor's SDK as deploy/guides/force-dimension.md says, or set "
+                 "[device] forcedimension_library");
 }
 
 Finding CheckHaply(const Workstation& machine) {
-  constexpr std::uint16_t kPort = 10001;
-  return {"haply", Verdict::kOk,
-          machine.answers("127.0.0.1", kPort)
-              ? "the port of Haply's service answers"
-              : "Haply's service does not run: only the device kind `haply` needs it"};
+  constexpr int kPort = 10001;
+  const int port = Number(Configured(machine, "device", "haply_port").value_or(""), kPort);
+  if (machine.answers("127.0.0.1", static_cast<std::uint16_t>(port))) {
+    return {"haply", Verdict::kOk, "the port of Haply's service answers"};
+  }
+  return Missing(machine, "haply", "haply", "Haply's service does not run",
+                 "start it: systemctl start haply-inverse-service");
+}
+
+Finding CheckImporter(const Workstation& machine) {
+  // Docker's own profile allows both to every container (moby's profiles/seccomp/default.json).
+  constexpr const char* kAdvice =
+      "where the container's profile refuses it (Docker 23 or later): docker run --security-opt "
+      "seccomp=builtin ...; no --cap-add is needed";
+  const auto refused = [](const char* call, int error, const char* consequence) {
+    return fmt::format("{} is refused ({}): {}", call, std::strerror(error), consequence);
+  };
+  if (const int error = machine.try_memory_file(); error != 0) {
+    return {"importer", Verdict::kFail, refused("memfd_create", error, "palpated can load no file"),
+            kAdvice};
+  }
+  const int error = machine.try_call_filter();
+  if (error == 0) {
+    return {"importer", Verdict::kOk, "files in memory and filters of calls (seccomp) are allowed"};
+  }
+  // Such an answer means to the importer that the kernel has no seccomp.
+  if (error == ENOSYS || error == EINVAL || error == EOPNOTSUPP) {
+    return {"importer", Verdict::kWarn,
+            refused("seccomp", error, "palpated reads files without a filter of system calls"),
+            kAdvice};
+  }
+  return {"importer", Verdict::kFail, refused("seccomp", error, "palpated can load no file"),
+          kAdvice};
 }
 
 Finding CheckSpace(const Workstation& machine) {
@@ -319,7 +433,7 @@ std::vector<Finding> CheckWorkstation(const Workstation& machine) {
           CheckRealtimeShare(machine), CheckGovernor(machine),       CheckClock(machine),
           CheckUdevRule(machine),      CheckUsbDevices(machine),     CheckFireWire(machine),
           CheckOpenHaptics(machine),   CheckForceDimension(machine), CheckHaply(machine),
-          CheckSpace(machine)};
+          CheckQuota(machine),         CheckImporter(machine),       CheckSpace(machine)};
 }
 
 }  // namespace palpate::doctor

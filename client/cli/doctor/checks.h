@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,11 +15,18 @@ namespace palpate::doctor {
 
 enum class Verdict { kOk, kWarn, kFail };
 
+// What to do about the kind `omni-usb`.
+inline constexpr char kDrivingKinds[] =
+    "set [device] kind to `openhaptics` for a Touch on USB, to `omni-firewire` for a Phantom Omni "
+    "on FireWire; `omni-usb` decodes nothing and sends no force";
+
 struct Finding {
   std::string name;  // what was checked, one word
   Verdict verdict = Verdict::kOk;
   std::string text;      // what was found, one line
   std::string advice{};  // what to do about it; empty if all is well
+  // The kind of device that palpated cannot drive because of it; empty: of none alone.
+  std::string kind{};
 };
 
 // The machine to check.
@@ -30,8 +38,19 @@ struct Workstation {
   std::function<std::uint64_t(const std::filesystem::path&)> free_bytes;
   // See Answers in ports.h.
   std::function<bool(const std::string& host, std::uint16_t port)> answers;
+  // Try what the importer needs. Return 0, or the number of the error (errno).
+  std::function<int()> try_memory_file;
+  std::function<int()> try_call_filter;
+  // The kind of device that palpated drives here, or is to drive; empty: not known. What this kind
+  // needs must be there; what only other kinds need may be missing.
+  std::string device_kind{};
 };
 Workstation ThisMachine();
+
+// Returns the value of /etc/palpate/palpated.toml, a number as text. Nothing if the file does not
+// set it, or cannot be read.
+std::optional<std::string> Configured(const Workstation& machine, const std::string& section,
+                                      const std::string& key);
 
 Finding CheckKernel(const Workstation& machine);
 // Checks the limits of this shell. The service has limits of its own.
@@ -49,6 +68,9 @@ Finding CheckOpenHaptics(const Workstation& machine);
 Finding CheckForceDimension(const Workstation& machine);
 Finding CheckHaply(const Workstation& machine);
 Finding CheckSpace(const Workstation& machine);
+// Checks whether the importer may be confined, and hand a volume over in memory. A container's
+// profile may refuse both, of palpated as of this process, if they are in the same container.
+Finding CheckImporter(const Workstation& machine);
 // Checks that the socket exists and that this user may use it.
 Finding CheckSocket(const Workstation& machine, const std::filesystem::path& socket);
 

@@ -8,7 +8,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <toml++/toml.h>
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -39,15 +38,6 @@ struct Listener {
   std::string inode;
   std::string user;
 };
-
-std::optional<std::string> Configured(const Workstation& machine, const std::string& section) {
-  try {
-    const toml::table file = toml::parse_file((machine.root / kConfig).string());
-    return file[section]["listen"].value<std::string>();
-  } catch (const toml::parse_error&) {
-    return std::nullopt;  // no such file, or a broken one: 'palpated --check-config' explains it
-  }
-}
 
 // Reads an address such as "0100007F": words of four bytes, each in this machine's byte order.
 std::string HostOf(const std::string& hexadecimal) {
@@ -114,7 +104,7 @@ std::string HolderOf(const Workstation& machine, const std::string& inode) {
 }
 
 std::string AddressOf(const Workstation& machine, const Place& place) {
-  return Configured(machine, place.section).value_or(place.default_address);
+  return Configured(machine, place.section, "listen").value_or(place.default_address);
 }
 
 // Returns 0 if the address has no port.
@@ -138,7 +128,7 @@ Finding Silent(const std::string& address, const char* check = "port") {
 }
 
 Finding Check(const Workstation& machine, const Place& place) {
-  const bool configured = Configured(machine, place.section).has_value();
+  const bool configured = Configured(machine, place.section, "listen").has_value();
   const std::string address = AddressOf(machine, place);
   const std::uint16_t port = PortOf(address);
   if (port == 0) {
