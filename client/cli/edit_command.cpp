@@ -1,14 +1,20 @@
 // `palpate edit`, and `palpate undo`, `redo`, `revert` and `save`.
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <memory>
 #include <optional>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -71,8 +77,50 @@ std::vector<float> ReadBlockValues(const std::string& file) {
 
 using Numbers = std::vector<double>;
 
-// Positions and lengths of a shape, each as --NAME-mm or as --NAME-voxels. The unit selects the
-// frame; all must have the same unit.
+// The letters of the patient's axes, LPS: towards and away.
+constexpr std::array<std::string_view, 3> kPatientLetters = {"LR", "PA", "SI"};
+
+// "R 60 A 97 S 12" as viewers show it, with or without " mm", in the patient's LPS. Throws
+// UsageError.
+Vec3 PatientPlace(const std::string& text) {
+  std::istringstream in(text.ends_with(" mm") ? text.substr(0, text.size() - 3) : text);
+  const std::vector<std::string> words{std::istream_iterator<std::string>(in), {}};
+  Vec3 p_P = Vec3::Constant(std::nan(""));
+  for (std::size_t n = 0; n + 1 < words.size() && words.size() == 6; n += 2) {
+    const auto mm = arguments::FiniteNumber(words[n + 1]);
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::size_t sign = kPatientLetters[static_cast<std::size_t>(axis)].find(words[n]);
+      if (words[n].size() == 1 && sign != std::string_view::npos && mm)
+        p_P[axis] = sign == 0 ? *mm : -*mm;
+    }
+  }
+  if (p_P.allFinite()) return p_P;
+  throw arguments::UsageError("'" + text +
+                              "' is no place in the patient: give one as viewers show "
+                              "it, such as \"R 60 A 97 S 12\"");
+}
+
+// `axes`: where +x, +y and +z of the world point in the patient. Throws kFailedPrecondition.
+Vec3 WorldOf(const Vec3& p_P, const std::string& axes) {
+  if (axes.size() != 3) {
+    throw Error(ErrorKind::kFailedPrecondition,
+                "the file states no orientation: answer where the patient faces, as in 'palpate "
+                "place --face=-y --head=+z', or give a place by --...-mm");
+  }
+  Vec3 p_W;
+  for (int world = 0; world < 3; ++world) {
+    const char letter = axes[static_cast<std::size_t>(world)];
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::string_view letters = kPatientLetters[static_cast<std::size_t>(axis)];
+      if (letters.find(letter) == letters.npos) continue;
+      p_W[world] = letters.front() == letter ? p_P[axis] : -p_P[axis];
+    }
+  }
+  return p_W;
+}
+
+// Positions and lengths of a shape, each as --NAME-mm or as --NAME-voxels; positions also by the
+// patient's letters, as --NAME-patient. The unit selects the frame; all must have the same unit.
 template <class Change>
 class FrameOptions {
  public:
@@ -82,6 +130,13 @@ class FrameOptions {
 
   void AddPosition(const std::string& name, const std::string& about, Store store) {
     Add(name, about, 3, "X,Y,Z", true, std::move(store));
+    Option& option = *options_.back();
+    option.patient = command_
+                         .add_option("--" + name + "-patient", option.place,
+                                     "The same as viewers show it: \"R 60 A 97 S 12\"")
+                         ->excludes(option.mm)
+                         ->excludes(option.voxels)
+                         ->option_text("PLACE");
   }
   void AddLength(const std::string& name, const std::string& about, bool required, Store store) {
     Add(name, about, 1, "LENGTH", required, std::move(store));
@@ -102,9 +157,11 @@ class FrameOptions {
   void Fill(Change& change) const {
     bool in_mm = false, in_voxels = false;
     for (const auto& option : options_) {
-      in_mm |= option->mm->count() > 0;
+      const bool has_place = option->patient && option->patient->count() > 0;
+      if (has_place) option->patient_mm = PatientPlace(option->place);
+      in_mm |= has_place || option->mm->count() > 0;
       in_voxels |= option->voxels->count() > 0;
-      if (option->required && option->mm->count() + option->voxels->count() == 0) {
+      if (option->required && !has_place && option->mm->count() + option->voxels->count() == 0) {
         throw arguments::UsageError("--" + option->name + "-mm or --" + option->name +
                                     "-voxels is required");
       }
@@ -117,6 +174,14 @@ class FrameOptions {
       if (!option->values.empty()) option->store(change, option->values);
     }
   }
+  // After Fill: the places that need to know how the patient lies.
+  void Place(Change& change, client::Calls& palpated) const {
+    for (const auto& option : options_) {
+      if (!option->patient_mm) continue;
+      const Vec3 p_W = WorldOf(*option->patient_mm, palpated.GetVolume().patient_axes);
+      option->store(change, {p_W.x(), p_W.y(), p_W.z()});
+    }
+  }
 
  private:
   struct Option {
@@ -126,12 +191,15 @@ class FrameOptions {
     Numbers values;
     arguments::Option* mm;
     arguments::Option* voxels;
+    arguments::Option* patient = nullptr;  // of a position
+    std::string place{};
+    std::optional<Vec3> patient_mm{};
   };
 
   void Add(const std::string& name, const std::string& about, int count,
            const std::string& option_text, bool required, Store store) {
-    auto option =
-        std::make_unique<Option>(Option{name, required, std::move(store), {}, nullptr, nullptr});
+    auto option = std::make_unique<Option>(
+        Option{name, required, std::move(store), {}, nullptr, nullptr, nullptr, {}, {}});
     const auto add = [&](const char* unit, const std::string& text) {
       return command_.add_option("--" + name + unit, option->values, text)
           ->delimiter(',')
@@ -218,6 +286,7 @@ void AddShape(arguments::Command& edit, Invocation& invocation, const std::strin
     values->frame.Fill(values->edit);
     CheckOperation(*values, /*is_block=*/false);
     invocation.command = [values, &invocation](client::Calls& palpated) {
+      values->frame.Place(values->edit, palpated);
       PrintEdit(WithProgress(
                     [&](const auto& progress) { return palpated.Apply(values->edit, progress); }),
                 invocation.json);
@@ -236,6 +305,8 @@ void AddSphere(arguments::Command& edit, Invocation& invocation) {
   AddShape(edit, invocation, "sphere", "Changes the voxels of a sphere",
            "Examples: palpate edit sphere --center-mm 12,-3,40 --radius-mm 5 --operation set "
            "--value 0\n"
+           "          palpate edit sphere --center-patient \"R 60 A 97 S 12\" --radius-mm 5 \\\n"
+           "              --operation smooth\n"
            "          palpate edit sphere --center-voxels 64,64,64 --radius-voxels 8 \\\n"
            "              --falloff-voxels 4 --operation smooth --strength 0.5",
            [](EditFrameOptions& frame) {

@@ -85,40 +85,53 @@ bool Names(const client::SettingsUpdate& update, const Setting& setting) {
       setting.kind);
 }
 
-// The commands that end what forbids the update.
-std::string WaysOn(const client::Settings& now, const client::SettingsUpdate& update) {
-  std::vector<std::string> ways;
-  const bool takes_tool = update.tool && !update.tool->ball.empty();
-  const auto names = [&](bool Setting::*trait) {
-    return std::ranges::any_of(client::kSettings, [&](const Setting& setting) {
-      return setting.*trait && Names(update, setting);
-    });
-  };
-  if (!now.layers.layer.empty() && (takes_tool || names(&Setting::of_layers))) {
-    ways.emplace_back("palpate layer --remove all");
-  }
-  if (!now.tool.ball.empty() && (update.layers || names(&Setting::refused_with_tool))) {
-    ways.emplace_back("palpate tool none");
-  }
-  if (update.layers && now.free_side == client::FreeSide::kAbove) {
-    ways.emplace_back("palpate set free_side below");
-  }
-  for (const Setting& setting : client::kSettings) {
-    if (!takes_tool || !setting.refused_with_tool || IsOff(setting, now)) continue;
-    const bool is_flag = std::holds_alternative<client::FlagSetting>(setting.kind);
-    ways.push_back(fmt::format("palpate set {} {}", setting.name, is_flag ? "off" : "0"));
-  }
-  return fmt::format("{}", fmt::join(ways, "; "));
+bool NamesAny(const client::SettingsUpdate& update, bool Setting::*trait) {
+  return std::ranges::any_of(client::kSettings, [&](const Setting& setting) {
+    return setting.*trait && Names(update, setting);
+  });
 }
 
-// A refusal by layers or by a held tool is told with the commands that end them.
+// The commands that end what forbids the update: layers, or the side of layers.
+std::vector<std::string> WaysWithLayers(const client::Settings& now,
+                                        const client::SettingsUpdate& update) {
+  if (update.layers) {
+    if (now.free_side == client::FreeSide::kAbove) return {"palpate set free_side below"};
+  } else if (!now.layers.layer.empty() && NamesAny(update, &Setting::of_layers)) {
+    return {"palpate layer --remove all"};
+  }
+  return {};
+}
+
+// The same for a tool, held or to be taken.
+std::vector<std::string> WaysWithTool(const client::Settings& now,
+                                      const client::SettingsUpdate& update) {
+  std::vector<std::string> ways;
+  if (update.tool) {
+    if (!now.layers.layer.empty()) ways.emplace_back("palpate layer --remove all");
+    for (const Setting& setting : client::kSettings) {
+      if (!setting.refused_with_tool || IsOff(setting, now)) continue;
+      const bool is_flag = std::holds_alternative<client::FlagSetting>(setting.kind);
+      ways.push_back(fmt::format("palpate set {} {}", setting.name, is_flag ? "off" : "0"));
+    }
+  } else if (!now.tool.ball.empty() &&
+             (update.layers || NamesAny(update, &Setting::refused_with_tool))) {
+    ways.emplace_back("palpate tool none");
+  }
+  return ways;
+}
+
+// A refusal by layers or by a tool is told with the commands that end what forbids the update.
 client::SettingsResult SetOrSayHow(client::Calls& palpated,
                                    const client::SettingsUpdate& update) try {
   return palpated.Set(update);
 } catch (const Error& refusal) {
-  const std::string ways = WaysOn(palpated.GetSettings(), update);
+  const auto ways_of = refusal.kind() == ErrorKind::kInvalidArgument      ? WaysWithLayers
+                       : refusal.kind() == ErrorKind::kFailedPrecondition ? WaysWithTool
+                                                                          : nullptr;
+  const std::vector<std::string> ways =
+      ways_of ? ways_of(palpated.GetSettings(), update) : std::vector<std::string>();
   if (ways.empty()) throw;
-  throw Error(refusal.kind(), fmt::format("{}: '{}'", refusal.what(), ways));
+  throw Error(refusal.kind(), fmt::format("{}: '{}'", refusal.what(), fmt::join(ways, "; ")));
 }
 
 // Returns when the ball of `asked` is felt, from its side: its field is made in the background.

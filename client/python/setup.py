@@ -13,7 +13,8 @@ import subprocess
 from setuptools import setup
 from setuptools.command.build_py import build_py
 
-PROTO = pathlib.Path(__file__).resolve().parents[2] / "proto"
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PROTO = ROOT / "proto"
 
 
 def program(name: str, package: str) -> str:
@@ -25,7 +26,7 @@ def program(name: str, package: str) -> str:
 
 
 class BuildWithStubs(build_py):
-    """Copies the package, then lets protoc generate palpate/v1 in the copy."""
+    """Copies the package and our tools, then lets protoc generate palpate/v1 in the copy."""
 
     def run(self) -> None:
         super().run()
@@ -34,6 +35,7 @@ class BuildWithStubs(build_py):
             raise SystemExit(f"palpate: no messages in {PROTO}: build in a checkout of the project")
         plugin = program("grpc_python_plugin", "protobuf-compiler-grpc")
         out = pathlib.Path(self.build_lib).resolve()
+        shutil.copytree(ROOT / "deploy/tools", out / "palpate/tools", dirs_exist_ok=True)
         protoc = [program("protoc", "protobuf-compiler"), f"--proto_path={PROTO}"]
         subprocess.run(
             [*protoc, f"--python_out={out}", f"--pyi_out={out}", f"--grpc_python_out={out}",

@@ -55,7 +55,7 @@ void CheckReplaced(const SurfaceLayers& felt, const SettingsUpdate& update) {
   if (key.empty()) return;
   throw Error(ErrorKind::kInvalidArgument,
               fmt::format("layers are felt, and each has its own {}: change one of the layers, or "
-                          "remove them",
+                          "remove the layers",
                           key));
 }
 

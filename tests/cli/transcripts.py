@@ -129,6 +129,33 @@ DAEMON = {
         Step("set tool_radius 0", has=["applied at tick"]),
         Step("settings --json", json={"ball.felt_radius_mm": 0}),
     ],
+    "tool": [
+        Step("load builtin:bumps:64 --discard"),
+        Step("set free_side below"),
+        Step("set dynamic_friction 0"),
+        Step("set force_shading off"),
+        Step("set pop_force 0"),
+        Step("tool load drill", has=["drill: 39 balls", "in the volume"]),
+        Step("tool", has=["1 carves"]),
+        # What forbids what, with the command that ends it.
+        Step("layers a=0.2,b=0.9", exit=10, error="palpate tool none"),
+        Step("set dynamic_friction 1", exit=10, error="palpate tool none"),
+        Step("set tool_radius 5", has=["waits"]),
+        Step("place --scale-by 0.01", has=["palpate tool load drill --scale 0."]),
+        Step("tool", has=["not felt", "palpate place --scale-by "]),
+        Step("place --scale-by 100"),
+        Step("tool none", has=["a ball of 5 mm"]),
+        Step("set tool_radius 0"),
+        Step("tool load drill --scale 20", exit=3, error="palpate tool load drill --scale "),
+        Step("layers a=0.2,b=0.9"),
+        Step("set pop_force 1", exit=3, error="palpate layer --remove all"),
+        Step("tool load drill", exit=10, error="palpate layer --remove all"),
+        Step("layer --remove all"),
+        Step("set force_shading on"),
+        Step("tool load drill", exit=10, error="palpate set force_shading off"),
+        Step("set force_shading off"),
+        Step("tool load hammer", exit=4, error="probe"),
+    ],
     "refusals": [
         Step(["set stiffness 99", "set stiffness_n_per_mm -.5"], exit=3, error="stiffness"),
         # Negative numbers are values, too: the daemon refuses them for this volume.
@@ -280,6 +307,16 @@ VOLUMES = {
         Step("place --face=-y --head=-y", exit=3, error="face"),
         Step("place --face=+y --head=+z --json", keys=["applied_tick"]),
         Step("info", has=["orientation: RAS, as somebody answered"]),
+        Step([f"edit sphere --center-patient '{place}' --radius-mm 2 --operation subtract "
+              "--value 0.01 --json" for place in ("R 3 A 5 S 7 mm", "A 5 S 7 L -3")],
+             json={"changed.min": [1, 3, 5], "changed.max": [5, 7, 9]}),
+        Step([f"edit sphere --center-patient '{place}' --radius-mm 2 --operation smooth"
+              for place in ("R 3 L 5 S 7", "R 3 A 5", "R 3 A x S 7", "R 3 A 5 S 7 S")], exit=2),
+        Step("edit sphere --center-patient 'R 900 A 5 S 7' --radius-mm 2 --operation smooth", exit=3,
+             error="x 0 to 31"),
+        Step("load builtin:bumps:16 --discard"),
+        Step("edit sphere --center-patient 'R 3 A 5 S 7' --radius-mm 2 --operation smooth", exit=10,
+             error="palpate place --face"),
     ],
 }
 

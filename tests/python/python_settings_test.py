@@ -72,7 +72,7 @@ class SettingsTest(DaemonTest):
                          [("bone", 2), ("skin", 1)])
         # What they replace is refused, and says where to look.
         for name, value in (("isovalue", 0.5), ("stiffness_n_per_mm", 1.0), ("free_side", "above")):
-            with self.assertRaisesRegex(palpate.InvalidArgument, "remove them"):
+            with self.assertRaisesRegex(palpate.InvalidArgument, "remove the"):
                 setattr(settings, name, value)
         before = settings.all()
         close = palpate.Layer("close", bone.isovalue + 9e-7)
@@ -114,6 +114,13 @@ class SettingsTest(DaemonTest):
         self.assertEqual(settings.tool, drill)
         with self.conn.poses(100) as stream:
             self.assertTrue(wait_until(lambda: np.isfinite(next(stream).tool_orientation[-1, 0])))
+        ours = palpate.Tool.read("drill")
+        self.assertEqual((len(ours.balls), ours.balls[0].radius_mm), (39, 3.0))
+        half = ours.scaled(0.5)
+        self.assertEqual((half.balls[0].radius_mm, half.balls[-1].center_mm, half.rotation_length_mm),
+                         (1.5, (0.0, 0.0, 30.0), 15.0))
+        with self.assertRaisesRegex(palpate.InvalidArgument, "probe"):
+            palpate.Tool.read("hammer")
         before = settings.all()
         for wrong in ("drill", palpate.Tool((palpate.ToolBall((0.0, 0.0)),)),
                       palpate.Tool((palpate.ToolBall((0.0, 0.0, 0.0), -1.0),)),

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import pathlib
 import stat
 import tomllib
 import typing
@@ -39,7 +40,7 @@ class Tool:
     balls: at most 64, of at most 3 different radii
     name: for people; at most 31 bytes
     rotation_length_mm: a turn by an angle counts as a way of this length times the angle
-    Example: conn.settings.tool = palpate.Tool.read("drill.toml")
+    Example: conn.settings.tool = palpate.Tool.read("drill")
     """
 
     balls: tuple[ToolBall, ...]
@@ -48,12 +49,12 @@ class Tool:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> "Tool":
-        """Reads a tool's TOML file, as `palpate tool load` does.
+        """Reads one of our tools by its name, or a file: its name has a / or ends with .toml.
 
-        Errors: OSError, InvalidArgument. Example: palpate.Tool.read("drill.toml")
+        Errors: OSError, InvalidArgument. Example: palpate.Tool.read("drill")
         """
         try:
-            content = tomllib.loads(_text_of(path))
+            content = tomllib.loads(_text_of(_file_of(path)))
             balls = [_ball_of(one) for one in content.pop("ball", [])]
             balls += [ball for line in content.pop("line", []) for ball in _balls_of(line)]
             tool = cls(tuple(balls), **content)
@@ -61,6 +62,31 @@ class Tool:
                 AttributeError) as error:
             raise InvalidArgument(f"{path} is no tool: {error}") from None
         return typing.cast(Tool, tool_of("tool", tool))
+
+
+    def scaled(self, scale: float) -> "Tool":
+        """All lengths times `scale`, for voxels that are too small or too large for its balls.
+
+        Example: conn.settings.tool = palpate.Tool.read("drill").scaled(0.6)
+        """
+        balls = tuple(dataclasses.replace(
+            ball, center_mm=tuple(scale * np.array(ball.center_mm)),
+            radius_mm=scale * ball.radius_mm) for ball in self.balls)
+        rotation_mm = (self.rotation_length_mm or 30.0) * scale
+        return dataclasses.replace(self, balls=balls,
+                                   rotation_length_mm=min(max(rotation_mm, 1.0), 300.0))
+
+
+def _file_of(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
+    """Errors: InvalidArgument (none of our tools)."""
+    name = os.fspath(path)
+    if "/" in name or name.endswith(".toml"):
+        return path
+    ours = {file.stem: file for file in (pathlib.Path(__file__).parent / "tools").glob("*.toml")}
+    if name not in ours:
+        raise InvalidArgument(f"there is no tool {name!r}: there are {', '.join(sorted(ours))}; for "
+                              "a file of your own give its name with .toml")
+    return ours[name]
 
 
 def _text_of(path: str | os.PathLike[str]) -> str:

@@ -153,6 +153,23 @@ AffineMap FrameFromIndex(const VolumeSnapshot& volume, EditFrame frame) {
   return frame == EditFrame::kWorld ? volume.metadata().WorldFromIndex() : AffineMap();
 }
 
+// Names what the volume spans, in the frame of the edit.
+[[noreturn]] void RefuseRegion(const VolumeSnapshot& volume, EditFrame frame) {
+  const AffineMap X_FI = FrameFromIndex(volume, frame);
+  const Vec3 last_I = volume.size().cast<double>() - Vec3::Ones();
+  Vec3 low = X_FI.translation, high = X_FI.translation;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3 edge = X_FI.linear.col(axis) * last_I[axis];
+    low += edge.cwiseMin(0.0);
+    high += edge.cwiseMax(0.0);
+  }
+  Refuse(
+      fmt::format("the edit's region is outside of the volume, which spans x {:.5g} to {:.5g}, "
+                  "y {:.5g} to {:.5g}, z {:.5g} to {:.5g} {}",
+                  low.x(), high.x(), low.y(), high.y(), low.z(), high.z(),
+                  frame == EditFrame::kWorld ? "mm" : "voxels"));
+}
+
 template <class Shape>
 std::optional<IndexBox> VoxelsOf(const VolumeSnapshot& volume, const VolumeEdit& edit,
                                  const Shape& shape, std::int64_t most_voxels) {
@@ -167,7 +184,7 @@ std::optional<IndexBox> VoxelsOf(const VolumeSnapshot& volume, const VolumeEdit&
     const double low = span.low - reach + X_IF.translation[axis];
     const double high = span.high + reach + X_IF.translation[axis];
     const double last = volume.size()[axis] - 1;
-    if (!(high >= -0.5 && low <= last + 0.5)) Refuse("the edit's region is outside of the volume");
+    if (!(high >= -0.5 && low <= last + 0.5)) RefuseRegion(volume, edit.frame);
     const double first_voxel = std::max(0.0, std::ceil(low - kSlackVoxels));
     const double last_voxel = std::min(last, std::floor(high + kSlackVoxels));
     if (first_voxel > last_voxel) {
