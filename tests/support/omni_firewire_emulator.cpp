@@ -42,6 +42,7 @@ void OmniFirewireEmulator::OnPlugged() {
 void OmniFirewireEmulator::OnBusReset() {
   if (begins_anew_at_reset) counter_ = 0;
   if (goes_deaf_at_reset) {
+    registers_[0] = kNoChannel;
     written_[0] = false;
   } else if (!keeps_registers_at_reset) {
     OnPlugged();
@@ -125,7 +126,10 @@ Bytes OmniFirewireEmulator::MakeState(const OmniHand& hand) const {
 }
 
 void OmniFirewireEmulator::OnPacket(const FirewirePacket& packet, std::uint64_t cycle) {
-  if (packet.channel != registers_[0]) return;
+  if (packet.channel != registers_[0]) {
+    ++not_heard_;
+    return;
+  }
   if (packet.payload.size() != kForceBytes || packet.speed != SCODE_100 || packet.tag != 0 ||
       packet.sy != 0) {
     return Blame("sent a packet that is no force packet: length, speed, tag or sy");
@@ -144,14 +148,14 @@ void OmniFirewireEmulator::OnPacket(const FirewirePacket& packet, std::uint64_t 
   force.force_enabled = (status & kForceBit) != 0;
   force.dock_light = status & kLights;
   if (Streams() && !force.force_enabled) armed_ = true;
+  force.moved_motors = force.force_enabled && MovesMotors();
   forces_.push_back(std::move(force));
   force_came_ = true;
 }
 
 std::array<int, 3> OmniFirewireEmulator::ForceOnHand() const {
   const std::scoped_lock lock(mutex());
-  const bool pushes = Streams() && (armed_ || !needs_force_edge) && !forces_.empty() &&
-                      forces_.back().force_enabled;
+  const bool pushes = MovesMotors() && !forces_.empty() && forces_.back().force_enabled;
   return pushes ? forces_.back().motors : std::array<int, 3>{};
 }
 

@@ -48,6 +48,7 @@ struct OmniForcePacket {
   std::uint64_t cycle = 0;
   std::array<int, 3> motors{};  // counts; 0: no force
   bool force_enabled = false;
+  bool moved_motors = false;
   unsigned dock_light = 0;  // bits 0 and 1 of its status
 };
 
@@ -82,6 +83,11 @@ class OmniFirewireEmulator final : public EmulatedFirewireDevice {
     const std::scoped_lock lock(mutex());
     return forces_;
   }
+  // The packets on the bus that it did not hear: on another channel, or while it is deaf.
+  std::uint64_t packets_not_heard() const {
+    const std::scoped_lock lock(mutex());
+    return not_heard_;
+  }
   // In motor counts.
   std::array<int, 3> ForceOnHand() const;
   // None: never written since it was plugged in or lost its registers.
@@ -111,6 +117,7 @@ class OmniFirewireEmulator final : public EmulatedFirewireDevice {
   void OnPacket(const FirewirePacket& packet, std::uint64_t cycle) override;
 
   bool Streams() const { return (registers_[2] & kStreams) != 0; }
+  bool MovesMotors() const { return Streams() && (armed_ || !needs_force_edge); }
   Bytes MakeState(const OmniHand& hand) const;
 
   std::array<std::uint8_t, 3> registers_{};  // kListenChannel, kTalkChannel, kControl
@@ -122,7 +129,7 @@ class OmniFirewireEmulator final : public EmulatedFirewireDevice {
   bool force_came_ = false;  // since the last packet to the host
   bool armed_ = false;       // a packet without force came since the stream began
   std::uint32_t counter_ = 0;
-  std::uint64_t sent_ = 0;
+  std::uint64_t sent_ = 0, not_heard_ = 0;
   std::vector<OmniForcePacket> forces_;
 };
 

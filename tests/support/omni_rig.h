@@ -120,10 +120,18 @@ class OmniRig : public DeviceRig {
     std::erase_if(events, [&](const FirewireEvent& event) { return event.kind != kind; });
     return events;
   }
-  // At rest.
+  // At rest. A push counts although the watchdog ends it: where the machine is busy, this servo is
+  // often silent for longer than a device waits.
   bool Pushes() {
     Place(kRest);
-    return device_->Serve(kPush, [&] { return (Felt_n() - kPush.force_n).norm() < kForceN; });
+    const auto before = static_cast<std::ptrdiff_t>(omni_.Forces().size());
+    return device_->Serve(kPush, [&] {
+      const std::vector<OmniForcePacket> forces = omni_.Forces();
+      return std::any_of(forces.begin() + before, forces.end(), [&](const OmniForcePacket& force) {
+        const Vec3 felt_n = OmniStand::ForceOf(force.motors, place_mm_);
+        return force.moved_motors && (felt_n - kPush.force_n).norm() < kForceN;
+      });
+    });
   }
 
   Omni omni_;
