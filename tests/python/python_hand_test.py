@@ -60,20 +60,31 @@ class HandTest(DaemonTest):
                            palpate.Layer("core", 0.6, 1.0)]
         self.addCleanup(setattr, settings, "layers", [])
         path = f"{self.daemon.folder}/layers.mcap"
-        with self.conn.device.lead() as hand:
-            self.conn.recording.start(path)
-            hand.follow(self.path(self.above(55), self.center_mm, self.above(55)))
-            self.conn.recording.stop()
-        recording = palpate.open_recording(path)
-        passings = recording.passings()[-2:]  # the hand may have been inside before
-        self.assertEqual([(passing.layer, passing.inwards) for passing in passings],
-                         [("skin", True), ("skin", False)])
-        for passing in passings:
-            self.assertAlmostEqual(passing.force_n, 0.5, delta=0.05)
-        behind = recording.ticks.layers_passed == 1
-        self.assertTrue((recording.ticks.contact_layer[behind] == 2).any())
-        self.assertTrue((recording.ticks.density[behind] >= 0.4 - 1e-6).all())
-        self.assertTrue((recording.ticks.density[~behind] <= 0.4 + 1e-6).all())
+        forces_n = {}  # by direction
+        # Where ticks were missed, the hand went on: the force grew past the pop's in no tick.
+        for _ in range(20):
+            with self.conn.device.lead() as hand:
+                self.conn.recording.start(path, overwrite=True)
+                hand.follow(self.path(self.above(55), self.center_mm, self.above(55)))
+                self.conn.recording.stop()
+            recording = palpate.open_recording(path)
+            ticks = recording.ticks
+            passings = recording.passings()[-2:]  # the hand may have been inside before
+            self.assertEqual([(passing.layer, passing.inwards) for passing in passings],
+                             [("skin", True), ("skin", False)])
+            behind = ticks.layers_passed == 1
+            self.assertTrue((ticks.contact_layer[behind] == 2).any())
+            self.assertTrue((ticks.density[behind] >= 0.4 - 1e-6).all())
+            self.assertTrue((ticks.density[~behind] <= 0.4 + 1e-6).all())
+            for passing in passings:
+                at = np.searchsorted(ticks.tick, passing.tick)
+                if ticks.missed_ticks[at] == ticks.missed_ticks[at - 1]:
+                    forces_n[passing.inwards] = passing.force_n
+            if len(forces_n) == 2:
+                break
+        self.assertEqual(set(forces_n), {True, False})
+        for force_n in forces_n.values():
+            self.assertAlmostEqual(force_n, 0.5, delta=0.05)
 
     def test_the_surface_holds_the_hand_up_with_a_force(self):
         with self.conn.device.lead() as hand:
