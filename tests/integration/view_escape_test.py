@@ -6,7 +6,7 @@ import unittest
 
 import palpate
 from support import DaemonTest, wait_until
-from view_support import LEFT, STATE, Screen, Window
+from view_support import LEFT, STATE, VIEW, Screen, Window
 
 TOP = (0, 0, 1280, 40)
 DIALOG = (306, 104, 974, 776)
@@ -52,6 +52,19 @@ class Escape(DaemonTest):
 
     def stopped(self):
         return wait_until(lambda: self.forces() == palpate.ForceState.STOPPED)
+
+    def test_a_half_distance_goes_first(self):
+        self.window.do("key", "m")
+        self.window.picture()
+        self.window.click(*VIEW)
+        self.window.picture()
+        self.escape()
+        time.sleep(1.1)
+        self.window.picture()
+        self.assertEqual(self.forces(), palpate.ForceState.ON)
+        self.escape()
+        self.assertTrue(self.stopped())
+        self.window.do("key", "m")
 
     def test_it_closes_each_thing_with_each_tool_and_the_second_press_stops(self):
         for tool in TOOLS:

@@ -36,8 +36,10 @@ class Layout(DaemonTest):
 
     def test_small_windows_show_all_that_matters(self):
         for width, height in ((800, 600), (640, 400)):
-            with self.subTest(width=width), Screen() as screen:
-                window = self.open(screen, "--size", f"{width}x{height}")
+            with self.subTest(width=width), Screen(width, height) as screen:
+                # Without --size, a window is as large as the screen lets it.
+                size = () if width == 800 else ("--size", f"{width}x{height}")
+                window = self.open(screen, *size)
                 self.assertEqual(window.picture().size, (width, height))
                 for text in ("STOP", "Surface", "Look", "Cut", "Edit", "Hand", "Brush",
                              "Measure", "Show plots (D)", "forces on"):

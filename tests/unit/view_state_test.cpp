@@ -12,8 +12,8 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr Open kOpen[] = {Open::kField,   Open::kPopup, Open::kPathForm,
-                          Open::kConnect, Open::kHelp,  Open::kQuestion};
+constexpr Open kOpen[] = {Open::kField, Open::kPopup,    Open::kPathForm, Open::kConnect,
+                          Open::kHelp,  Open::kQuestion, Open::kDistance};
 const EscapeRule::Clock::time_point kStart{};
 
 TEST(Escape, StopsAtOnceWhereNothingIsOpen) {

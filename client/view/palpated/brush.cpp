@@ -11,6 +11,8 @@ namespace palpate::view {
 namespace {
 
 constexpr double kWayPerRadius = 1.0 / 3.0;
+// How much older than the newest the volume's revision here may be.
+constexpr double kStale_s = 0.5;
 
 client::Edit EditOf(const BrushOptions& options, const VolumeLattice& lattice) {
   client::Edit edit;
@@ -56,6 +58,16 @@ class Brush::History {
     Add(stroke, connection, result);
     const std::lock_guard lock(mutex_);
     if (connection == connection_) begun_.push_back({stroke, name});
+  }
+  void AddCarved(std::uint64_t stroke, std::uint64_t connection, std::uint64_t from_revision,
+                 std::uint64_t to_revision) {
+    const std::lock_guard lock(mutex_);
+    if (connection != connection_) return;
+    if (revision_ != from_revision) Forget();
+    revision_ = to_revision;
+    redo_.clear();
+    undo_.push_back(stroke);
+    begun_.push_back({stroke, "carving"});
   }
   bool is_waiting() const {
     const std::lock_guard lock(mutex_);
@@ -186,6 +198,24 @@ std::function<void(const client::EditResult&)> Brush::OtherStroke(std::string na
           name = std::move(name)](const client::EditResult& result) {
     history->AddOther(stroke, name, connection, result);
   };
+}
+
+void Brush::Carved(std::uint64_t from_revision, std::uint64_t to_revision,
+                   std::chrono::steady_clock::time_point begun, Commands& commands) {
+  End();
+  commands.Do("carving", [history = history_, stroke = stroke_++, connection = connection_,
+                          from_revision, to_revision, begun](client::Client& client) {
+    // What the stylus carves is nobody's change there.
+    const std::chrono::duration<double> since = std::chrono::steady_clock::now() - begun;
+    const double since_s = since.count() + kStale_s;
+    const bool is_edited =
+        std::ranges::any_of(client.GetActivity().changes, [&](const client::LastChange& change) {
+          const bool is_of_voxels =
+              change.what == "voxels" || change.what == "volume" || change.what == "series";
+          return is_of_voxels && change.ago_s < since_s;
+        });
+    if (!is_edited) history->AddCarved(stroke, connection, from_revision, to_revision);
+  });
 }
 
 bool Brush::is_waiting() const { return history_->is_waiting(); }

@@ -19,6 +19,7 @@
 // Threads: that of the frames. Errors: in Commands::problem().
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <exception>
 #include <functional>
@@ -72,6 +73,11 @@ class Brush {
   // own. The function may be called once, on any thread, also after the brush is destroyed. `name`:
   // for people, such as "filter".
   std::function<void(const client::EditResult&)> OtherStroke(std::string name);
+
+  // The stylus, which this viewer led, has carved since `begun`: from one revision of the volume to
+  // another. It counts as a stroke of its own unless somebody edited meanwhile.
+  void Carved(std::uint64_t from_revision, std::uint64_t to_revision,
+              std::chrono::steady_clock::time_point begun, Commands& commands);
 
   // True if an edit of a stroke waits for its answer.
   bool is_waiting() const;

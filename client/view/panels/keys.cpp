@@ -106,7 +106,9 @@ struct Line {
 
 constexpr Line kLines[] = {
     {"Forces", nullptr},
-    {"Esc", "close what is open; else the emergency stop: no forces until they are enabled again"},
+    {"Esc",
+     "close what is open, a half distance too; else the emergency stop: no forces until they are "
+     "enabled again"},
     {"Esc twice", "the emergency stop, whatever is open"},
     {"View", nullptr},
     {"left drag", "turn"},
@@ -217,7 +219,8 @@ Open OpenNow(Viewer& viewer) {
   if (field != 0 && ImGui::GetInputTextState(field)) return Open::kField;
   if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) return Open::kPopup;
   if (state.help_shown) return Open::kHelp;
-  return viewer.files().has_question() ? Open::kQuestion : Open::kNothing;
+  if (viewer.files().has_question() || state.wished_tool) return Open::kQuestion;
+  return state.measure.begun_W ? Open::kDistance : Open::kNothing;
 }
 
 void Close(Viewer& viewer, Open open) {
@@ -240,6 +243,10 @@ void Close(Viewer& viewer, Open open) {
       return;
     case Open::kQuestion:
       viewer.files().Dismiss();
+      viewer.state().wished_tool.reset();
+      return;
+    case Open::kDistance:  // with one end
+      viewer.state().measure.begun_W.reset();
   }
 }
 

@@ -62,7 +62,7 @@ void FeelPanel(Viewer& viewer) {
   BeginAllowed(viewer, client::Role::kEditor);
   for (const client::Setting& setting : client::kHapticSettings) {
     if (IsShown(setting, *settings)) EditSetting(viewer, setting, *settings);
-    if (setting.key != "tool_radius_mm") continue;
+    if (setting.key != "tool_radius_mm" || !settings->tool.ball.empty()) continue;
     const std::string ball = client::BallInWords(*settings);
     if (!ball.empty()) ImGui::TextWrapped("%s", OneLine(ball, 200).c_str());
   }

@@ -1,8 +1,9 @@
 // The rigid tool in the hand, for everyone: which one it is, and another one.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string>
-#include <string_view>
+#include <utility>
 
 #include "client/sdk/words.h"
 #include "client/view/drawing/readout.h"
@@ -63,7 +64,7 @@ void ChooseTool(Viewer& viewer, const HeldTool& held) {
     const bool pressed =
         std::exchange(is_first, false) ? ToggleButton(name.c_str(), on) : NextButton(name, on);
     if (pressed) viewer.state().wished_tool = ParseTool(tool.text, tool.name);
-    Tip("takes this tool into the hand");
+    if (!viewer.state().wished_tool) Tip("takes this tool into the hand");
   }
   if (NextButton("File\xE2\x80\xA6")) viewer.files().Choose(DialogKind::kTool);
   Tip("a tool of your own: a .toml file, which may also be dropped onto the window");
@@ -88,6 +89,17 @@ void TellTool(const Viewer& viewer, const client::Settings& settings) {
   if (!state.empty()) WrappedText(settings.ball.problem.empty() ? kDim : kWarning, state);
 }
 
+// A tool that carves, while the stylus's button does not.
+void OfferCarving(Viewer& viewer, const client::Settings& settings) {
+  const auto& balls = settings.tool.ball;
+  if (settings.carve_tool || std::ranges::none_of(balls, &HeldToolBall::carves)) return;
+  if (ImGui::Button("Let button 0 carve")) {
+    viewer.feed().shared().NoteOwn("carve_tool");
+    viewer.feed().commands().Set({.carve_tool = true});
+  }
+  Tip("the burr carves while button 0 of the stylus is held");
+}
+
 // A held tool that another volume or its place has made too large or too small.
 void OfferFit(Viewer& viewer, const client::Settings& settings) {
   if (settings.tool.ball.empty() || settings.ball.problem.empty()) return;
@@ -109,6 +121,7 @@ void ToolPanel(Viewer& viewer) {
   TellTool(viewer, *settings);
   BeginAllowed(viewer, client::Role::kEditor);
   OfferFit(viewer, *settings);
+  OfferCarving(viewer, *settings);
   ChooseTool(viewer, settings->tool);
   SharedSign(viewer, "tool");
   AskAboutTool(viewer, *settings);

@@ -195,14 +195,23 @@ class RowFromRight {
   float gap_, right_, y_;
 };
 
+// Over all windows and tooltips: the button that Dear ImGui has just taken its input for.
+void DrawStop(const char* label) {
+  const ImU32 color = ImGui::IsItemActive()    ? IM_COL32(255, 77, 64, 255)
+                      : ImGui::IsItemHovered() ? IM_COL32(230, 41, 36, 255)
+                                               : IM_COL32(191, 26, 26, 255);
+  const ImVec2 min = ImGui::GetItemRectMin(), max = ImGui::GetItemRectMax();
+  const ImVec2 text = ImGui::CalcTextSize(label);
+  ImDrawList& list = *ImGui::GetForegroundDrawList();
+  list.AddRectFilled(min, max, color, ImGui::GetStyle().FrameRounding);
+  list.AddText({0.5f * (min.x + max.x - text.x), 0.5f * (min.y + max.y - text.y)}, IM_COL32_WHITE,
+               label);
+}
+
 void StopButton(Viewer& viewer, RowFromRight& row, bool wide, float scale) {
   const char* label = wide ? "STOP FORCES (Esc)" : "STOP";
-  ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 1.0f, 1.0f, 1.0f});
-  ImGui::PushStyleColor(ImGuiCol_Button, {0.75f, 0.10f, 0.10f, 1.0f});
-  ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {0.90f, 0.16f, 0.14f, 1.0f});
-  ImGui::PushStyleColor(ImGuiCol_ButtonActive, {1.00f, 0.30f, 0.25f, 1.0f});
   const bool pressed = row.Next(label, ButtonWidth(label) + (wide ? 12.0f : 24.0f) * scale);
-  ImGui::PopStyleColor(4);
+  DrawStop(label);
   const ImVec2 min = ImGui::GetItemRectMin(), max = ImGui::GetItemRectMax();
   viewer.state().stop_button = {min, {max.x - min.x, max.y - min.y}};
   // The pointer's press has stopped them already, unless the bar moved meanwhile. A second stop at

@@ -11,7 +11,7 @@
 namespace palpate::view {
 
 // What Esc can close, from the top.
-enum class Open { kNothing, kPathForm, kConnect, kField, kPopup, kHelp, kQuestion };
+enum class Open { kNothing, kPathForm, kConnect, kField, kPopup, kHelp, kQuestion, kDistance };
 
 class EscapeRule {
  public:

@@ -71,6 +71,7 @@ bool HandTool::CanCarve(const LiveFeed& feed) {
 
 bool HandTool::Take(Viewer& viewer, const ViewPointer& pointer) {
   following_.reset();
+  FollowCarving(viewer);
   if (viewer.state().tool != Tool::kHand) {
     if (leads_) End(viewer);
     return false;
@@ -123,6 +124,7 @@ void HandTool::GiveBack(Viewer& viewer) {
 void HandTool::End(Viewer& viewer) {
   viewer.feed().GiveHandBack();
   leads_ = false;
+  acts_ = {};
 }
 
 // False if the hand is not ours any more. The user must take it again, because meanwhile somebody
@@ -147,6 +149,29 @@ void HandTool::Act(Viewer& viewer, const ViewPointer& pointer) {
            .buttons = options.kept_buttons | (left && carves ? kCarveButton : 0U)};
   aim_.PressHarder(acts_.presses ? kHarder_mm : 0.0);
   if (acts_ != before) GoToTarget(viewer.feed());
+}
+
+// So that what the hand carves can be undone here, as the brush's strokes can.
+void HandTool::FollowCarving(Viewer& viewer) {
+  constexpr std::chrono::milliseconds kSettled(400);  // longer than carving comes late
+  const auto& revision = viewer.feed().volume().revision();
+  if (!revision) return carving_.reset();
+  const std::uint64_t newest = revision->volume_revision;
+  const auto now = std::chrono::steady_clock::now();
+  const bool carves = (acts_.buttons & kCarveButton) != 0 && CanCarve(viewer.feed());
+  if (carving_) {
+    if (carving_->to != newest) carving_->changed = now;
+    carving_->to = newest;
+    if (!carves && !std::exchange(carving_->ended, true)) carving_->changed = now;
+    const bool is_over = carving_->ended && (carves || now - carving_->changed > kSettled);
+    if (!is_over) return;
+    if (carving_->to != carving_->from) {
+      viewer.brush().Carved(carving_->from, carving_->to, carving_->begun,
+                            viewer.feed().commands());
+    }
+    carving_.reset();
+  }
+  if (carves) carving_ = {.from = newest, .to = newest, .begun = now, .changed = now};
 }
 
 bool HandTool::Lead(Viewer& viewer, const ViewPointer& pointer) {

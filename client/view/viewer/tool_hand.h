@@ -52,6 +52,7 @@ class HandTool {
   void End(Viewer& viewer);
   bool Goes(Viewer& viewer);
   void Act(Viewer& viewer, const ViewPointer& pointer);
+  void FollowCarving(Viewer& viewer);
   bool Lead(Viewer& viewer, const ViewPointer& pointer);
   void Resume(const Eigen::Vector2d& at_px, const ImageSize& view);
   void Aim(const Eigen::Vector2d& at_px, LiveFeed& feed);
@@ -73,6 +74,13 @@ class HandTool {
   std::optional<Eigen::Vector2d> newest_;  // where the pointer was last, on the screen
   std::optional<Following> following_;     // none: the pointer is not on the view, or turns it
   Acts acts_;
+  // A stroke of the stylus that carves, until all its changes have come.
+  struct Carving {
+    std::uint64_t from = 0, to = 0;  // revisions of the volume
+    std::chrono::steady_clock::time_point begun{}, changed{};
+    bool ended = false;
+  };
+  std::optional<Carving> carving_;
   // After the pointer has turned the stylus or the view, the hand stays where it is. When the
   // pointer moves on, the hand goes with it, beside it.
   bool broke_off_ = false;

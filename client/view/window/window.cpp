@@ -310,6 +310,25 @@ struct CloseWindow {
 };
 using WindowPtr = std::unique_ptr<GLFWwindow, CloseWindow>;
 
+// Never larger than the screen: what stops the forces is in the upper right corner.
+void KeepOnScreen(GLFWwindow* window) {
+  GLFWmonitor* monitor = glfwGetPrimaryMonitor();
+  if (!monitor) return;
+  int x = 0, y = 0;
+  ImageSize screen, now;
+  glfwGetMonitorWorkarea(monitor, &x, &y, &screen.width, &screen.height);
+  if (screen.width <= 0 || screen.height <= 0) return;
+  glfwGetWindowSize(window, &now.width, &now.height);
+  int left = 0, top = 0, right = 0, bottom = 0;
+  glfwGetWindowFrameSize(window, &left, &top, &right, &bottom);
+  const ImageSize most{screen.width - left - right, screen.height - top - bottom};
+  glfwSetWindowSizeLimits(window, std::min(kLeast.width, most.width),
+                          std::min(kLeast.height, most.height), GLFW_DONT_CARE, GLFW_DONT_CARE);
+  if (now.width <= most.width && now.height <= most.height) return;
+  glfwSetWindowSize(window, std::min(now.width, most.width), std::min(now.height, most.height));
+  glfwSetWindowPos(window, x + left, y + top);
+}
+
 WindowPtr OpenWindow(const ImageSize& size) {
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 4);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
@@ -320,8 +339,7 @@ WindowPtr OpenWindow(const ImageSize& size) {
   const int height = std::max(size.height, kLeast.height);
   WindowPtr window(glfwCreateWindow(width, height, "Palpate", nullptr, nullptr));
   if (!window) Glfw::Refuse("cannot open a window with OpenGL 4.3");
-  glfwSetWindowSizeLimits(window.get(), kLeast.width, kLeast.height, GLFW_DONT_CARE,
-                          GLFW_DONT_CARE);
+  KeepOnScreen(window.get());
   glfwMakeContextCurrent(window.get());
   glfwSwapInterval(1);
   return window;
