@@ -18,6 +18,7 @@
 #include "common/error/error.h"
 #include "server/felt/felt_surface.h"
 #include "server/recording/recorded_scenes.h"
+#include "server/recording/volume_hash.h"
 #include "server/recording/voxel_log.h"
 #include "server/session/ball_maker.h"
 
@@ -149,7 +150,8 @@ class ViewerReplay {
         cancelled_(cancelled),
         loading_(session.BeginLoad()),
         loaded_(session.volume().volume),
-        follower_([this](const RecordedScene&) { return loaded_; }),
+        as_loaded_(options.as_loaded),
+        follower_([this](const RecordedScene& scene) { return VolumeFor(scene); }),
         samples_(std::make_shared<ShownSamples>(options.speed)) {}
 
   void Run() {
@@ -173,6 +175,13 @@ class ViewerReplay {
     std::optional<RecordedScene> scene{};
     std::uint64_t number = 0;  // of the scene
   };
+
+  std::shared_ptr<const VolumeSnapshot> VolumeFor(const RecordedScene& scene) const {
+    const bool has_other = as_loaded_ &&
+                           as_loaded_->loaded_revision() == loaded_->loaded_revision() &&
+                           as_loaded_->size() == loaded_->size();
+    return has_other && HashVolume(*loaded_) != scene.volume_hash ? as_loaded_ : loaded_;
+  }
 
   // Changes nothing in the session, so it may throw without a GiveBack.
   void CheckStart() {
@@ -415,7 +424,9 @@ class ViewerReplay {
   const ViewerReplayProgress& progress_;
   const std::function<bool()>& cancelled_;
   const std::unique_lock<std::mutex> loading_;
-  const std::shared_ptr<const VolumeSnapshot> loaded_;
+  const std::shared_ptr<const VolumeSnapshot> loaded_;  // the present voxels
+  const std::shared_ptr<const VolumeSnapshot>
+      as_loaded_;  // before their edits; null: there are none
   RecordedVolumes follower_;
   std::shared_ptr<ShownSamples> samples_;
   std::shared_ptr<const VolumeSnapshot> volume_;  // that viewers are shown; null: not yet

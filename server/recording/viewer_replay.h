@@ -15,6 +15,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -75,6 +76,9 @@ struct ViewerReplayOptions {
   std::uint64_t first_tick = 0;
   // Who replays, in words; told to viewers.
   std::string by{};
+  // The voxels as loaded, if they were edited since. A recording that does not begin with the
+  // present voxels may begin with these; the present ones are back at its end.
+  std::shared_ptr<const VolumeSnapshot> as_loaded{};
 };
 
 struct ViewerReplayState {

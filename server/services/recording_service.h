@@ -4,6 +4,7 @@
 #include "palpate/v1/recording.grpc.pb.h"
 #include "server/recording/recording_control.h"
 #include "server/services/calls.h"
+#include "server/session/edits/volume_editor.h"
 
 namespace palpate {
 
@@ -11,8 +12,9 @@ v1::RecordingState ToProto(const RecordingStatus& status);
 
 class RecordingService final : public v1::RecordingService::CallbackService {
  public:
-  // Borrows both.
-  RecordingService(Calls& calls, RecordingControl& control) : calls_(calls), control_(control) {}
+  // Borrows all.
+  RecordingService(Calls& calls, RecordingControl& control, const VolumeEditor& editor)
+      : calls_(calls), control_(control), editor_(editor) {}
 
   Reply* StartRecording(CallContext* context, const v1::StartRecordingRequest* request,
                         v1::StartRecordingResponse* response) override;
@@ -30,6 +32,7 @@ class RecordingService final : public v1::RecordingService::CallbackService {
  private:
   Calls& calls_;
   RecordingControl& control_;
+  const VolumeEditor& editor_;
 };
 
 }  // namespace palpate

@@ -158,7 +158,7 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
       series_(calls_, parts.session, parts.series, options_.paths),
       device_(calls_, parts.device, parts.hand, parts.servo, parts.stop_door, parts.inbox,
               parts.session, parts.forces, parts.list_devices),
-      recording_(calls_, parts.recording),
+      recording_(calls_, parts.recording, parts.editor),
       activity_(calls_),
       facts_(access_, parts.session, parts.series, parts.recording, device_),
       stop_door_(parts.stop_door) {

@@ -73,6 +73,19 @@ class ReplayTest(unittest.TestCase):
         np.testing.assert_array_equal(self.conn.volume.place().center_mm, live_place.center_mm)
         np.testing.assert_array_equal(self.conn.volume.download().values, loaded)
 
+    def test_the_recorded_voxels_are_shown_in_place_of_unsaved_edits(self):
+        loaded = self.conn.volume.download().values
+        self.conn.edit.sphere((0.0, 0.0, 0.0), 6.0, "set", 0.7)
+        self.addCleanup(self.conn.edit.revert)
+        edited = self.conn.volume.download().values
+        self.assertFalse(np.array_equal(edited, loaded))
+        with standing(self.daemon, self.file, 0):
+            np.testing.assert_array_equal(
+                self.conn.volume.download().values,
+                self.recording.voxels(self.recording.ticks.tick[0], loaded))
+        self.assertTrue(wait_until(lambda: not self.conn.volume.info().replayed))
+        np.testing.assert_array_equal(self.conn.volume.download().values, edited)
+
     def test_each_call_does_what_the_table_says(self):
         """Refused with a reason and without an effect, or done and kept, or of the replay."""
         before = (self.live, self.conn.volume.place().center_mm.tolist(),

@@ -113,6 +113,15 @@ EditOutcome VolumeEditor::Revert(const Revision& expected, const Cancelled& canc
   });
 }
 
+std::shared_ptr<const VolumeSnapshot> VolumeEditor::AsLoaded() const {
+  std::shared_ptr<const VolumeSnapshot> base;
+  session_.store().Edit([&](const std::shared_ptr<const VolumeSnapshot>&) {
+    base = base_;
+    return VolumeChange();
+  });
+  return base;
+}
+
 void VolumeEditor::CheckLatticeMayChange() const {
   if (session_.store().shows_series()) {
     throw Error(ErrorKind::kConflict,

@@ -74,6 +74,9 @@ class VolumeEditor final : public SceneListener {
   // Goes back to the voxels as loaded. Can be undone.
   EditOutcome Revert(const Revision& expected = {}, const Cancelled& cancelled = {});
 
+  // Returns the voxels as loaded, if they were edited since; else nothing.
+  std::shared_ptr<const VolumeSnapshot> AsLoaded() const;
+
   // Call it in a transaction, as in Apply. Claims memory for bricks that are about to be made. If
   // memory is short, drops steps to redo first, then the oldest steps to undo, if this frees
   // enough. Otherwise throws kTooLarge and drops none.
