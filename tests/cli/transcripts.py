@@ -307,8 +307,8 @@ VOLUMES = {
         Step("place --face=-y --head=-y", exit=3, error="face"),
         Step("place --face=+y --head=+z --json", keys=["applied_tick"]),
         Step("info", has=["orientation: RAS, as somebody answered"]),
-        Step([f"edit sphere --center-patient '{place}' --radius-mm 2 --operation subtract "
-              "--value 0.01 --json" for place in ("R 3 A 5 S 7 mm", "A 5 S 7 L -3")],
+        Step([f"edit sphere --center-patient '{place}' --radius-mm 2 --operation set --value {value} "
+              "--json" for place, value in (("R 3 A 5 S 7 mm", 0.5), ("A 5 S 7 L -3", 0.6))],
              json={"changed.min": [1, 3, 5], "changed.max": [5, 7, 9]}),
         Step([f"edit sphere --center-patient '{place}' --radius-mm 2 --operation smooth"
               for place in ("R 3 L 5 S 7", "R 3 A 5", "R 3 A x S 7", "R 3 A 5 S 7 S")], exit=2),

@@ -29,7 +29,7 @@ def run(command, **options):
 
 def copied_source(folder):
     """client/python in a copy: pip leaves files in the tree that it builds."""
-    for part in ("proto", "client/python"):
+    for part in ("proto", "client/python", "deploy/tools"):
         shutil.copytree(ROOT / part, folder / "source" / part,
                         ignore=shutil.ignore_patterns("build", "*.egg-info"))
     return folder / "source/client/python"

@@ -44,7 +44,7 @@ class ScratchTest(unittest.TestCase):
             tempfile.TemporaryDirectory(prefix="palpate-scratch-")))
         ignored = shutil.ignore_patterns("build*", ".git", "__pycache__", "*.egg-info")
         for part in ("proto", "client", "common", "server/haptics", "deploy/config",
-                     "deploy/guides", "tests/support"):
+                     "deploy/guides", "deploy/tools", "tests/support"):
             shutil.copytree(ROOT / part, cls.root / part, ignore=ignored, dirs_exist_ok=True)
         # The one place.
         contract = cls.root / "proto/palpate/v1/render.proto"
