@@ -1,7 +1,11 @@
-// The viewer's own rules: what Esc closes, whose value a control shows, and what filter is asked
-// for.
+// The viewer's own rules: what Esc closes, whose value a control shows, what filter is asked for,
+// and what is in a tool's way.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
+#include "client/view/palpated/setting_change.h"
+#include "client/view/palpated/taken_tool.h"
 #include "client/view/viewer/escape.h"
 #include "client/view/viewer/filter_form.h"
 #include "client/view/viewer/user_actions.h"
@@ -149,6 +153,34 @@ TEST(FilterForm, OfTheBallNeedsItsMiddle) {
   const auto whole = FilterOf(form, {}, kFilteredSize, {});
   ASSERT_TRUE(whole);
   EXPECT_TRUE(std::holds_alternative<std::monostate>(whole->region));
+}
+
+}  // namespace
+
+namespace {
+
+// What is in a tool's way is named and removed with it; what a tool does not feel is not shown.
+TEST(TakenTool, RemovesWhatIsInItsWay) {
+  const HeldTool tool{.name = "burr", .ball = {{.radius_mm = 3.0}}};
+  client::Settings now;
+  EXPECT_TRUE(TakeTool(tool, now, 1.0).needs.empty());
+  now.layers.layer = {{.name = "skin", .isovalue = 1.0}, {.name = "bone", .isovalue = 2.0}};
+  now.pop_force_n = 1.0;
+  const TakenTool taken = TakeTool(tool, now, 0.3);
+  EXPECT_EQ(taken.needs.size(), 3u);
+  EXPECT_EQ(taken.update.isovalue, 2.0);
+  EXPECT_TRUE(taken.update.layers && taken.update.layers->layer.empty());
+  EXPECT_EQ(taken.update.pop_force_n, 0.0);
+  EXPECT_FALSE(taken.update.dynamic_friction);
+  EXPECT_LE(taken.update.tool->ball[0].radius_mm, 8.0 * 0.3);
+  EXPECT_GE(*taken.magnification * 8.0 * 0.3, 3.0);
+  now = {};
+  const auto shown = [&] {
+    return std::ranges::count_if(client::kSettings, [&](const auto& s) { return IsShown(s, now); });
+  };
+  const auto all = shown();
+  now.tool = tool;
+  EXPECT_EQ(shown(), all - 7);  // friction twice, grain, ball, pop, magnet, shading
 }
 
 }  // namespace
