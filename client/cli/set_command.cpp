@@ -412,7 +412,8 @@ std::string FitInWords(const HeldTool& tool, const std::string& name, double sca
   const auto fitting = FittingScale(tool, voxel_mm);
   const auto magnification = FittingMagnification(Scaled(tool, scale), voxel_mm);
   std::string ways;
-  if (fitting) ways = fmt::format("palpate tool load {} --scale {:g}", name, *fitting);
+  if (fitting && !name.empty())
+    ways = fmt::format("palpate tool load {} --scale {:g}", name, *fitting);
   if (magnification) {
     ways += fmt::format("{}palpate place --scale-by {:g}", ways.empty() ? "" : "', or '",
                         *magnification);
@@ -489,7 +490,12 @@ std::string TipInWords(client::Calls& palpated, const client::Settings& settings
   if (settings.tool.ball.empty() || settings.ball.problem.empty()) return text;
   const client::Placement place = palpated.GetPlacement().registration;
   if (FittingScale(settings.tool, place.device_mm_per_voxel) == 1.0) return text;
-  return text + ": " + FitInWords(settings.tool, settings.tool.name, 1.0, place);
+  // One of our tools as it comes can be loaded again; of others the file is not known here.
+  std::string name;
+  for (const OurTool& tool : OurTools()) {
+    if (ParseTool(tool.text, tool.name) == settings.tool) name = tool.name;
+  }
+  return text + ": " + FitInWords(settings.tool, name, 1.0, place);
 }
 
 void AddTool(arguments::Command& app, Invocation& invocation) {

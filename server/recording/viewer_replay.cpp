@@ -150,7 +150,7 @@ class ViewerReplay {
         cancelled_(cancelled),
         loading_(session.BeginLoad()),
         loaded_(session.volume().volume),
-        as_loaded_(options.as_loaded),
+        as_loaded_(options.as_loaded ? options.as_loaded() : nullptr),
         follower_([this](const RecordedScene& scene) { return VolumeFor(scene); }),
         samples_(std::make_shared<ShownSamples>(options.speed)) {}
 

@@ -76,9 +76,9 @@ struct ViewerReplayOptions {
   std::uint64_t first_tick = 0;
   // Who replays, in words; told to viewers.
   std::string by{};
-  // The voxels as loaded, if they were edited since. A recording that does not begin with the
-  // present voxels may begin with these; the present ones are back at its end.
-  std::shared_ptr<const VolumeSnapshot> as_loaded{};
+  // Returns the voxels as loaded, if they were edited since. A recording that does not begin with
+  // the present voxels may begin with these; the present ones are back at its end.
+  std::function<std::shared_ptr<const VolumeSnapshot>()> as_loaded{};
 };
 
 struct ViewerReplayState {

@@ -114,7 +114,7 @@ EventStream<v1::ReplayResponse>* RecordingService::Replay(CallContext* context,
             .speed = request->speed() == 0.0 ? 1.0 : request->speed(),
             .first_tick = request->first_tick(),
             .by = events.admission().Who(),
-            .as_loaded = editor_.AsLoaded()};
+            .as_loaded = [this] { return editor_.AsLoaded(); }};
         control_.Replay(request->path(), options, report, cancelled);
         LogInfo("replayed {} to tick {}", request->path(), ticks);
       });

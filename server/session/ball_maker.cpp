@@ -30,7 +30,7 @@ std::string RefusalOfTip(const HapticSettings& settings, const AffineMap& X_DI) 
       ball->radius_mm, 1.0005 * low, 0.9995 * high, kLeastBallVoxels, kMostBallVoxels);
   const auto scale = FittingScale(settings.tool, low / kLeastBallVoxels);
   if (settings.tool.ball.empty() || !scale) return why;
-  return fmt::format("{}; the tool can at a scale of {:g}", why, *scale);
+  return fmt::format("{}; at {:g} times this size the tool can", why, *scale);
 }
 
 MemoryClaim ClaimFor(const Ball& ball, const VolumeSnapshot& volume, MemoryBudget& budget) {

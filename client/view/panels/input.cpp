@@ -32,6 +32,7 @@ ViewPointer PointerOf(const Viewer& viewer, const ImVec2& min, const ImageSize& 
 
 // Undoes or redoes (`forward`) the user's last action.
 void Go(Viewer& viewer, bool forward) {
+  if (viewer.hand().is_carving()) return viewer.Say("what was carved is still coming: once more");
   // Edits of a stroke that is undone would otherwise go on under its number.
   viewer.stroke().BreakOff();
   viewer.brush().End();

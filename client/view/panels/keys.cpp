@@ -220,7 +220,8 @@ Open OpenNow(Viewer& viewer) {
   if (!ImGui::GetCurrentContext()->OpenPopupStack.empty()) return Open::kPopup;
   if (state.help_shown) return Open::kHelp;
   if (viewer.files().has_question() || state.wished_tool) return Open::kQuestion;
-  return state.measure.begun_W ? Open::kDistance : Open::kNothing;
+  const bool measures = state.tool == Tool::kMeasure && state.measure.begun_W;
+  return measures ? Open::kDistance : Open::kNothing;
 }
 
 void Close(Viewer& viewer, Open open) {
@@ -254,6 +255,7 @@ void Close(Viewer& viewer, Open open) {
 
 void TakeEscape(Viewer& viewer) {
   if (viewer.state().escape.Press(OpenNow(viewer), EscapeRule::Clock::now())) {
+    viewer.state().hand.kept_buttons = 0;
     viewer.feed().StopForces();
   }
 }

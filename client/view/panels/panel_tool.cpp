@@ -38,7 +38,8 @@ bool NextButton(const std::string& label, bool on = false) {
 void AskAboutTool(Viewer& viewer, const client::Settings& settings) {
   std::optional<HeldTool>& wished = viewer.state().wished_tool;
   if (!wished) return;
-  const TakenTool taken = TakeTool(*wished, settings, VoxelEdge_mm(viewer.feed().volume()));
+  const double voxel_mm = VoxelEdge_mm(viewer.feed().volume());
+  const TakenTool taken = TakeTool(*wished, settings, voxel_mm);
   if (taken.needs.empty()) return SetTool(viewer, taken.update);
   WrappedText(kWarning, fmt::format("{} needs:", wished->name.empty() ? "The tool" : wished->name));
   for (const std::string& need : taken.needs) WrappedText(kWarning, "- " + need);
@@ -48,9 +49,11 @@ void AskAboutTool(Viewer& viewer, const client::Settings& settings) {
   if (taken.magnification && wished) {
     const double factor = *taken.magnification;
     if (NextButton(fmt::format("Volume {:g} times its size instead", factor))) {
-      viewer.feed().commands().Do("the volume's size", [factor](client::Client& palpated) {
-        palpated.Place({.scale_by = factor});
-      });
+      // Absolute: a second click must not do it twice.
+      viewer.feed().commands().Do("the volume's size",
+                                  [edge_mm = factor * voxel_mm](client::Client& palpated) {
+                                    palpated.Place({.device_mm_per_voxel = edge_mm});
+                                  });
     }
   }
   if (NextButton("Cancel")) wished.reset();

@@ -148,7 +148,15 @@ void Files::Open(const std::string& source) {
 }
 
 void Files::WishTool(const std::string& path) try {
-  viewer_.state().wished_tool = ReadTool(path);
+  const HeldTool tool = ReadTool(path);
+  if (!IsConnected() || !viewer_.feed().settings() || !viewer_.feed().May(client::Role::kEditor)) {
+    problem_ = "to take a tool, connect to a palpated, with the role editor";
+    return;
+  }
+  viewer_.state().wished_tool = tool;
+  // The panel asks.
+  viewer_.preferences().right_shown = true;
+  viewer_.preferences().narrow_side = Side::kRight;
 } catch (const Error& error) {
   problem_ = error.what();
 }
@@ -167,6 +175,7 @@ void Files::ForgetServer() {
   page_kept_ = false;
   form_.where = SaveWhere::kHere;
   form_.is_confirmed = false;
+  viewer_.state().wished_tool.reset();
   warnings_.clear();
   warned_of_.clear();
 }

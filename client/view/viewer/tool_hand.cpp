@@ -131,6 +131,12 @@ void HandTool::End(Viewer& viewer) {
 // else may have.
 bool HandTool::Goes(Viewer& viewer) {
   const client::HandLead* hand = viewer.feed().hand();
+  // The live hand would go on over the recorded picture.
+  if (viewer.feed().is_replay() || viewer.feed().replayer().position()) {
+    viewer.Say("the stylus is given back: a recording is replayed");
+    GiveBack(viewer);
+    return false;
+  }
   if (hand && hand->state() != client::HandLeadState::kEnded) return true;
   viewer.Say(hand ? "the stylus is given back: " + hand->problem() : "the stylus is given back");
   GiveBack(viewer);
@@ -139,7 +145,11 @@ bool HandTool::Goes(Viewer& viewer) {
 
 // The left button carves if that is what the stylus's button does; else it presses harder.
 void HandTool::Act(Viewer& viewer, const ViewPointer& pointer) {
-  const HandOptions& options = viewer.state().hand;
+  HandOptions& options = viewer.state().hand;
+  // Whoever stops the forces stops the burr.
+  const auto& pose = viewer.feed().pose();
+  if (pose && pose->forces.state == client::ForceState::kStopped) options.kept_buttons = 0;
+  kept_buttons_ = options.kept_buttons;
   const bool left = pointer.held && !pointer.shift;
   const bool carves = CanCarve(viewer.feed());
   const bool turns_view = ImGui::IsItemActive() && !left;
@@ -148,6 +158,7 @@ void HandTool::Act(Viewer& viewer, const ViewPointer& pointer) {
            .turns = pointer.hovered && !turns_view && (ImGui::GetIO().KeyAlt || options.turns),
            .buttons = options.kept_buttons | (left && carves ? kCarveButton : 0U)};
   aim_.PressHarder(acts_.presses ? kHarder_mm : 0.0);
+  FollowCarving(viewer);
   if (acts_ != before) GoToTarget(viewer.feed());
 }
 
@@ -155,7 +166,10 @@ void HandTool::Act(Viewer& viewer, const ViewPointer& pointer) {
 void HandTool::FollowCarving(Viewer& viewer) {
   constexpr std::chrono::milliseconds kSettled(400);  // longer than carving comes late
   const auto& revision = viewer.feed().volume().revision();
-  if (!revision) return carving_.reset();
+  // Then other changes come between, which this viewer must not undo.
+  const bool is_other = viewer.feed().is_replay() || viewer.stroke().has_pointer() ||
+                        (carving_ && !viewer.feed().hand());
+  if (!revision || is_other) return carving_.reset();
   const std::uint64_t newest = revision->volume_revision;
   const auto now = std::chrono::steady_clock::now();
   const bool carves = (acts_.buttons & kCarveButton) != 0 && CanCarve(viewer.feed());
@@ -163,9 +177,10 @@ void HandTool::FollowCarving(Viewer& viewer) {
     if (carving_->to != newest) carving_->changed = now;
     carving_->to = newest;
     if (!carves && !std::exchange(carving_->ended, true)) carving_->changed = now;
-    const bool is_over = carving_->ended && (carves || now - carving_->changed > kSettled);
-    if (!is_over) return;
-    if (carving_->to != carving_->from) {
+    // Two strokes that cannot be told apart are two steps of palpated's: neither is undone here.
+    if (carves && carving_->ended) carving_->is_one = false;
+    if (carves || now - carving_->changed <= kSettled) return;
+    if (carving_->is_one && carving_->to != carving_->from) {
       viewer.brush().Carved(carving_->from, carving_->to, carving_->begun,
                             viewer.feed().commands());
     }
@@ -229,6 +244,12 @@ void HandTool::Resume(const Eigen::Vector2d& at_px, const ImageSize& view) {
   const auto target_px = Projection(seen_.camera, view).PixelOf(aim_.target_D());
   beside_px_ = target_px ? Eigen::Vector2d(*target_px - at_px) : Eigen::Vector2d::Zero();
   rests_px_ = at_px;
+}
+
+void HandTool::ButtonReleased(LiveFeed& feed) {
+  if (!leads_ || (acts_.buttons & ~kept_buttons_) == 0) return;
+  acts_.buttons = kept_buttons_;
+  Send(feed);
 }
 
 void HandTool::PointerMoved(const Eigen::Vector2d& at, LiveFeed& feed) {

@@ -22,6 +22,10 @@ class HandTool {
   bool Take(Viewer& viewer, const ViewPointer& pointer);
   // The pointer is there now, in pixels of the screen. Called from within its event.
   void PointerMoved(const Eigen::Vector2d& at, LiveFeed& feed);
+  // The pointer's left button went up: the burr stops before the pointer moves on.
+  void ButtonReleased(LiveFeed& feed);
+  // Changes of the last stroke that carved may still come.
+  bool is_carving() const { return carving_.has_value(); }
   // Nobody sees where the hand is, as while the window is iconified.
   void GiveBack(Viewer& viewer);
   // Where the hand wants to be; none: we do not lead it.
@@ -74,11 +78,13 @@ class HandTool {
   std::optional<Eigen::Vector2d> newest_;  // where the pointer was last, on the screen
   std::optional<Following> following_;     // none: the pointer is not on the view, or turns it
   Acts acts_;
+  std::uint32_t kept_buttons_ = 0;  // of acts_, without the pointer's
   // A stroke of the stylus that carves, until all its changes have come.
   struct Carving {
     std::uint64_t from = 0, to = 0;  // revisions of the volume
     std::chrono::steady_clock::time_point begun{}, changed{};
     bool ended = false;
+    bool is_one = true;  // no other stroke began before its changes had come
   };
   std::optional<Carving> carving_;
   // After the pointer has turned the stylus or the view, the hand stays where it is. When the

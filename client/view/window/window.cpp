@@ -264,7 +264,13 @@ void WindowInput::OnButton(GLFWwindow* window, int button, int action, int modif
   if (button == GLFW_MOUSE_BUTTON_LEFT && action == GLFW_PRESS) {
     input.newest_.stopped =
         input.viewer_.state().stop_button.Holds({input.newest_.x, input.newest_.y});
-    if (input.newest_.stopped) input.viewer_.feed().StopForces();
+    if (input.newest_.stopped) {
+      input.viewer_.state().hand.kept_buttons = 0;
+      input.viewer_.feed().StopForces();
+    }
+  }
+  if (button == GLFW_MOUSE_BUTTON_LEFT && action == GLFW_RELEASE) {
+    input.viewer_.hand().ButtonReleased(input.viewer_.feed());
   }
   input.waiting_.push_back(input.newest_);
 }
