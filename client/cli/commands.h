@@ -4,6 +4,8 @@
 // Threads: main only.
 #pragma once
 
+#include <string>
+
 #include "client/cli/invocation.h"
 #include "client/sdk/server_choice.h"
 #include "common/arguments/arguments.h"
@@ -47,5 +49,9 @@ int RunDoctor(const client::Server& server, bool json);
 
 // `palpate device prove`: the terminal, the daemon and the folder of a proof.
 void AddProve(arguments::Command& device, Invocation& invocation);
+
+// Of the tool's command: what is felt of the settings' ball or tool, with the commands that make it
+// fit; empty: that itself.
+std::string TipInWords(client::Calls& palpated, const client::Settings& settings);
 
 }  // namespace palpate::cli

@@ -1,18 +1,13 @@
 // `palpate edit`, and `palpate undo`, `redo`, `revert` and `save`.
 #include <fmt/core.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <functional>
-#include <iterator>
 #include <limits>
 #include <map>
 #include <memory>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -22,6 +17,7 @@
 #include "client/cli/description.h"
 #include "client/cli/output.h"
 #include "client/cli/paths_there.h"
+#include "client/cli/place_command.h"
 #include "client/sdk/edit.h"
 #include "common/error/error.h"
 #include "common/error/text.h"
@@ -76,48 +72,6 @@ std::vector<float> ReadBlockValues(const std::string& file) {
 }
 
 using Numbers = std::vector<double>;
-
-// The letters of the patient's axes, LPS: towards and away.
-constexpr std::array<std::string_view, 3> kPatientLetters = {"LR", "PA", "SI"};
-
-// "R 60 A 97 S 12" as viewers show it, with or without " mm", in the patient's LPS. Throws
-// UsageError.
-Vec3 PatientPlace(const std::string& text) {
-  std::istringstream in(text.ends_with(" mm") ? text.substr(0, text.size() - 3) : text);
-  const std::vector<std::string> words{std::istream_iterator<std::string>(in), {}};
-  Vec3 p_P = Vec3::Constant(std::nan(""));
-  for (std::size_t n = 0; n + 1 < words.size() && words.size() == 6; n += 2) {
-    const auto mm = arguments::FiniteNumber(words[n + 1]);
-    for (int axis = 0; axis < 3; ++axis) {
-      const std::size_t sign = kPatientLetters[static_cast<std::size_t>(axis)].find(words[n]);
-      if (words[n].size() == 1 && sign != std::string_view::npos && mm)
-        p_P[axis] = sign == 0 ? *mm : -*mm;
-    }
-  }
-  if (p_P.allFinite()) return p_P;
-  throw arguments::UsageError("'" + text +
-                              "' is no place in the patient: give one as viewers show "
-                              "it, such as \"R 60 A 97 S 12\"");
-}
-
-// `axes`: where +x, +y and +z of the world point in the patient. Throws kFailedPrecondition.
-Vec3 WorldOf(const Vec3& p_P, const std::string& axes) {
-  if (axes.size() != 3) {
-    throw Error(ErrorKind::kFailedPrecondition,
-                "the file states no orientation: answer where the patient faces, as in 'palpate "
-                "place --face=-y --head=+z', or give a place by --...-mm");
-  }
-  Vec3 p_W;
-  for (int world = 0; world < 3; ++world) {
-    const char letter = axes[static_cast<std::size_t>(world)];
-    for (int axis = 0; axis < 3; ++axis) {
-      const std::string_view letters = kPatientLetters[static_cast<std::size_t>(axis)];
-      if (letters.find(letter) == letters.npos) continue;
-      p_W[world] = letters.front() == letter ? p_P[axis] : -p_P[axis];
-    }
-  }
-  return p_W;
-}
 
 // Positions and lengths of a shape, each as --NAME-mm or as --NAME-voxels; positions also by the
 // patient's letters, as --NAME-patient. The unit selects the frame; all must have the same unit.

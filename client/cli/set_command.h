@@ -17,8 +17,8 @@ void StoreNamedSetting(const std::string& text, client::SettingsUpdate& update);
 // receipt". Pure.
 std::string DescribeChange(const Setting& setting, const client::SettingsResult& result);
 
-// What is felt of the settings' ball or tool, with the commands that make it fit; empty: that
-// itself.
-std::string TipInWords(client::Calls& palpated, const client::Settings& settings);
+// Changes settings. What layers or a tool forbid is told with the commands that end it. Errors: as
+// Calls::Set.
+client::SettingsResult SetOrSayHow(client::Calls& palpated, const client::SettingsUpdate& update);
 
 }  // namespace palpate::cli

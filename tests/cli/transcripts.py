@@ -154,6 +154,8 @@ DAEMON = {
         Step("set force_shading on"),
         Step("tool load drill", exit=10, error="palpate set force_shading off"),
         Step("set force_shading off"),
+        Step("tool load drill", has=["39 balls"]),
+        Step("tool none", has=["no tool"]),
         Step("tool load hammer", exit=4, error="probe"),
     ],
     "refusals": [
