@@ -219,6 +219,26 @@ class Ending(DaemonTest):
                 self.assertEqual(program.returncode, 0, err)
         self.assertEqual(err, "")  # of the stream
 
+    def test_it_ends_although_a_thread_is_stopped_within_grpc(self):
+        # As any of gRPC's threads may be, at the interpreter's end.
+        script = ("import atexit, palpate, sys, threading\n"
+                  "def stop_a_thread():\n"
+                  "    thread = threading.Thread(target=state.condition.acquire)\n"
+                  "    thread.start()\n"
+                  "    thread.join()\n"
+                  "conn = palpate.connect(sys.argv[1])\n"
+                  "live = conn.volume.follow()\n"
+                  "live.wait()\n"
+                  "state = live._follower._call._call._state\n"
+                  "atexit.register(lambda: (live.close(), stop_a_thread()))\n")
+        with self.run_script(script) as program:
+            try:
+                _, err = program.communicate(timeout=PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                program.kill()
+                self.fail("it hangs")
+            self.assertEqual(program.returncode, 0, err)
+
     def test_ctrl_c_at_any_moment_ends_the_program(self):
         script = ("import palpate, sys\n"
                   "try:\n"

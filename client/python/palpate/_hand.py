@@ -140,6 +140,7 @@ class Hand:
         except ValueError:
             pass  # the connection was closed
         finally:
+            self._call = None  # as in AcknowledgedCall
             self._targets.end()
             self._news.put(False)
             _leading.discard(self)
@@ -211,9 +212,9 @@ class Hand:
         if threading.current_thread() is self._thread:
             return
         self._thread.join(_FINISH_TIMEOUT_S)
-        if self._thread.is_alive() and self._call is not None:
+        if self._thread.is_alive() and (call := self._call) is not None:
             # The daemon does not answer. On another thread: see _poses.py.
-            threading.Thread(target=self._call.cancel, daemon=True).start()
+            threading.Thread(target=call.cancel, daemon=True).start()
             self._thread.join()
 
     def _lead(self, times_s: npt.NDArray[np.float64], points_mm: npt.NDArray[np.float64],

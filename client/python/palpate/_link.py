@@ -312,6 +312,9 @@ class AcknowledgedCall:
                 yield message
         finally:
             self.cancel()
+            # gRPC's destructor takes a lock, which at the interpreter's end may be one of a thread
+            # that is gone.
+            self._call = None
 
     def finish(self) -> None:
         """Tells the daemon to send no more. Does not wait.
@@ -323,5 +326,5 @@ class AcknowledgedCall:
 
     def cancel(self) -> None:
         self._requests.put(None)
-        if self._call is not None:
-            self._call.cancel()
+        if (call := self._call) is not None:
+            call.cancel()
