@@ -133,31 +133,29 @@ client::SettingsResult SetOrSayHow(client::Calls& palpated,
   throw Error(refusal.kind(), fmt::format("{}: '{}'", refusal.what(), fmt::join(ways, "; ")));
 }
 
-namespace {
-
-// Returns when the ball of `asked` is felt, from its side: its field is made in the background.
-void WaitForBall(client::Calls& palpated, const client::Settings& asked, bool asks_for_ball) {
+client::Settings WaitForTip(client::Calls& palpated, const client::Settings& asked) {
   client::Settings now = asked;
+  const auto is_still_asked = [&] {
+    return now.tool_radius_mm == asked.tool_radius_mm && now.tool == asked.tool;
+  };
   WithProgress([&](const client::ProgressFunction& progress) {
-    while (now.ball.is_awaited && now.tool_radius_mm == asked.tool_radius_mm) {
-      if (!progress({.stage = "making the ball's field",
+    while (now.ball.is_awaited && is_still_asked()) {
+      if (!progress({.stage = "making what is felt of the tip",
                      .fraction = now.ball.share_done.value_or(0.0)})) {
-        throw Error(ErrorKind::kCancelled, "it goes on; the ball is felt when it is made");
+        throw Error(ErrorKind::kCancelled, "it goes on, and is felt when it is made");
       }
       std::this_thread::sleep_for(kLook);
       now = palpated.GetSettings();
     }
   });
   RequireLive(now);
-  if (now.tool_radius_mm != asked.tool_radius_mm) {
-    throw Error(ErrorKind::kConflict,
-                fmt::format("somebody else has set tool_radius to {:g} mm", now.tool_radius_mm));
+  if (!is_still_asked()) {
+    throw Error(ErrorKind::kConflict, "somebody else has set another tool or tool_radius");
   }
-  // A point has the side that was asked for.
-  const bool has_side = !asks_for_ball && now.ball.felt_radius_mm == 0.0;
-  if (now.ball.problem.empty() || has_side) return;
-  throw Error(ErrorKind::kTooLarge, client::BallInWords(now));
+  return now;
 }
+
+namespace {
 
 void Change(client::Calls& palpated, const Setting& setting, const SetValues& values, bool json) {
   client::SettingsUpdate update = values.update;
@@ -167,7 +165,12 @@ void Change(client::Calls& palpated, const Setting& setting, const SetValues& va
   const client::SettingsResult result = SetOrSayHow(palpated, update);
   PrintNotKept(result.not_kept);
   if (update.tool_radius_mm || update.free_side) {
-    WaitForBall(palpated, result.settings, update.tool_radius_mm.has_value());
+    const client::Settings felt = WaitForTip(palpated, result.settings);
+    // A point has the side that was asked for.
+    const bool has_side = !update.tool_radius_mm && felt.ball.felt_radius_mm == 0.0;
+    if (!felt.ball.problem.empty() && !has_side) {
+      throw Error(ErrorKind::kTooLarge, client::BallInWords(felt));
+    }
   }
   if (!json) {
     const bool waits = setting.idle_with_tool && !result.settings.tool.ball.empty();

@@ -21,4 +21,8 @@ std::string DescribeChange(const Setting& setting, const client::SettingsResult&
 // Calls::Set.
 client::SettingsResult SetOrSayHow(client::Calls& palpated, const client::SettingsUpdate& update);
 
+// Waits, with progress, until the ball or tool of `asked` is felt or has a problem: its fields are
+// made in the background. Returns the settings then. Throws kConflict if somebody has set another.
+client::Settings WaitForTip(client::Calls& palpated, const client::Settings& asked);
+
 }  // namespace palpate::cli

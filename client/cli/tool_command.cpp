@@ -1,11 +1,9 @@
 // `palpate tool`.
 #include <fmt/core.h>
 
-#include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "client/cli/commands.h"
@@ -19,8 +17,6 @@
 
 namespace palpate::cli {
 namespace {
-
-constexpr std::chrono::milliseconds kToolLook{100};
 
 struct ToolValues {
   std::string action;
@@ -72,27 +68,6 @@ void PrintTool(client::Calls& palpated, const client::Settings& settings, bool j
       fmt::format("{}{}{}\n", text, tip.empty() ? "" : "; " + tip, OfReplay(settings.replayed)));
 }
 
-// Returns when the tool is felt: the fields of its radii are made in the background.
-client::Settings WaitUntilFelt(client::Calls& palpated, const client::Settings& asked) {
-  client::Settings now = asked;
-  WithProgress([&](const client::ProgressFunction& progress) {
-    while (now.ball.is_awaited && now.tool == asked.tool) {
-      if (!progress({.stage = "making the fields of the tool's balls",
-                     .fraction = now.ball.share_done.value_or(0.0)})) {
-        throw Error(ErrorKind::kCancelled, "it goes on; the tool is felt when they are made");
-      }
-      std::this_thread::sleep_for(kToolLook);
-      now = palpated.GetSettings();
-    }
-  });
-  RequireLive(now);
-  if (!(now.tool == asked.tool)) {
-    throw Error(ErrorKind::kConflict, "somebody else has taken another tool");
-  }
-  if (!now.ball.problem.empty()) throw Error(ErrorKind::kTooLarge, client::BallInWords(now));
-  return now;
-}
-
 void Take(client::Calls& palpated, const HeldTool& tool, const ToolValues& values, bool json) {
   client::SettingsUpdate update;
   update.tool = values.scale ? Scaled(tool, *values.scale) : tool;
@@ -103,7 +78,9 @@ void Take(client::Calls& palpated, const HeldTool& tool, const ToolValues& value
     SayHowToFit(palpated, refusal, tool, values);
   }
   PrintNotKept(result.not_kept);
-  PrintTool(palpated, WaitUntilFelt(palpated, result.settings), json);
+  const client::Settings felt = WaitForTip(palpated, result.settings);
+  if (!felt.ball.problem.empty()) throw Error(ErrorKind::kTooLarge, client::BallInWords(felt));
+  PrintTool(palpated, felt, json);
 }
 
 }  // namespace
