@@ -16,6 +16,9 @@ namespace palpate {
 namespace {
 
 constexpr std::string_view kSocketName = "/palpated.sock";
+constexpr std::string_view kSuffix = ".sock";
+// With a socket beside the usual one, highest first.
+constexpr Role kLowerRoles[] = {Role::kOperator, Role::kEditor, Role::kViewer};
 
 std::string EnvironmentValue(const char* name) {
   const char* value = std::getenv(name);
@@ -24,6 +27,26 @@ std::string EnvironmentValue(const char* name) {
 
 bool IsAlphanumeric(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+}
+
+// "a-word.sock" for "a.sock", "a-word" for "a".
+std::string Beside(const std::string& path, std::string_view word) {
+  const bool has_suffix = path.ends_with(kSuffix);
+  const std::string base = path.substr(0, path.size() - (has_suffix ? kSuffix.size() : 0));
+  return base + "-" + std::string(word) + std::string(has_suffix ? kSuffix : "");
+}
+
+// The other way round. Any other path stays.
+std::string UsualPath(const std::string& path) {
+  for (const Role role : kLowerRoles) {
+    for (const std::string_view suffix : {kSuffix, std::string_view()}) {
+      const std::string end = "-" + std::string(NameOf(role)) + std::string(suffix);
+      if (path.ends_with(end)) {
+        return path.substr(0, path.size() - end.size()) + std::string(suffix);
+      }
+    }
+  }
+  return path;
 }
 
 // Any user may create a folder in /tmp. A folder that is not ours alone could be a trap.
@@ -99,10 +122,25 @@ std::string UnixTarget(const std::string& path) {
   return "unix:" + absolute;
 }
 
+std::string RoleSocketPath(const std::string& usual_path, Role role) {
+  return role == Role::kAdmin ? usual_path : Beside(usual_path, NameOf(role));
+}
+
+std::string DoorSocketPath(const std::string& usual_path, Role role) {
+  return Beside(usual_path, "door-" + std::string(NameOf(role)));
+}
+
+std::string HighestSocketPath(const std::string& usual_path) {
+  const auto may_open = [](const std::string& path) { return access(path.c_str(), W_OK) == 0; };
+  if (may_open(usual_path)) return usual_path;
+  for (const Role role : kLowerRoles) {
+    if (std::string path = RoleSocketPath(usual_path, role); may_open(path)) return path;
+  }
+  return usual_path;
+}
+
 std::string StopSocketPath(const std::string& socket_path) {
-  constexpr std::string_view kSuffix = ".sock";
-  if (!socket_path.ends_with(kSuffix)) return socket_path + "-stop";
-  return socket_path.substr(0, socket_path.size() - kSuffix.size()) + "-stop.sock";
+  return Beside(UsualPath(socket_path), "stop");
 }
 
 std::string HostPort::ToString() const {

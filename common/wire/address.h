@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "common/contract/enumerations.h"
+
 namespace palpate {
 
 // Longest path of a Unix socket in bytes (sockaddr_un holds 108 with its NUL).
@@ -28,8 +30,21 @@ std::string DefaultSocketPath(const std::string& system_folder = "/run/palpate")
 // read as parts of a URI.
 std::string UnixTarget(const std::string& path);
 
-// The socket for the emergency stop alone, beside palpated's own: "/run/palpate/palpated-stop.sock"
-// for "/run/palpate/palpated.sock".
+// The socket whose clients have this role: "/run/palpate/palpated-viewer.sock" for
+// "/run/palpate/palpated.sock". Of admins it is the usual socket itself.
+std::string RoleSocketPath(const std::string& usual_path, Role role);
+
+// The socket of a door (server/door/entrance.h) for callers of this role:
+// "/run/palpate/palpated-door-viewer.sock".
+std::string DoorSocketPath(const std::string& usual_path, Role role);
+
+// The highest of the usual socket and those of lower roles that this process may open; the usual
+// one if there is none.
+std::string HighestSocketPath(const std::string& usual_path);
+
+// The socket for the emergency stop alone, beside palpated's others:
+// "/run/palpate/palpated-stop.sock" for "/run/palpate/palpated.sock", and for
+// "/run/palpate/palpated-viewer.sock".
 std::string StopSocketPath(const std::string& socket_path);
 
 // A TCP address.

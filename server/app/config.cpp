@@ -268,6 +268,10 @@ Setters ServerSetters() {
   constexpr int kMost = 1'000'000;
   return {
       {"server.socket", [](E e, C c) { c.socket_path = e.Text(); }},
+      {"server.operator_group", [](E e, C c) { c.groups.operators = e.Text(); }},
+      {"server.editor_group", [](E e, C c) { c.groups.editors = e.Text(); }},
+      {"server.viewer_group", [](E e, C c) { c.groups.viewers = e.Text(); }},
+      {"server.door_group", [](E e, C c) { c.groups.door = e.Text(); }},
       {"server.listen", [](E e, C c) { c.listen = ParseHostPort(e.Text()); }},
       {"server.socket_role", [](E e, C c) { c.security.policy.socket_role = ParseRole(e); }},
       {"server.loopback_role", [](E e, C c) { c.security.policy.loopback_role = ParseRole(e); }},

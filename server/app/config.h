@@ -62,6 +62,7 @@ struct Config {
   HapticSettings haptics;
   DeviceConfig device;
   std::string socket_path;  // empty: DefaultSocketPath()
+  SocketGroups groups;
   std::optional<HostPort> listen;
   SecurityOptions security;
   std::optional<HostPort> metrics_listen;  // absent: no metrics

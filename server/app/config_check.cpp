@@ -197,6 +197,15 @@ void CheckAddresses(const Config& config, Check& check) {
   check.Try("server.socket", [&] {
     if (!config.socket_path.empty()) UnixTarget(config.socket_path);
   });
+  const SocketGroups& groups = config.groups;
+  for (const auto& [key, group] : {std::pair("server.operator_group", groups.operators),
+                                   std::pair("server.editor_group", groups.editors),
+                                   std::pair("server.viewer_group", groups.viewers),
+                                   std::pair("server.door_group", groups.door)}) {
+    check.Try(key, [&, &group = group] {
+      if (!group.empty()) GroupOf(group);
+    });
+  }
   // Skipped if [tls] has a fault: the values that could not be read may allow this address.
   if (config.listen && !check.Knows("tls")) {
     check.Try("server.listen", [&] { CheckListen(*config.listen, config.security); });

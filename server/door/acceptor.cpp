@@ -47,11 +47,10 @@ sockaddr_storage Parse(const HostPort& address) {
 
 }  // namespace
 
-void Acceptor::TakeSocket(const std::string& path) {
-  const int fd = BindSocket(path);
-  if (fd < 0) FailToListen(fd, path, "--socket");
-  listeners_.push_back(fd);
-  names_.push_back(path);
+void Acceptor::TakeSocket(const std::string& path, std::optional<gid_t> group) {
+  listener_ = BindSocket(path, group);
+  if (listener_ < 0) FailToListen(-1, path, "--socket");
+  name_ = path;
 }
 
 void CheckAddress(const HostPort& address) { Parse(address); }
@@ -64,21 +63,18 @@ void Acceptor::TakePort(const HostPort& address, std::optional<Role> loopback_ro
   setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
   const int bound = bind(fd, reinterpret_cast<const sockaddr*>(&parsed), sizeof(parsed));
   if (fd < 0 || bound != 0) FailToListen(fd, address.ToString(), "--listen");
-  listeners_.push_back(fd);
-  names_.push_back(address.ToString());
+  listener_ = fd;
+  name_ = address.ToString();
   loopback_role_ = loopback_role;
 }
 
-void Acceptor::Start(std::vector<Sink> sinks) {
-  for (std::size_t n = 0; n < listeners_.size(); ++n) {
-    if (listen(listeners_[n], kWaiting) != 0) FailToListen(-1, names_[n], "--listen or --socket");
-  }
-  sinks_ = std::move(sinks);
+void Acceptor::Start(Sink sink) {
+  if (listen(listener_, kWaiting) != 0) FailToListen(-1, name_, "--listen or --socket");
+  sink_ = std::move(sink);
   wake_fd_ = eventfd(0, EFD_CLOEXEC);
   if (wake_fd_ < 0) {
     throw Error(ErrorKind::kInternal, "no file is left: raise LimitNOFILE (ulimit -n)");
   }
-  watch_.Start();
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -88,41 +84,36 @@ void Acceptor::Stop() {
     thread_.join();
     close(wake_fd_);
   }
-  for (const int fd : std::exchange(listeners_, {})) close(fd);
-  sinks_.clear();
+  if (listener_ >= 0) close(std::exchange(listener_, -1));
+  sink_.reset();
 }
 
 void Acceptor::Run() {
-  std::vector<pollfd> files;
-  for (const int fd : listeners_) files.push_back({fd, POLLIN, 0});
-  files.push_back({wake_fd_, POLLIN, 0});
+  pollfd files[] = {{listener_, POLLIN, 0}, {wake_fd_, POLLIN, 0}};
   while (true) {
-    poll(files.data(), files.size(), -1);
-    if (files.back().revents != 0) return;
-    for (std::size_t n = 0; n < listeners_.size(); ++n) {
-      if (files[n].revents != 0) Accept(n);
-    }
+    poll(files, std::size(files), -1);
+    if (files[1].revents != 0) return;
+    if (files[0].revents != 0) Accept();
   }
 }
 
-void Acceptor::Accept(std::size_t listener) {
+void Acceptor::Accept() {
   sockaddr_storage peer{};
   socklen_t length = sizeof(peer);
-  const int fd = accept4(listeners_[listener], reinterpret_cast<sockaddr*>(&peer), &length,
-                         SOCK_CLOEXEC | SOCK_NONBLOCK);
+  const int fd =
+      accept4(listener_, reinterpret_cast<sockaddr*>(&peer), &length, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (fd < 0) {
     if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
       poll(nullptr, 0, kPauseMs);
     }
     return;
   }
-  const int kept = peer.ss_family == AF_UNIX ? kKeptForSocket : 0;
-  if (fd >= first_refused_file_ + kept) {
+  if (fd >= first_refused_file_) {
     close(fd);
     // One budget for all, because a flood may come from many addresses.
     LogOfClient(LogLevel::kWarning, "connections",
                 "refused a connection from {}: too many are open; see limits.connections",
-                peer.ss_family == AF_UNIX ? "the socket" : PeerName(peer));
+                peer.ss_family == AF_UNIX ? name_ : PeerName(peer));
     return;
   }
   if (peer.ss_family != AF_UNIX) {
@@ -136,9 +127,9 @@ void Acceptor::Accept(std::size_t listener) {
     return;
   }
   grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
-  connection.listener_fd = listeners_[listener];
+  connection.listener_fd = listener_;
   connection.fd = fd;
-  sinks_[listener]->HandleNewConnection(&connection);
+  sink_->HandleNewConnection(&connection);
 }
 
 }  // namespace palpate

@@ -3,12 +3,14 @@
 #include <grpc/grpc.h>
 #include <grpc/grpc_security_constants.h>
 
+#include <algorithm>
 #include <ctime>
 #include <iterator>
 #include <utility>
 
 #include "common/error/error.h"
 #include "common/wire/status.h"
+#include "server/door/entrance.h"
 #include "server/log/log.h"
 #include "server/realtime/tick_timer.h"
 #include "server/security/methods.h"
@@ -40,25 +42,40 @@ std::string AuthorizationOf(const std::multimap<grpc::string_ref, grpc::string_r
   return {first->second.data(), first->second.size()};
 }
 
-Credentials TlsCredentialsOf(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata,
-                             const grpc::AuthContext& context) {
+// A header of a door that came once and can be shown to people; otherwise empty.
+std::string WordOf(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata,
+                   const char* header) {
+  constexpr std::size_t kLongest = 128;
+  const auto [first, last] = metadata.equal_range(header);
+  if (first == last || std::next(first) != last) return "";
+  const std::string word(first->second.data(), first->second.size());
+  const bool is_plain =
+      std::all_of(word.begin(), word.end(), [](char c) { return c >= ' ' && c <= '~'; });
+  return is_plain && word.size() <= kLongest ? word : "";
+}
+
+std::shared_ptr<const std::string> ChainOf(const grpc::AuthContext& context) {
   // On the server's side, OpenSSL leaves the first certificate out of the chain.
   std::string chain = Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME)) +
                       Joined(context.FindPropertyValues(GRPC_X509_PEM_CERT_CHAIN_PROPERTY_NAME));
-  return {.transport = Transport::kTls,
-          .certificate_chain =
-              chain.empty() ? nullptr : std::make_shared<const std::string>(std::move(chain)),
-          .authorization = AuthorizationOf(metadata)};
+  return chain.empty() ? nullptr : std::make_shared<const std::string>(std::move(chain));
 }
 
-Credentials CredentialsOf(const grpc::ServerContextBase& context, const std::string& peer) {
-  const auto auth = context.auth_context();
-  if (auth && Joined(auth->FindPropertyValues(GRPC_TRANSPORT_SECURITY_TYPE_PROPERTY_NAME)) ==
-                  GRPC_TLS_TRANSPORT_SECURITY_TYPE) {
-    return TlsCredentialsOf(context.client_metadata(), *auth);
-  }
-  return {.transport = peer.starts_with("unix:") ? Transport::kSocket : Transport::kPlain,
-          .authorization = AuthorizationOf(context.client_metadata())};
+Credentials CredentialsOf(const grpc::ServerContextBase& context) {
+  const auto& metadata = context.client_metadata();
+  const Entry& entry = Entrance::Of(context).entry();
+  return {.entry = entry,
+          .certificate_chain =
+              entry.transport == Transport::kTls ? ChainOf(*context.auth_context()) : nullptr,
+          .authorization = AuthorizationOf(metadata),
+          .caller = WordOf(metadata, kCallerHeader)};
+}
+
+// gRPC names all clients of a socket alike.
+std::string PeerOf(const grpc::ServerContextBase& context) {
+  const bool is_door = Entrance::Of(context).entry().transport == Transport::kDoor;
+  const std::string address = is_door ? WordOf(context.client_metadata(), kAddressHeader) : "";
+  return address.empty() ? context.peer() : address;
 }
 
 std::string RoleProblem(const Identity& identity, Role least) {
@@ -76,7 +93,7 @@ void Admission::Leave() {
   if (!access) return;
   const Running& call = *running_;
   if (call.answer_bytes) {
-    access->unread_.Sent(call.peer, *call.answer_bytes, !ok());
+    access->unread_.Sent(call.reads_as, *call.answer_bytes, !ok());
   } else {
     access->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   }
@@ -95,9 +112,9 @@ void Admission::Leave() {
 grpc::Status Admission::TakeSamples(int samples_per_s) {
   if (!access_) return grpc::Status::OK;
   Running& call = *running_;
-  const bool is_local = call.credentials.transport == Transport::kSocket;
+  const bool is_preferred = call.credentials.entry.IsPreferred();
   if (const auto problem =
-          access_->limits_.EnterSamples(call.caller.name, is_local, samples_per_s)) {
+          access_->limits_.EnterSamples(call.caller.name, is_preferred, samples_per_s)) {
     return access_
         ->Refuse(call, call.rule->method, {grpc::StatusCode::RESOURCE_EXHAUSTED, *problem})
         .status();
@@ -124,12 +141,12 @@ grpc::Status Admission::Answered(const grpc::Status& status, std::size_t answer_
   Running& call = *running_;
   const std::int64_t now_ns = MonotonicNowNs();
   access_->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
-  access_->unread_.Waits(call.peer, answer_bytes, now_ns);
+  access_->unread_.Waits(call.reads_as, answer_bytes, now_ns);
   call.answer_bytes = answer_bytes;
   // Whoever stops the forces must learn that they are off. In a flood of others, gRPC may be late
   // to say that answers were read.
   const bool is_stop = call.rule->kind == CallKind::kStop;
-  if (is_stop || !status.ok() || !access_->unread_.IsAbove(call.peer, now_ns)) return status;
+  if (is_stop || !status.ok() || !access_->unread_.IsAbove(call.reads_as, now_ns)) return status;
   return {grpc::StatusCode::RESOURCE_EXHAUSTED,
           std::string(NameOf(call.rule->method)) +
               " is done, but its answer is left out: read the answers that wait for this "
@@ -184,14 +201,17 @@ Access::Judgement Access::Judge(const grpc::ServerContextBase& context, std::str
   Judgement judgement;
   Admission::Running& call = judgement.call;
   call.rule = FindMethodRule(method);
-  call.peer = context.peer();
-  Recognised who = policy->Recognise(CredentialsOf(context, call.peer), now_());
+  call.peer = PeerOf(context);
+  Recognised who = policy->Recognise(CredentialsOf(context), now_());
   if (!who.identity) {
     judgement.refusal = {grpc::StatusCode::UNAUTHENTICATED, who.problem};
     return judgement;
   }
   call.caller = *std::move(who.identity);
   call.credentials = std::move(who.kept);
+  if (!call.credentials.entry.IsPreferred()) {
+    call.reads_as = call.peer.starts_with("unix:") ? call.caller.name : call.peer;
+  }
   if (!call.rule || call.caller.role < call.rule->least) {
     judgement.refusal = {grpc::StatusCode::PERMISSION_DENIED,
                          RoleProblem(call.caller, call.rule ? call.rule->least : Role::kAdmin)};
@@ -231,9 +251,8 @@ std::optional<Admission> Access::Enter(Admission::Running call,
   const CallKind kind = call.rule->kind;
   const std::int64_t now_ns = MonotonicNowNs();
   std::optional<std::string> problem;
-  if (kind != CallKind::kStop && unread_.IsAbove(call.peer, now_ns)) {
-    problem = std::to_string(UnreadLimit::kMostBytes >> 10) +
-              " KiB of answers wait for this connection: read them before you go on";
+  if (kind != CallKind::kStop && unread_.IsAbove(call.reads_as, now_ns)) {
+    problem = "too many answers wait to be read: read them before you go on";
   } else {
     problem = limits_.Enter(call.caller.name, kind, call.request_bytes, now_ns);
   }
@@ -244,8 +263,8 @@ std::optional<Admission> Access::Enter(Admission::Running call,
         Refuse(call, call.rule->method, {grpc::StatusCode::RESOURCE_EXHAUSTED, *problem}).status_;
     // A refusal, too, waits in gRPC until its client reads.
     call.answer_bytes = 0;
-    unread_.Waits(call.peer, 0, now_ns, /*is_refusal=*/true);
-    if (connections_ && unread_.IsDeaf(call.peer, now_ns)) connections_->Cut(call.peer);
+    unread_.Waits(call.reads_as, 0, now_ns, /*is_refusal=*/true);
+    if (connections_ && unread_.IsDeaf(call.reads_as, now_ns)) connections_->Cut(call.peer);
   }
   {
     const std::lock_guard lock(running_mutex_);
@@ -256,7 +275,7 @@ std::optional<Admission> Access::Enter(Admission::Running call,
   if (!policy.IsInForce()) return std::nullopt;
   admission.running_->is_noted =
       activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, now_ns);
-  if (connections_ && call.credentials.transport != Transport::kSocket) {
+  if (connections_ && call.credentials.entry.transport != Transport::kSocket) {
     connections_->Admitted(call.peer, call.credentials, call.caller.role,
                            /*is_credited=*/kind != CallKind::kStop);
   }

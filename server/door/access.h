@@ -88,6 +88,7 @@ class Admission {
     Credentials credentials{};
     Identity caller{};
     std::string peer{};
+    std::string reads_as{};  // in UnreadLimit
     std::size_t request_bytes = 0;
     int samples_per_s = 0;                      // what TakeSamples has taken
     bool is_noted = false;                      // in the activity

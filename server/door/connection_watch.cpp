@@ -97,7 +97,7 @@ bool ConnectionWatch::Enter(int fd, const sockaddr_storage& peer,
   if (connection.fd >= 0) close(connection.fd);
   connection = {.prefix = PrefixOf(peer), .number = entered_++, .fd = second_fd};
   if (loopback_role) {
-    connection.known = Credentials{.transport = Transport::kPlain};
+    connection.known = Credentials{.entry = {Transport::kPlain}};
     connection.role = *loopback_role;
   }
   is_busy_ = is_busy_ || !loopback_role;

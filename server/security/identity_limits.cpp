@@ -87,15 +87,17 @@ IdentityLimits::Use& IdentityLimits::UseOf(const std::string& identity) {
   return uses_.try_emplace(identity, Use{.calls = full}).first->second;
 }
 
-std::optional<std::string> IdentityLimits::EnterSamples(const std::string& identity, bool is_local,
-                                                        int samples_per_s) {
+std::optional<std::string> IdentityLimits::EnterSamples(const std::string& identity,
+                                                        bool is_preferred, int samples_per_s) {
   const std::lock_guard lock(mutex_);
   Use& use = UseOf(identity);
   const int most = options_.pose_samples_per_s;
-  const int most_of_one = is_local ? most : most / 2;
+  const int most_of_one = is_preferred ? most : most / 2;
   if (use.samples_per_s + samples_per_s > most_of_one) {
     return TooManySamples(samples_per_s, most_of_one, use.samples_per_s,
-                          is_local ? "the clients on the socket" : "one client over the network");
+                          is_preferred
+                              ? "the clients on the socket"
+                              : "one client over the network, or on a lower role's socket");
   }
   if (samples_per_s_ + samples_per_s > most) {
     return TooManySamples(samples_per_s, most, samples_per_s_, "all clients together");

@@ -55,9 +55,9 @@ class IdentityLimits {
   void Worked(const std::string& identity, double seconds, std::int64_t now_ns);
   void Leave(const std::string& identity, CallKind kind, std::size_t request_bytes);
 
-  // Takes samples per second for a stream of poses, in the same way. `is_local`: the client is on
-  // the socket.
-  std::optional<std::string> EnterSamples(const std::string& identity, bool is_local,
+  // Takes samples per second for a stream of poses, in the same way. `is_preferred`: see
+  // Entry.
+  std::optional<std::string> EnterSamples(const std::string& identity, bool is_preferred,
                                           int samples_per_s);
   void LeaveSamples(const std::string& identity, int samples_per_s);
 

@@ -46,16 +46,28 @@ Policy::Policy(const PolicyOptions& options, const Policy& before,
 }
 
 Recognised Policy::Recognise(const Credentials& credentials, CertificateTime now) const {
-  if (credentials.transport != Transport::kTls) {
-    if (!credentials.authorization.empty()) {
-      return Stranger(
-          "a token came without TLS, where others may have read it: revoke it, and send tokens "
-          "over TLS only");
-    }
-    if (credentials.transport == Transport::kSocket) {
-      return {.identity = Identity{"local socket", options_.socket_role}, .kept = credentials};
-    }
-    return {.identity = Identity{"loopback", options_.loopback_role}, .kept = credentials};
+  const Entry& entry = credentials.entry;
+  if (entry.transport != Transport::kTls && !credentials.authorization.empty()) {
+    return Stranger(
+        "a token came without TLS, where others may have read it: revoke it, and send tokens over "
+        "TLS only");
+  }
+  if (entry.transport != Transport::kDoor && !credentials.caller.empty()) {
+    return Stranger(std::string(kCallerHeader) + " is believed on the sockets of a door alone");
+  }
+  switch (entry.transport) {
+    case Transport::kSocket:
+      return {.identity = OfSocket(entry), .kept = credentials};
+    case Transport::kDoor:
+      if (!credentials.caller.empty()) {
+        return {.identity = Identity{credentials.caller, entry.role}, .kept = credentials};
+      }
+      return Stranger("this is a door's socket, and " + std::string(kCallerHeader) +
+                      " does not say who calls");
+    case Transport::kPlain:
+      return {.identity = Identity{"loopback", options_.loopback_role}, .kept = credentials};
+    case Transport::kTls:
+      break;
   }
   // If a token came, only the token counts: a client with a wrong token must learn about it.
   if (!credentials.authorization.empty() || !credentials.token_sha256_hex.empty()) {
@@ -63,6 +75,12 @@ Recognised Policy::Recognise(const Credentials& credentials, CertificateTime now
   }
   if (credentials.certificate_chain) return ByCertificate(credentials, now);
   return Stranger("neither a token nor a certificate came: give one of them");
+}
+
+Identity Policy::OfSocket(const Entry& entry) const {
+  const bool is_usual = entry.role == Role::kAdmin;
+  return {is_usual ? "local socket" : std::string(NameOf(entry.role)) + " socket",
+          entry.has_group ? entry.role : std::min(entry.role, options_.socket_role)};
 }
 
 Recognised Policy::ByToken(const Credentials& credentials, CertificateTime now) const {
@@ -82,7 +100,7 @@ Recognised Policy::ByToken(const Credentials& credentials, CertificateTime now) 
     return Stranger("its token expired at " + ToText(*found->expires) + kAskForToken);
   }
   return {.identity = Identity{"token " + found->name, found->role},
-          .kept = {.transport = Transport::kTls, .token_sha256_hex = found->sha256_hex}};
+          .kept = {.entry = {Transport::kTls}, .token_sha256_hex = found->sha256_hex}};
 }
 
 Recognised Policy::ByCertificate(const Credentials& credentials, CertificateTime now) const {
@@ -99,7 +117,7 @@ Recognised Policy::ByCertificate(const Credentials& credentials, CertificateTime
   }
   if (best) {
     return {.identity = Identity{"certificate " + best->san, best->role},
-            .kept = {.transport = Transport::kTls, .certificate_chain = verdict.chain}};
+            .kept = {.entry = {Transport::kTls}, .certificate_chain = verdict.chain}};
   }
   std::string names;
   for (const std::string& name : verdict.names) names += (names.empty() ? "" : ", ") + name;

@@ -1,4 +1,5 @@
-// Decides who a client is and which role it has.
+// Decides who a client is and which role it has: by the socket it came by, by a token or a
+// certificate, or by the word of a door.
 //
 // Threads: a policy is made once and then only read, from any thread. When files or settings
 // change, a new policy replaces it (PolicyBoard). Recognise never waits.
@@ -26,7 +27,7 @@ struct CertificateRole {
 };
 
 struct PolicyOptions {
-  // The role of everybody who may open the socket. The socket's file mode decides who may.
+  // The role of everybody who may open the usual socket. The socket's file mode decides who may.
   Role socket_role = Role::kAdmin;
   // The role for loopback TCP without TLS, which every account of the machine can reach.
   Role loopback_role = Role::kViewer;
@@ -35,17 +36,40 @@ struct PolicyOptions {
   std::filesystem::path tokens{};  // empty: no tokens
 };
 
-enum class Transport { kSocket, kPlain, kTls };
+enum class Transport {
+  kSocket,  // of a role
+  kDoor,    // a socket whose client, such as a proxy, knows who calls and says it
+  kPlain,   // loopback TCP
+  kTls,
+};
+
+// The way by which a call came.
+struct Entry {
+  Transport transport = Transport::kPlain;
+  Role role = Role::kAdmin;  // of a socket
+  // The socket has a group of its own. Otherwise those who may open the usual socket may open it,
+  // and its role is not above socket_role.
+  bool has_group = false;
+
+  // The workstation's own users, whom the others must not hinder.
+  bool IsPreferred() const { return transport == Transport::kSocket && role >= Role::kOperator; }
+  auto operator<=>(const Entry&) const = default;
+};
+
+// The headers in which a door says who calls and from where: "token ada", "192.0.2.7".
+inline constexpr char kCallerHeader[] = "palpate-caller";
+inline constexpr char kAddressHeader[] = "palpate-address";
 
 // The credentials that came with a call.
 struct Credentials {
-  Transport transport = Transport::kPlain;
+  Entry entry{};
   // PEM; null: none. Calls with the same chain share it: a chain may have 32 KiB.
   std::shared_ptr<const std::string> certificate_chain{};
   std::string authorization{};  // the header; empty: none
   // Replaces the header for a call that was already admitted: the hash that found its token. So the
   // token itself is not kept.
   std::string token_sha256_hex{};
+  std::string caller{};  // the header; empty: none that can be used
 
   auto operator<=>(const Credentials&) const = default;
 };
@@ -71,6 +95,7 @@ class Policy {
   Recognised Recognise(const Credentials& credentials, CertificateTime now) const;
 
  private:
+  Identity OfSocket(const Entry& entry) const;
   Recognised ByToken(const Credentials& credentials, CertificateTime now) const;
   Recognised ByCertificate(const Credentials& credentials, CertificateTime now) const;
 

@@ -4,8 +4,8 @@
 // A service's method returns Answer for one answer, Stream for several:
 //   return calls_.Answer(context, "/palpate.v1.XService/Y", *request, *response,
 //                        [=, this](const Admission&) { *response = ...; });
-// The work runs on a thread of CallThreads. It throws to fail; common/wire/status.h makes the
-// status.
+// The work runs on a thread of the entrance by which the call came. It throws to fail;
+// common/wire/status.h makes the status.
 //
 // Threads: any. Ownership: a call owns itself until gRPC has finished with it.
 #pragma once
@@ -13,66 +13,22 @@
 #include <google/protobuf/message.h>
 #include <grpcpp/grpcpp.h>
 
-#include <condition_variable>
 #include <cstddef>
 #include <deque>
 #include <functional>
-#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <utility>
-#include <vector>
 
 #include "common/wire/status.h"
 #include "server/door/access.h"
-#include "server/realtime/thread_setup.h"
+#include "server/door/entrance.h"
 #include "server/security/methods.h"
 #include "server/session/session.h"
 
 namespace palpate {
-
-// Threads for the work of calls.
-//
-// gRPC's own threads only carry messages: they never wait for a client or for work. A thread here
-// is free again when the answer is given to gRPC, so a client that does not read its answers holds
-// none. The calls of each method have threads of their own, so that slow ones, such as edits,
-// delay no others.
-class CallThreads {
- public:
-  // More calls of the method wait, in their order.
-  static constexpr std::size_t kMostOfOneMethod = 8;
-
-  CallThreads();
-  // Does all work that waits first.
-  ~CallThreads();
-  CallThreads(const CallThreads&) = delete;
-  CallThreads& operator=(const CallThreads&) = delete;
-
-  // Starts one thread for each method of MethodRules that is a call or a transfer. Call it once,
-  // after memory was locked: the stacks of threads that exist then become resident as a whole.
-  void Start();
-  // method: a call or a transfer of MethodRules.
-  void Run(std::string_view method, std::function<void()> work);
-
- private:
-  struct Lane {
-    std::deque<std::function<void()>> waiting{};
-    std::size_t idle = 0;
-    std::condition_variable changed{};
-    std::vector<std::thread> threads{};
-  };
-
-  void AddThread(Lane& lane);
-  void Serve(Lane& lane);
-
-  std::mutex mutex_;
-  std::map<std::string_view, Lane> lanes_;  // by methods; does not change
-  bool ends_ = false;
-  const int nice_ = ThreadNice();
-};
 
 using CallContext = grpc::CallbackServerContext;
 using Reply = grpc::ServerUnaryReactor;  // answers one request once
@@ -149,7 +105,6 @@ class Calls {
   Calls(Access& access, Session& session) : access_(access), session_(session) {}
 
   Access& access() { return access_; }
-  CallThreads& threads() { return threads_; }
 
   // Throws Error if the method's rule does not let it act now: kLoading before the first volume,
   // kConflict during a replay.
@@ -169,19 +124,20 @@ class Calls {
       call->Finish(call->admission.status());
       return call;
     }
-    threads_.Run(method, [this, method, call, &response, work = std::move(work)] {
-      grpc::Status status;
-      {
-        // Counted before the client can ask again.
-        const Access::Work measured(access_, call->admission);
-        status = StatusOf(call->admission, [&] {
-          measured.Begin();
-          RequireNow(method);
-          work(std::as_const(call->admission));
+    Entrance::Of(*context).threads().Run(
+        method, [this, method, call, &response, work = std::move(work)] {
+          grpc::Status status;
+          {
+            // Counted before the client can ask again.
+            const Access::Work measured(access_, call->admission);
+            status = StatusOf(call->admission, [&] {
+              measured.Begin();
+              RequireNow(method);
+              work(std::as_const(call->admission));
+            });
+          }
+          call->Finish(call->admission.Answered(status, response.ByteSizeLong()));
         });
-      }
-      call->Finish(call->admission.Answered(status, response.ByteSizeLong()));
-    });
     return call;
   }
 
@@ -193,13 +149,14 @@ class Calls {
       stream->End(stream->admission().status());
       return stream;
     }
-    threads_.Run(method, [this, method, context, stream, work = std::move(work)] {
-      const Cancelled cancelled = [context] { return context->IsCancelled(); };
-      stream->End(StatusOf(stream->admission(), [&] {
-        RequireNow(method);
-        work(*stream, cancelled);
-      }));
-    });
+    Entrance::Of(*context).threads().Run(
+        method, [this, method, context, stream, work = std::move(work)] {
+          const Cancelled cancelled = [context] { return context->IsCancelled(); };
+          stream->End(StatusOf(stream->admission(), [&] {
+            RequireNow(method);
+            work(*stream, cancelled);
+          }));
+        });
     return stream;
   }
 
@@ -222,7 +179,6 @@ class Calls {
 
   Access& access_;
   Session& session_;
-  CallThreads threads_;
 };
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// The gRPC server: its services, health, reflection, and its addresses.
+// What others reach by gRPC: the services, at one entrance for each role's socket and the port.
 //
 // Threads: construct, Start and Stop on the main thread.
 // Errors: Error that says what is wrong and what to do.
@@ -9,13 +9,13 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
+#include <vector>
 
 #include "common/files/file_lock.h"
 #include "common/wire/address.h"
 #include "server/client_paths/path_policy.h"
-#include "server/door/acceptor.h"
 #include "server/door/access.h"
+#include "server/door/entrance.h"
 #include "server/door/security_files.h"
 #include "server/metrics/service_metrics.h"
 #include "server/services/calls.h"
@@ -41,8 +41,16 @@ struct SecurityOptions {
 // allowed.
 void CheckListen(const HostPort& listen, const SecurityOptions& security);
 
+// The groups that own sockets, by name. Empty: that of the process, so that those who may open the
+// usual socket may open it.
+struct SocketGroups {
+  std::string operators{}, editors{}, viewers{};  // of the sockets of these roles
+  std::string door{};                             // empty: there are no sockets for a door
+};
+
 struct ServerOptions {
-  std::string socket_path;
+  std::string socket_path;  // the usual one, for admins; the others are beside it
+  SocketGroups groups{};
   std::optional<HostPort> listen;  // addresses other than loopback need TLS
   PathPolicy paths;                // paths that clients may name
   UploadOptions uploads;
@@ -72,7 +80,7 @@ class RpcServer {
   RpcServer(ServerOptions options, const ServedParts& parts);
   ~RpcServer() { Stop(); }
 
-  // Claims the socket's path, so that a second daemon fails before it loads a volume. Throws
+  // Claims the sockets' paths, so that a second daemon fails before it loads a volume. Throws
   // kConflict if another daemon has the path; kInvalidArgument for an address that is not loopback
   // without TLS, and for unusable security files.
   void Reserve();
@@ -83,18 +91,20 @@ class RpcServer {
   void Start();
   // See SecurityFiles::Prepare. Call the returned function before Stop.
   std::function<void()> PrepareSecurity(const PolicyOptions& policy);
-  // Ends streams and calls, and removes the socket.
+  // Ends streams and calls, and removes the sockets.
   void Stop() noexcept;
 
   // Number of subscribers of the volume; any thread.
   std::size_t volume_streams() const { return volume_streams_.streams(); }
 
  private:
+  void AddSocket(const Entry& entry, const std::string& path, const std::string& group);
+  Entrance& AddEntrance(const Entry& entry);
+
   ServerOptions options_;
   ConnectionWatch watch_;
   Access access_;
   Calls calls_;
-  Acceptor acceptor_;
   std::unique_ptr<TlsFiles> tls_;
   PoseService poses_;
   RenderService render_;
@@ -107,14 +117,9 @@ class RpcServer {
   ActivityService activity_;
   FactsService facts_;
   StopDoor& stop_door_;
-  // A thread that reads from connections when none of gRPC's own does. gRPC 1.51 reads on the
-  // threads of its callback queue, and each of these sleeps for 100 ms after every second without
-  // a call: every call would wait for up to 100 ms.
-  std::unique_ptr<grpc::ServerCompletionQueue> standby_queue_;
-  std::thread standby_;
-  std::unique_ptr<grpc::Server> server_;
+  std::vector<std::unique_ptr<Entrance>> entrances_;
   std::unique_ptr<SecurityFiles> security_files_;
-  FileLock lock_, stop_lock_;  // of the two sockets
+  FileLock stop_lock_;  // of the stop's socket
 };
 
 }  // namespace palpate

@@ -325,7 +325,7 @@ class VolumeService::Uploading final : public grpc::ServerReadReactor<v1::Upload
   void OnReadDone(bool ok) override {
     patience_ns_ -= MonotonicNowNs() - read_began_ns_;
     admission_.MustSendBy(0);
-    service_.calls_.threads().Run(kMethod, [this, ok] {
+    Entrance::Of(*context_).threads().Run(kMethod, [this, ok] {
       try {
         ok ? Take() : Load();
       } catch (const std::exception& error) {

@@ -46,13 +46,13 @@ class PoseStreams:
         self._done = threading.Event()
         test.addCleanup(self._done.set)
 
-    def begin(self, channel, **start):
+    def begin(self, channel, metadata=None, **start):
         def requests():
             yield pose_pb2.StreamPosesRequest(
                 start=pose_pb2.StreamPosesStart(**{"rate_hz": 60, **start}))
             self._done.wait()
 
-        stream = pose_pb2_grpc.PoseServiceStub(channel).StreamPoses(requests())
+        stream = pose_pb2_grpc.PoseServiceStub(channel).StreamPoses(requests(), metadata=metadata)
         next(stream)
         return stream
 

@@ -106,7 +106,7 @@ class Unread(unittest.TestCase):
             time.sleep(1.5)  # longer than the daemon's patience
             attacker.call(b"/palpate.v1.VolumeService/GetVolume", CALLS // 2, first=CALLS + 1)
             # A refusal needs no window.
-            attacker.read_until(b"of answers wait for this connection")
+            attacker.read_until(b"answers wait to be read")
             self.check_honest(stack.enter_context(daemon.channel(daemon.tokens["viewer"])))
 
     def test_who_reads_not_even_refusals_is_cut_off(self):

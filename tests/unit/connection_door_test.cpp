@@ -22,6 +22,7 @@
 #include "common/files/descriptor.h"
 #include "server/door/acceptor.h"
 #include "server/door/connection_watch.h"
+#include "server/door/entrance.h"
 #include "tests/support/free_port.h"
 #include "tests/support/patience.h"
 #include "tests/support/temporary_folder.h"
@@ -100,7 +101,7 @@ void FillUp(const std::atomic<int>& count, std::vector<Descriptor>& clients, Con
 }
 
 TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
-  constexpr int kFirstRefused = 300, kKept = 64;
+  constexpr int kFirstRefused = 300, kKept = Entrance::kKeptFiles;
   rlimit limit{};
   getrlimit(RLIMIT_NOFILE, &limit);
   limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, 1024);
@@ -111,13 +112,12 @@ TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
   ConnectionWatch watch(kOwnFiles);
   std::atomic<int> on_socket{0}, on_port{0};
   std::vector<Descriptor> from_socket, from_port, clients, fillers;
-  Acceptor acceptor(kFirstRefused, watch);
-  acceptor.TakeSocket(path);
-  acceptor.TakePort({"127.0.0.1", static_cast<std::uint16_t>(port)}, Role::kViewer);
-  std::vector<Acceptor::Sink> sinks;
-  sinks.push_back(std::make_unique<KeepingSink>(on_socket, from_socket));
-  sinks.push_back(std::make_unique<KeepingSink>(on_port, from_port));
-  acceptor.Start(std::move(sinks));
+  Acceptor at_socket(kFirstRefused + kKept, watch), at_port(kFirstRefused, watch);
+  at_socket.TakeSocket(path);
+  at_port.TakePort({"127.0.0.1", static_cast<std::uint16_t>(port)}, Role::kViewer);
+  watch.Start();
+  at_socket.Start(std::make_unique<KeepingSink>(on_socket, from_socket));
+  at_port.Start(std::make_unique<KeepingSink>(on_port, from_port));
   // All numbers that the port may use are taken.
   for (int fd = 0; fd < kFirstRefused - 1;) {
     fd = open("/dev/null", O_RDONLY | O_CLOEXEC);
@@ -126,7 +126,8 @@ TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
   }
   FillUp(on_port, clients, [&] { return ConnectTo(port); });
   FillUp(on_socket, clients, [&] { return ConnectTo(path); });
-  acceptor.Stop();
+  at_socket.Stop();
+  at_port.Stop();
   const auto last = [](const std::vector<Descriptor>& files) {
     int highest = 0;
     for (const Descriptor& file : files) highest = std::max(highest, file.get());

@@ -87,7 +87,6 @@ class DeviceServiceRig {
       : device(level) {
     data_.Load("builtin:sphere:16");
     data_.pump().Start();
-    calls_.threads().Start();
     if (ticks) servo_.Start();
   }
   ~DeviceServiceRig() {
@@ -176,13 +175,16 @@ class DeviceServiceRig {
         return list;
       }};
 
-  // On a socket, whose clients are the admin.
+  // On the usual socket, whose clients are the admin.
+  ConnectionWatch watch_{0};
+  Entrance entrance_{{Transport::kSocket}, 0, watch_};
   const test::TemporaryFolder folder_;
   const std::string address_ = "unix:" + (folder_.path() / "s.sock").string();
   std::unique_ptr<grpc::Server> server_ =
       grpc::ServerBuilder()
           .AddListeningPort(address_, grpc::InsecureServerCredentials())
           .RegisterService(&service_)
+          .SetContextAllocator(entrance_.MakeContexts())
           .BuildAndStart();
   std::unique_ptr<v1::DeviceService::Stub> stub_ =
       v1::DeviceService::NewStub(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()));

@@ -91,7 +91,7 @@ LAYERS = {
     "server/metrics": COMMON + ["common/wire", "server/realtime", "server/device", "server/safety",
                                 "server/pump", "server/servo", "server/live_volume",
                                 "server/recording"],
-    "server/door": ["common/error", "common/files", "common/wire", "server/log",
+    "server/door": COMMON + ["common/wire", "server/log",
                     "server/realtime", "server/security"],
     "server/services": COMMON + ["common/wire", "server/log", "server/security", "server/door",
                                  "server/realtime", "server/volume/edit", "server/volume/save",

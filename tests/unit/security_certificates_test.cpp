@@ -135,7 +135,7 @@ TEST_F(CertificatesTest, APolicyKnowsNamesLetterForLetter) {
   const auto recognised = [&](const std::string& san) {
     Issue("lab", "client", san);
     return policy.Recognise(
-        {.transport = Transport::kTls, .certificate_chain = Shared(Read("client.pem"))}, kNow);
+        {.entry = {Transport::kTls}, .certificate_chain = Shared(Read("client.pem"))}, kNow);
   };
   EXPECT_EQ(recognised("DNS:a.example").identity->role, Role::kViewer);
   EXPECT_EQ(recognised("DNS:a.example,DNS:b.example").identity->name, "certificate b.example");
@@ -157,12 +157,12 @@ TEST_F(CertificatesTest, FilesThatAreReadAgainAreJudgedOneByOne) {
       .client_ca = authority, .clients = {{"localhost", Role::kViewer}}, .tokens = tokens};
   const auto knows = [&](const Policy& policy, const NewToken& token) {
     return policy
-        .Recognise({.transport = Transport::kTls, .authorization = "Bearer " + token.text}, kNow)
+        .Recognise({.entry = {Transport::kTls}, .authorization = "Bearer " + token.text}, kNow)
         .identity.has_value();
   };
   const auto knows_certificate = [&](const Policy& policy) {
     return policy
-        .Recognise({.transport = Transport::kTls, .certificate_chain = Shared(Read("server.pem"))},
+        .Recognise({.entry = {Transport::kTls}, .certificate_chain = Shared(Read("server.pem"))},
                    kNow)
         .identity.has_value();
   };
@@ -190,19 +190,19 @@ TEST_F(CertificatesTest, FilesThatAreReadAgainAreJudgedOneByOne) {
 TEST_F(CertificatesTest, APolicyTrustsNothingItWasNotTold) {
   const Policy none;
   const std::string chain = Read("server.pem");
-  EXPECT_FALSE(none.Recognise({.transport = Transport::kTls}, kNow).identity);
+  EXPECT_FALSE(none.Recognise({.entry = {Transport::kTls}}, kNow).identity);
   EXPECT_FALSE(
-      none.Recognise({.transport = Transport::kTls, .certificate_chain = Shared(chain)}, kNow)
+      none.Recognise({.entry = {Transport::kTls}, .certificate_chain = Shared(chain)}, kNow)
           .identity);
   EXPECT_FALSE(
-      none.Recognise({.transport = Transport::kTls, .authorization = "Bearer "}, kNow).identity);
+      none.Recognise({.entry = {Transport::kTls}, .authorization = "Bearer "}, kNow).identity);
   // A token without TLS was heard by others; also on the socket.
   for (const Transport plain : {Transport::kPlain, Transport::kSocket}) {
-    EXPECT_TRUE(none.Recognise({.transport = plain}, kNow).identity);
-    EXPECT_FALSE(none.Recognise({.transport = plain, .authorization = "Bearer x"}, kNow).identity);
+    EXPECT_TRUE(none.Recognise({.entry = {plain}}, kNow).identity);
+    EXPECT_FALSE(none.Recognise({.entry = {plain}, .authorization = "Bearer x"}, kNow).identity);
   }
-  EXPECT_EQ(none.Recognise({.transport = Transport::kSocket}, kNow).identity->role, Role::kAdmin);
-  EXPECT_EQ(none.Recognise({.transport = Transport::kPlain}, kNow).identity->role, Role::kViewer);
+  EXPECT_EQ(none.Recognise({.entry = {Transport::kSocket}}, kNow).identity->role, Role::kAdmin);
+  EXPECT_EQ(none.Recognise({.entry = {Transport::kPlain}}, kNow).identity->role, Role::kViewer);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "palpate/v1/pose.grpc.pb.h"
 #include "server/door/access.h"
+#include "server/door/entrance.h"
 #include "server/door/security_files.h"
 #include "tests/support/certificates.h"
 
@@ -64,6 +65,7 @@ class SecurityExpiry : public ::testing::Test, protected test::Certificates {
     grpc::ServerBuilder builder;
     builder.AddListeningPort("127.0.0.1:0", tls_->MakeCredentials(), &port_);
     builder.RegisterService(&service_);
+    builder.SetContextAllocator(entrance_.MakeContexts());
     server_ = builder.BuildAndStart();
     ASSERT_NE(server_, nullptr);
   }
@@ -84,6 +86,8 @@ class SecurityExpiry : public ::testing::Test, protected test::Certificates {
                                                           std::chrono::minutes(1)};
   Access access_{LimitOptions{}, nullptr, [this] { return now_.load(); }};
   EndlessPoses service_{access_};
+  ConnectionWatch watch_{0};
+  Entrance entrance_{{Transport::kTls}, 0, watch_};
   std::unique_ptr<TlsFiles> tls_;
   std::unique_ptr<SecurityFiles> files_;
   std::unique_ptr<grpc::Server> server_;

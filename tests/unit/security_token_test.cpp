@@ -71,7 +71,7 @@ TEST(Token, ExpiresInItsFileAndForThePolicy) {
 
   const Policy policy({.tokens = file});
   const auto recognise = [&](const NewToken& token, CertificateTime now) {
-    return policy.Recognise({.transport = Transport::kTls, .authorization = "Bearer " + token.text},
+    return policy.Recognise({.entry = {Transport::kTls}, .authorization = "Bearer " + token.text},
                             now);
   };
   using std::chrono::seconds;
@@ -80,7 +80,7 @@ TEST(Token, ExpiresInItsFileAndForThePolicy) {
   EXPECT_NE(recognise(guest, end).problem.find("2027-01-31T12:00:00Z"), std::string::npos);
   EXPECT_TRUE(recognise(staff, end).identity);
   // A stream that was admitted is judged again by the hash.
-  const Credentials admitted{.transport = Transport::kTls,
+  const Credentials admitted{.entry = {Transport::kTls},
                              .token_sha256_hex = guest.stored.sha256_hex};
   EXPECT_TRUE(policy.Recognise(admitted, end - seconds(1)).identity);
   EXPECT_FALSE(policy.Recognise(admitted, end).identity);

@@ -67,9 +67,29 @@ TEST(UnixTargetTest, LimitsTheLength) {
   EXPECT_EQ(Refusal([&] { UnixTarget(longest + "x"); }), ErrorKind::kInvalidArgument);
 }
 
-TEST(StopSocketPathTest, LiesBesideTheSocket) {
-  EXPECT_EQ(StopSocketPath("/run/palpate/palpated.sock"), "/run/palpate/palpated-stop.sock");
-  EXPECT_EQ(StopSocketPath("/tmp/or-2"), "/tmp/or-2-stop");
+TEST(SocketPaths, TheOthersLieBesideTheUsualOne) {
+  const std::string usual = "/run/palpate/palpated.sock";
+  EXPECT_EQ(RoleSocketPath(usual, Role::kAdmin), usual);
+  EXPECT_EQ(RoleSocketPath(usual, Role::kViewer), "/run/palpate/palpated-viewer.sock");
+  EXPECT_EQ(RoleSocketPath("/tmp/or-2", Role::kOperator), "/tmp/or-2-operator");
+  EXPECT_EQ(DoorSocketPath(usual, Role::kEditor), "/run/palpate/palpated-door-editor.sock");
+  EXPECT_EQ(StopSocketPath(usual), "/run/palpate/palpated-stop.sock");
+  for (const Role role : {Role::kViewer, Role::kEditor, Role::kOperator}) {
+    for (const std::string& path : {usual, std::string("/tmp/or-2")}) {
+      EXPECT_EQ(StopSocketPath(RoleSocketPath(path, role)), StopSocketPath(path));
+    }
+  }
+}
+
+TEST(SocketPaths, TheHighestThatIsThere) {
+  const test::TemporaryFolder folder;
+  const std::string usual = folder.path() / "palpated.sock";
+  EXPECT_EQ(HighestSocketPath(usual), usual);
+  for (const Role role : {Role::kViewer, Role::kEditor, Role::kOperator, Role::kAdmin}) {
+    const std::string path = RoleSocketPath(usual, role);
+    std::ofstream(path).put('x');
+    EXPECT_EQ(HighestSocketPath(usual), path);
+  }
 }
 
 TEST(UnixTargetTest, RefusesWhatGrpcWouldReadDifferently) {

@@ -1,4 +1,4 @@
-#include "server/services/calls.h"
+#include "server/door/call_threads.h"
 
 #include <pthread.h>
 
@@ -16,11 +16,6 @@ CallThreads::CallThreads() {
   }
 }
 
-void CallThreads::Start() {
-  const std::lock_guard lock(mutex_);
-  for (auto& [method, lane] : lanes_) AddThread(lane);
-}
-
 CallThreads::~CallThreads() {
   {
     const std::lock_guard lock(mutex_);
@@ -33,21 +28,24 @@ CallThreads::~CallThreads() {
 }
 
 void CallThreads::Run(std::string_view method, std::function<void()> work) {
-  const std::lock_guard lock(mutex_);
-  Lane& lane = lanes_.at(method);
-  lane.waiting.push_back(std::move(work));
-  lane.changed.notify_one();
-  const bool is_full = lane.threads.size() == kMostOfOneMethod;
-  if (lane.waiting.size() <= lane.idle || is_full) return;
-  try {
-    AddThread(lane);
-  } catch (const std::system_error&) {
-    // The system allows no more threads: the method's other threads do the work.
+  {
+    const std::lock_guard lock(mutex_);
+    Lane& lane = lanes_.at(method);
+    const bool is_full = lane.threads.size() == kMostOfOneMethod;
+    try {
+      if (lane.waiting.size() >= lane.idle && !is_full) {
+        lane.threads.emplace_back([this, &lane] { Serve(lane); });
+      }
+    } catch (const std::system_error&) {
+      // The system allows no more threads.
+    }
+    if (!lane.threads.empty()) {
+      lane.waiting.push_back(std::move(work));
+      lane.changed.notify_one();
+      return;
+    }
   }
-}
-
-void CallThreads::AddThread(Lane& lane) {
-  lane.threads.emplace_back([this, &lane] { Serve(lane); });
+  work();
 }
 
 void CallThreads::Serve(Lane& lane) {

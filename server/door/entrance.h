@@ -1,0 +1,105 @@
+// A way into palpated: the Unix socket of a role, a door's socket, or the TCP port.
+//
+// The socket is the permission: whoever may open it has its role. Each entrance has an acceptor, a
+// gRPC server with a limit of memory, and threads for the work of its calls, so that the clients of
+// one entrance do not use up what those of another need. All share the few threads on which gRPC
+// 1.51 carries messages: it has one set of them for the process.
+//
+// A door is a program, such as a proxy, that knows who calls and passes the calls on. Its sockets
+// are apart, and only on these palpated believes the door who the caller is (kCallerHeader).
+//
+// Threads: construct, Reserve, Start and Stop on the main thread.
+// Errors: Error (kConflict, kPermissionDenied, kInvalidArgument) that says what to do.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+
+#include "common/files/file_lock.h"
+#include "common/wire/address.h"
+#include "server/door/acceptor.h"
+#include "server/door/call_threads.h"
+#include "server/security/policy.h"
+
+namespace palpate {
+
+// Holds the path of a socket against other daemons, and removes the socket of a killed one. While
+// the lock is held, the path is ours.
+void ClaimSocket(const std::string& path, FileLock& lock);
+
+// Errors: kInvalidArgument (there is no such group).
+gid_t GroupOf(const std::string& name);
+
+// While this object lives, the calling thread starts threads that go before ordinary ones: those
+// that bring the emergency stop. Beside two busy loops, 900 connections that end at once delay it
+// by at most 290 ms, and by up to 590 ms without this.
+class StartsUrgentThreads {
+ public:
+  StartsUrgentThreads();
+  ~StartsUrgentThreads();
+  StartsUrgentThreads(const StartsUrgentThreads&) = delete;
+  StartsUrgentThreads& operator=(const StartsUrgentThreads&) = delete;
+
+ private:
+  const int before_;
+};
+
+class Entrance {
+ public:
+  // More file numbers than others', for preferred entries: a flood at another entrance must not
+  // keep the workstation's own users from the emergency stop.
+  static constexpr int kKeptFiles = 64;
+
+  // first_refused_file: of entries that are not preferred; see Acceptor.
+  Entrance(const Entry& entry, int first_refused_file, ConnectionWatch& watch)
+      : entry_(entry),
+        acceptor_(first_refused_file + (entry.IsPreferred() ? kKeptFiles : 0), watch) {}
+  ~Entrance() { Stop({}); }
+  Entrance(const Entrance&) = delete;
+  Entrance& operator=(const Entrance&) = delete;
+
+  // The entrance of a call. Throws std::bad_cast if the server has not the contexts of
+  // MakeContexts.
+  static Entrance& Of(const grpc::ServerContextBase& context);
+  std::unique_ptr<grpc::ContextAllocator> MakeContexts();
+
+  const Entry& entry() const { return entry_; }
+  CallThreads& threads() { return threads_; }
+
+  // One of these: claims the path, or the port. `group`: owns the socket's file; empty: the
+  // process's own.
+  void ReserveSocket(const std::string& path, const std::string& group);
+  void ReservePort(const HostPort& address, std::optional<Role> loopback_role);
+  // Serves. The services may serve at several entrances. is_bare: without gRPC's own services,
+  // which do not check the caller: reflection, and health if EnableDefaultHealthCheckService is
+  // off.
+  void Start(std::span<grpc::Service* const> services,
+             const std::shared_ptr<grpc::ServerCredentials>& credentials, bool is_bare);
+  // No new connections come from here on.
+  void StopAccepting() { acceptor_.Stop(); }
+  // Ends streams and calls, by `deadline` those that do not end by themselves, and removes the
+  // socket.
+  void Stop(std::chrono::system_clock::time_point deadline) noexcept;
+
+ private:
+  const Entry entry_;
+  std::string path_;  // empty: the port
+  std::optional<gid_t> group_;
+  FileLock lock_;
+  Acceptor acceptor_;
+  CallThreads threads_;
+  // A thread that reads from connections when none of gRPC's own does. gRPC 1.51 reads on the
+  // threads of its callback queue, and each of these sleeps for 100 ms after every second without
+  // a call: every call would wait for up to 100 ms.
+  std::unique_ptr<grpc::ServerCompletionQueue> standby_queue_;
+  std::thread standby_;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+}  // namespace palpate
