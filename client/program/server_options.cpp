@@ -1,5 +1,7 @@
 #include "client/program/server_options.h"
 
+#include "common/contract/enumerations.h"
+
 namespace palpate::client {
 
 void AddServerOptions(arguments::Command& app, ServerChoice& server) {
@@ -14,9 +16,15 @@ void AddServerOptions(arguments::Command& app, ServerChoice& server) {
       add("--socket", server.address.socket_path, "PATH",
           "Unix socket of palpated [default: $PALPATE_SOCKET, else in /run/palpate,\n"
           "$XDG_RUNTIME_DIR/palpate or /tmp/palpate-UID]");
+  arguments::Option* const role =
+      add("--role", server.address.role, "ROLE",
+          "viewer, editor, operator or admin: the socket of this role beside it\n"
+          "[default: the highest that you may open]");
+  role->suggest({kWords<Role>.begin(), kWords<Role>.end()});
   add("--server", server.address.host_port, "HOST:PORT",
       "Address of a palpated on the network [default: $PALPATE_SERVER]")
-      ->excludes(socket);
+      ->excludes(socket)
+      ->excludes(role);
   add("--tls-ca", server.credentials.ca_file, "FILE",
       "Certificate authority of a palpated with TLS, PEM; with --server\n"
       "[default: $PALPATE_TLS_CA]");

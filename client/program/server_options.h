@@ -8,7 +8,7 @@
 
 namespace palpate::client {
 
-// --profile, --socket, --server, --tls-ca, --tls-cert, --tls-key, --token-file.
+// --profile, --socket, --role, --server, --tls-ca, --tls-cert, --tls-key, --token-file.
 void AddServerOptions(arguments::Command& app, ServerChoice& server);
 
 }  // namespace palpate::client

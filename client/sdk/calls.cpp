@@ -107,7 +107,7 @@ Calls::~Calls() = default;
 
 void Calls::SilenceTransport() { setenv("GRPC_VERBOSITY", "NONE", 0); }
 
-const std::string& Calls::name() const { return link_->name(); }
+std::string Calls::name() const { return link_->name(); }
 bool Calls::shares_clock() const { return link_->shares_clock(); }
 void Calls::WaitUntilReached(std::chrono::milliseconds timeout) {
   link_->WaitUntilReached(timeout);

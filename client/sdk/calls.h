@@ -64,7 +64,7 @@ class Calls {
   static void SilenceTransport();
 
   // "unix:/run/palpate/palpated.sock" or "localhost:7400", for people.
-  const std::string& name() const;
+  std::string name() const;
   // True if palpated is reached by a socket of this machine. Pose::time_ns is then a time of
   // steady_clock. False over TCP: the machine is not known.
   bool shares_clock() const;

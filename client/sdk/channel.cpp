@@ -51,6 +51,14 @@ std::string ReadToken(const std::string& path) {
   return token;
 }
 
+// palpated has a socket for each role; who calls has the role of the socket.
+std::string SocketFor(const Address& address) {
+  const std::string usual = address.socket_path.empty() ? DefaultSocketPath() : address.socket_path;
+  if (address.role.empty()) return HighestSocketPath(usual);
+  if (const auto role = Named<Role>(address.role)) return RoleSocketPath(usual, *role);
+  Refuse("'" + address.role + "' is no role: use viewer, editor, operator or admin");
+}
+
 }  // namespace
 
 Route::Route(const Server& server) : credentials_(server.credentials) {
@@ -70,15 +78,22 @@ Route::Route(const Server& server) : credentials_(server.credentials) {
   }
   if (address.host_port.empty()) {
     if (has_tls_) Refuse("TLS is for a host and port: the socket has its file mode as guard");
-    socket_path_ = address.socket_path.empty() ? DefaultSocketPath() : address.socket_path;
-    target_ = name_ = UnixTarget(socket_path_);
+    socket_ = address;
+    UnixTarget(SocketFor(*socket_));
     return;
+  }
+  if (!address.role.empty()) {
+    Refuse("a role is for the sockets of this machine: over the network, the token has one");
   }
   const HostPort host_port = ParseHostPort(address.host_port);
   target_ = TcpTarget(host_port);
   is_here_ = host_port.host == "localhost" || IsLoopback(host_port);
-  name_ = host_port.ToString();
+  host_port_ = host_port.ToString();
 }
+
+std::string Route::name() const { return socket_ ? UnixTarget(socket_path()) : host_port_; }
+
+std::string Route::socket_path() const { return socket_ ? SocketFor(*socket_) : ""; }
 
 bool Route::CanReadAgain() const {
   const std::string* const files[] = {&credentials_.ca_file, &credentials_.certificate_file,
@@ -112,26 +127,26 @@ std::shared_ptr<grpc::Channel> Route::MakeChannel(
   grpc::ChannelArguments all = arguments;
   // A proxy for web pages must not carry haptic streams.
   all.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  if (socket_path_.empty()) {
+  if (!socket_) {
     // Finds within 4 s that the network is gone, and ends the calls.
     all.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kProbeMs);
     all.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kProbePatienceMs);
     all.SetInt(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
     all.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // no limit
   }
-  return grpc::CreateCustomChannel(target_, credentials, all);
+  return grpc::CreateCustomChannel(socket_ ? name() : target_, credentials, all);
 }
 
 Error Route::WhyUnreached(const std::string& details) const {
-  if (!socket_path_.empty()) return WhySocketUnreached();
+  if (socket_) return WhySocketUnreached();
   return {ErrorKind::kUnavailable, WhyServerUnreached(details)};
 }
 
 // client/python/palpate/_unreached.py has the same causes and texts.
 std::string Route::WhyServerUnreached(const std::string& details) const {
   const auto says = [&](const char* part) { return details.find(part) != details.npos; };
-  const std::string host = name_.substr(0, name_.rfind(':'));
-  const std::string none = "no palpated at " + name_;
+  const std::string host = host_port_.substr(0, host_port_.rfind(':'));
+  const std::string none = "no palpated at " + host_port_;
   if (says("DNS resolution failed")) {
     return none + ": the host " + host + " is not known: check the address";
   }
@@ -158,7 +173,7 @@ std::string Route::WhyServerUnreached(const std::string& details) const {
            ": use a host name that it has, or have one made that names " + host;
   }
   if (says("wrong version number")) {
-    return "what answers at " + name_ +
+    return "what answers at " + host_port_ +
            " has no TLS: check the address, or leave out the certificate authority";
   }
   return none +
@@ -168,16 +183,17 @@ std::string Route::WhyServerUnreached(const std::string& details) const {
 
 Error Route::WhySocketUnreached() const {
   struct stat info {};
-  const bool found = stat(socket_path_.c_str(), &info) == 0;
-  if (found ? access(socket_path_.c_str(), W_OK) != 0 : errno == EACCES) {
-    return {
-        ErrorKind::kPermissionDenied,
-        "no permission to use " + name_ + ": ask for membership of the group that owns the socket"};
+  const std::string path = socket_path();
+  const bool found = stat(path.c_str(), &info) == 0;
+  if (found ? access(path.c_str(), W_OK) != 0 : errno == EACCES) {
+    return {ErrorKind::kPermissionDenied,
+            "no permission to use " + name() +
+                ": ask for membership of the group that owns the socket"};
   }
   if (found && !S_ISSOCK(info.st_mode)) {
-    return {ErrorKind::kUnavailable, name_ + " is not a socket"};
+    return {ErrorKind::kUnavailable, name() + " is not a socket"};
   }
-  return {ErrorKind::kUnavailable, "no palpated at " + name_ + ": start it with 'palpated'"};
+  return {ErrorKind::kUnavailable, "no palpated at " + name() + ": start it with 'palpated'"};
 }
 
 }  // namespace palpate::client

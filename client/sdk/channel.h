@@ -6,6 +6,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "client/sdk/connection.h"
@@ -21,11 +22,12 @@ class Route {
   explicit Route(const Server& server);
 
   // "unix:/run/palpate/palpated.sock" or "localhost:7400", for people.
-  const std::string& name() const { return name_; }
+  std::string name() const;
   // True for this machine, where palpated may just be being started.
   bool is_here() const { return is_here_; }
-  // Empty over TCP.
-  const std::string& socket_path() const { return socket_path_; }
+  // Empty over TCP. Without a role, another one may be the highest later, when palpated has
+  // started.
+  std::string socket_path() const;
 
   // Empty: no token is sent.
   const std::string& token_file() const { return credentials_.token_file; }
@@ -48,8 +50,8 @@ class Route {
   std::string WhyServerUnreached(const std::string& details) const;
   Error WhySocketUnreached() const;
 
-  std::string name_;
-  std::string socket_path_;
+  std::optional<Address> socket_;  // none: TCP
+  std::string host_port_;
   std::string target_;
   bool has_tls_ = false;
   bool is_here_ = true;

@@ -7,12 +7,15 @@
 
 namespace palpate::client {
 
-// Set at most one of the two. If both are empty: $PALPATE_SERVER, or else the default socket of
-// DefaultSocketPath in common/wire/address.h ($PALPATE_SOCKET, /run/palpate, the user's own
+// Set at most one of the first two. If both are empty: $PALPATE_SERVER, or else the default socket
+// of DefaultSocketPath in common/wire/address.h ($PALPATE_SOCKET, /run/palpate, the user's own
 // folder).
 struct Address {
   std::string socket_path{};  // a Unix socket on this machine
   std::string host_port{};    // "localhost:7400", "[::1]:7400"
+  // "viewer", "editor", "operator" or "admin": the socket of this role beside socket_path. Empty:
+  // the highest of them that this process may open.
+  std::string role{};
 };
 
 // How the client and the daemon prove who they are. For TCP with TLS. TLS is used if an authority

@@ -96,7 +96,7 @@ class Link {
   // Does not connect. Errors: as Client's.
   explicit Link(const Server& server);
 
-  const std::string& name() const { return route_.name(); }
+  std::string name() const { return route_.name(); }
   bool shares_clock() const { return !route_.socket_path().empty(); }
   // Each has a connection of its own. channel() is for calls and poses, volume_channel() for voxels
   // and uploads, stop_channel() for the emergency stop alone.
@@ -107,7 +107,7 @@ class Link {
   // about once a second, on one thread.
   void KeepStopReady();
   // Empty over TCP.
-  const std::string& socket_path() const { return route_.socket_path(); }
+  std::string socket_path() const { return route_.socket_path(); }
   // Makes all channels new for an attempt to connect. A channel that has failed refuses all calls
   // until gRPC's own pause is over and gRPC has connected in the background. With the old channel,
   // an attempt or two would fail although the daemon is back.

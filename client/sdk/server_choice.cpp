@@ -122,7 +122,9 @@ Server ReadProfile(const std::string& name) {
   return Reading(file, name, *table).Read();
 }
 
-bool IsEmpty(const Address& a) { return a.socket_path.empty() && a.host_port.empty(); }
+bool IsEmpty(const Address& a) {
+  return a.socket_path.empty() && a.host_port.empty() && a.role.empty();
+}
 bool IsEmpty(const Credentials& c) {
   return c.ca_file.empty() && c.certificate_file.empty() && c.key_file.empty() &&
          c.token_file.empty();

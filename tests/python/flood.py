@@ -28,6 +28,15 @@ TURN_S = 0.3
 HELD = 200  # connections to the stop's socket that stay open
 
 
+def connected(at, patience_s):
+    if at.isdigit():
+        return socket.create_connection(("127.0.0.1", int(at)), timeout=patience_s)
+    plain = socket.socket(socket.AF_UNIX)
+    plain.settimeout(patience_s)
+    plain.connect(at)
+    return plain
+
+
 class Reading(Deaf):
     """Reads what has come whenever it sends."""
 
@@ -55,7 +64,7 @@ class Flooder:
             self._connection.close()
         self._connection, self._stream = None, 1
         with contextlib.suppress(OSError):
-            plain = socket.create_connection(("127.0.0.1", self._options.port), timeout=20)
+            plain = connected(self._options.at, 20)
             kind = Reading if self._options.reads else Unreading
             self._connection = (
                 kind(plain) if self._tls is None else
@@ -90,7 +99,7 @@ def calls_of(methods):
 def shake_hands(options, tls):
     while True:
         with contextlib.suppress(OSError), \
-                socket.create_connection(("127.0.0.1", options.port), timeout=5) as plain:
+                connected(options.at, 5) as plain:
             tls.wrap_socket(plain, server_hostname="localhost").close()
         yield
 
@@ -121,7 +130,7 @@ def call_all(options, tls):
 
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("port", type=int)
+    parser.add_argument("at", help="a port of this machine, or a socket")
     parser.add_argument("seconds", type=float)
     parser.add_argument("ca", nargs="?")
     parser.add_argument("token", nargs="?", type=pathlib.Path)

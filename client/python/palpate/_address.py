@@ -4,11 +4,14 @@ import os
 import re
 import stat
 
+from palpate._enums import Role
 from palpate._errors import InvalidArgument, PermissionDenied, Unavailable
 
 _SYSTEM_FOLDER = "/run/palpate"
 _SOCKET_NAME = "palpated.sock"
 _SERVER_VARIABLE = "PALPATE_SERVER"
+# With a socket beside the usual one, highest first.
+_LOWER_ROLES = (Role.OPERATOR, Role.EDITOR, Role.VIEWER)
 # sockaddr_un holds 108 bytes with its NUL.
 _MAX_SOCKET_PATH_BYTES = 107
 
@@ -56,13 +59,46 @@ def is_tcp(address: str) -> bool:
     return "/" not in address
 
 
-def target_of(address: str | None) -> tuple[str, str]:
-    """Returns a gRPC target and a name for people. None: the default socket."""
-    if address is None:
-        address = default_socket_path()
-    elif is_tcp(address):
+def target_of(address: str | None, role: str | None = None) -> tuple[str, str]:
+    """Returns a gRPC target and a name for people.
+
+    address: None is the default socket. role: as connect()'s.
+    """
+    if address is not None and is_tcp(address):
+        if role is not None:
+            raise InvalidArgument("a role is for the sockets of this machine: over the network, the "
+                                  "token has one")
         return _tcp_target(address)
-    return _unix_target(address)
+    usual = check_socket_path(default_socket_path() if address is None else address)
+    if role is None:
+        return _unix_target(_highest(usual))
+    if not any(known == role for known in Role):
+        raise InvalidArgument(f"{role!r} is no role: use {', '.join(map(str, Role))}")
+    return _unix_target(role_socket_path(usual, role))
+
+
+def role_socket_path(usual: str, role: str) -> str:
+    return usual if role == "admin" else beside(usual, str(role))
+
+
+def beside(path: str, word: str) -> str:
+    """Returns a-word.sock for a.sock, and a-word for a."""
+    base, suffix = (path[:-5], ".sock") if path.endswith(".sock") else (path, "")
+    return f"{base}-{word}{suffix}"
+
+
+def usual_path(path: str) -> str:
+    """The other way round for a role's socket; any other path stays."""
+    for role in _LOWER_ROLES:
+        for suffix in (".sock", ""):
+            if path.endswith(end := f"-{role}{suffix}"):
+                return path[:-len(end)] + suffix
+    return path
+
+
+def _highest(usual: str) -> str:
+    paths = [usual, *(role_socket_path(usual, str(role)) for role in _LOWER_ROLES)]
+    return next((path for path in paths if os.access(path, os.W_OK)), usual)
 
 
 def check_socket_path(path: str) -> str:

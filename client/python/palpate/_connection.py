@@ -30,8 +30,9 @@ class Connection:
     and new streams of the same connection work again. Any thread.
     """
 
-    def __init__(self, address: str | None, credentials: Credentials = Credentials()) -> None:
-        self._link = Link(address, credentials)
+    def __init__(self, address: str | None, credentials: Credentials = Credentials(),
+                 role: str | None = None) -> None:
+        self._link = Link(address, credentials, role)
         try:
             self._link.check()
         except BaseException:
@@ -171,12 +172,14 @@ class Connection:
 
 def connect(address: str | None = None, *, profile: str | None = None,
             tls_ca: str | None = None, tls_cert: str | None = None, tls_key: str | None = None,
-            token_file: str | None = None) -> Connection:
+            token_file: str | None = None, role: str | None = None) -> Connection:
     """Connects to palpated.
 
     address: path of a Unix socket, with a slash in it, or "HOST:PORT". None: $PALPATE_SERVER
     (HOST:PORT), or else the default socket of the daemon and all clients: $PALPATE_SOCKET,
     /run/palpate/palpated.sock, or the user's own.
+    role: "viewer", "editor", "operator" or "admin", as in Role: the socket of this role beside that
+    socket. None: the highest that this program may open.
     profile: a name in $XDG_CONFIG_HOME/palpate/clients.toml (~/.config/palpate/clients.toml),
     instead of all other arguments; profiles() lists the names. A profile is complete: no
     environment variable adds to it.
@@ -195,11 +198,11 @@ def connect(address: str | None = None, *, profile: str | None = None,
         text_of("address", address)
     credentials = Credentials(tls_ca, tls_cert, tls_key, token_file)
     if profile is not None:
-        if address is not None or credentials != Credentials():
+        if address is not None or role is not None or credentials != Credentials():
             raise InvalidArgument("a profile is whole: give the profile alone, or no profile")
         return Connection(*place_of_profile(profile))
-    if address is None:
+    if address is None and role is None:
         address = server_of_environment()
     if address is not None and is_tcp(address):
         credentials = credentials.with_environment()
-    return Connection(address, credentials)
+    return Connection(address, credentials, role)

@@ -58,8 +58,9 @@ def forget_in_child(running: set[typing.Any]) -> None:
 class Link:
     """A channel. Any thread may call. close() ends the running calls."""
 
-    def __init__(self, address: str | None, credentials: Credentials) -> None:
-        target, self.name = target_of(address)
+    def __init__(self, address: str | None, credentials: Credentials,
+                 role: str | None = None) -> None:
+        target, self.name = target_of(address, role)
         self._is_local = target == self.name
         self._credentials = credentials
         tls = credentials.channel_credentials(is_tcp=not self._is_local)

@@ -1,10 +1,10 @@
 """The emergency stop by palpated's own socket for it. client/sdk/calls.cpp has the same."""
 
 import contextlib
-import os
 import socket
 import struct
 
+from palpate._address import beside, usual_path
 from palpate._enums import ForceReason, ForceState
 from palpate._errors import Unavailable
 from palpate._value_list import ForceStatus
@@ -16,8 +16,7 @@ _TRIES = 3
 
 def stop_socket_path(socket_path: str) -> str:
     """As StopSocketPath in common/wire/address.h."""
-    base, suffix = os.path.splitext(socket_path)
-    return base + "-stop.sock" if suffix == ".sock" else socket_path + "-stop"
+    return beside(usual_path(socket_path), "stop")
 
 
 def stop_by_socket(path: str) -> ForceStatus | None:

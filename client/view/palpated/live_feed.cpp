@@ -176,7 +176,7 @@ const client::Hand* LiveFeed::device() const {
 }
 bool LiveFeed::is_stopping() const { return line_->emergency_stop.is_running(); }
 client::Connection LiveFeed::connection() const { return line_->client.connection(); }
-const std::string& LiveFeed::name() const { return line_->client.name(); }
+std::string LiveFeed::name() const { return line_->client.name(); }
 bool LiveFeed::is_here() const { return line_->client.shares_clock(); }
 client::VolumeStatus LiveFeed::volume_status() const { return line_->client.volume_status(); }
 std::uint64_t LiveFeed::dropped_poses() const { return line_->client.dropped_poses(); }

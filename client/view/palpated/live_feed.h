@@ -48,7 +48,7 @@ class LiveFeed {
   client::Connection connection() const;
   // The number of losses so far, including those between two calls of Poll.
   std::uint64_t losses() const { return losses_; }
-  const std::string& name() const;
+  std::string name() const;
   // True if palpated is reached by a socket of this machine.
   bool is_here() const;
   const std::optional<client::Pose>& pose() const { return pose_; }

@@ -89,8 +89,9 @@ void PrintUser(const CommandLine& line) {
 bool NamesServer(const client::ServerChoice& choice) {
   const client::Credentials& who = choice.credentials;
   return !choice.profile.empty() || !choice.address.socket_path.empty() ||
-         !choice.address.host_port.empty() || !who.ca_file.empty() ||
-         !who.certificate_file.empty() || !who.key_file.empty() || !who.token_file.empty();
+         !choice.address.host_port.empty() || !choice.address.role.empty() ||
+         !who.ca_file.empty() || !who.certificate_file.empty() || !who.key_file.empty() ||
+         !who.token_file.empty();
 }
 
 // The command line goes before the file; a server named there replaces the file's altogether, and

@@ -1,0 +1,174 @@
+"""The socket is the permission: a role has a socket, and a door says who calls."""
+
+import grp
+import os
+import pathlib
+import re
+import signal
+import stat
+import subprocess
+import unittest
+
+import grpc
+
+import palpate
+from palpate._address import beside, role_socket_path
+from palpate.v1 import render_pb2
+from python_security_test import ENABLE, STOP, PoseStreams, SecuredTest, call
+from secured import ROLES, SecuredDaemon, wait_for
+from support import METHODS, PALPATE, PALPATED, PATIENCE_S, Daemon
+
+OWN_GROUP = grp.getgrgid(os.getegid()).gr_name
+DOOR = f'[server]\ndoor_group = "{OWN_GROUP}"\nloopback_role = "viewer"\n'
+ADA = [("palpate-caller", "token ada"), ("palpate-address", "192.0.2.7")]
+REFUSED = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED)
+SET = render_pb2.DESCRIPTOR.services_by_name["RenderService"].methods_by_name["UpdateSettings"]
+
+
+def socket_of(daemon, role, door=False):
+    return (beside(daemon.socket, f"door-{role}") if door else
+            role_socket_path(daemon.socket, role))
+
+
+def channel_of(daemon, role, door=False):
+    return grpc.insecure_channel("unix:" + socket_of(daemon, role, door))
+
+
+class Doors(SecuredTest):
+    @classmethod
+    def setUpClass(cls):
+        cls.daemon = cls.enterClassContext(SecuredDaemon(DOOR))
+
+    # What a token of each role may is python_security_test's and security_methods_test's.
+    def test_a_socket_may_what_a_token_of_its_role_may(self):
+        def kinds(channel, metadata=None):
+            answers = {method.full_name: call(channel, method, metadata) for method in METHODS}
+            return {name: code if code in REFUSED else None
+                    for name, (code, _) in answers.items()}
+
+        for role in ROLES:
+            with self.daemon.channel(self.daemon.tokens[role]) as channel:
+                by_token = kinds(channel)
+            with channel_of(self.daemon, role) as channel:
+                self.assertEqual(kinds(channel), by_token, role)
+            with channel_of(self.daemon, role, door=True) as channel:
+                self.assertEqual(kinds(channel, ADA), by_token, f"door, {role}")
+                # As a stranger over TLS.
+                self.assertEqual(set(kinds(channel).values()), {grpc.StatusCode.UNAUTHENTICATED})
+
+    def test_a_door_says_who_calls(self):
+        with channel_of(self.daemon, "operator", door=True) as channel, \
+                self.daemon.connect() as conn:
+            stream = PoseStreams(self).begin(channel, metadata=ADA)
+            self.assertIn(("token ada", "operator", "192.0.2.7", True),
+                          [(one.identity, str(one.role), one.peer, one.watches)
+                           for one in conn.activity().callers])
+            next(stream)
+            self.assertEqual(call(channel, STOP, ADA)[0], grpc.StatusCode.OK)
+            self.said("emergency stop, by token ada at 192.0.2.7")
+            self.assertEqual(conn.device.info().forces_set_by, "token ada at 192.0.2.7")
+            self.assertEqual(call(channel, ENABLE, ADA[:1])[0], grpc.StatusCode.OK)
+            self.assertEqual(conn.device.info().forces_set_by, "token ada")
+
+    def test_nobody_else_is_believed(self):
+        for role in ROLES:
+            with channel_of(self.daemon, role) as channel:
+                self.assertEqual(call(channel, STOP, ADA)[0], REFUSED[0], role)
+        with self.daemon.channel(self.daemon.tokens["admin"]) as channel:
+            self.assertEqual(call(channel, STOP, ADA)[0], REFUSED[0])
+        token = ("authorization", "Bearer " + self.daemon.tokens["admin"].read_text().strip())
+        with channel_of(self.daemon, "admin", door=True) as channel:
+            for metadata in ([*ADA, token], [*ADA, ADA[0]], [("palpate-caller", "")],
+                             [("palpate-caller", "a" * 129)], [("palpate-address", "192.0.2.7")]):
+                code, _ = call(channel, STOP, metadata)
+                self.assertEqual(code, REFUSED[0], metadata)
+
+    def test_methods_that_do_not_exist(self):
+        for role in ROLES:
+            for door in (False, True):
+                with channel_of(self.daemon, role, door) as channel, \
+                        self.assertRaises(grpc.RpcError) as refused:
+                    channel.unary_unary("/palpate.v1.DeviceService/Nothing")(
+                        b"", timeout=PATIENCE_S)
+                self.assertEqual(refused.exception.code(), grpc.StatusCode.UNIMPLEMENTED)
+
+
+class Sockets(unittest.TestCase):
+    def may_set(self, daemon, role):
+        with channel_of(daemon, role) as channel:
+            code, _ = call(channel, SET)
+            return code not in REFUSED
+
+    def owners(self, daemon, *paths):
+        found = [os.stat(path) for path in paths]
+        self.assertEqual({stat.S_IMODE(one.st_mode) for one in found}, {0o660})
+        return [one.st_gid for one in found]
+
+    def test_without_a_group_none_is_above_the_usual_one(self):
+        daemon = self.enterContext(Daemon(config={"server": ['socket_role = "editor"']}))
+        own = os.stat(daemon.socket).st_gid
+        self.assertEqual(self.owners(daemon, *(socket_of(daemon, role) for role in ROLES)),
+                         4 * [own])
+        self.assertEqual([self.may_set(daemon, role) for role in ROLES],
+                         [False, True, True, True])
+        with channel_of(daemon, "operator") as channel:
+            self.assertEqual(call(channel, ENABLE)[0], REFUSED[1])
+            stream = PoseStreams(self).begin(channel)
+            # Lowered while it runs.
+            config = daemon.folder / "palpated.toml"
+            config.write_text(config.read_text().replace('"editor"', '"viewer"'))
+            daemon.process.send_signal(signal.SIGHUP)
+            wait_for(lambda: not self.may_set(daemon, "operator"), "the lower role")
+            next(stream)
+
+    def test_a_group_of_its_own_is_the_permission(self):
+        groups = grp.getgrall() if os.geteuid() == 0 else map(grp.getgrgid, os.getgroups())
+        other = next((one for one in groups if one.gr_gid != os.getegid()), None)
+        group = other or grp.getgrgid(os.getegid())
+        daemon = self.enterContext(Daemon(config={
+            "server": ['socket_role = "viewer"', f'operator_group = "{group.gr_name}"']}))
+        usual, operators = self.owners(daemon, daemon.socket, socket_of(daemon, "operator"))
+        self.assertEqual(operators, group.gr_gid)
+        self.assertEqual(usual == operators, other is None)
+        self.assertEqual([self.may_set(daemon, role) for role in ROLES],
+                         [False, False, True, False])
+
+    def test_a_group_that_is_not_there(self):
+        config = pathlib.Path(self.enterContext(Daemon()).folder) / "groups.toml"
+        config.write_text('[server]\nviewer_group = "palpate-nobody"\n')
+        checked = subprocess.run([PALPATED, "--check-config", "--config", config],
+                                 capture_output=True, text=True, timeout=PATIENCE_S)
+        self.assertNotEqual(checked.returncode, 0)
+        self.assertRegex(checked.stdout + checked.stderr,
+                         r"groups.toml:2: server.viewer_group: .*palpate-nobody")
+
+    def test_clients_take_the_highest_or_a_role(self):
+        daemon = self.enterContext(Daemon())
+
+        def info(*arguments):
+            done = subprocess.run([PALPATE, "who", "--socket", daemon.socket, *arguments],
+                                  capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            return re.search(r"^(\w+) +([\w ]+) \(you\)", done.stdout, re.M).groups()
+
+        self.assertEqual(info(), ("admin", "local socket"))
+        for role in ROLES[:3]:
+            self.assertEqual(info("--role", role), (role, f"{role} socket"))
+            with palpate.connect(daemon.socket, role=role) as conn:
+                self.assertEqual(conn.device.stop().state, "stopped")  # by the stop's own socket
+        for bad in ({"role": "boss"}, {"role": "viewer", "address": "localhost:7400"},
+                    {"role": "viewer", "profile": "lab"}):
+            with self.assertRaises(palpate.InvalidArgument):
+                palpate.connect(**bad)
+        # As for a user who may open no others.
+        for role in ROLES[1:]:
+            os.rename(socket_of(daemon, role), socket_of(daemon, role) + ".away")
+        self.assertEqual(info(), ("viewer", "viewer socket"))
+        with palpate.connect(daemon.socket) as conn:
+            self.assertEqual(conn.address, "unix:" + socket_of(daemon, "viewer"))
+            with self.assertRaises(palpate.PermissionDenied):
+                conn.settings.stiffness_n_per_mm = 0.4
+
+
+if __name__ == "__main__":
+    unittest.main()
