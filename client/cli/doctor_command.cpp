@@ -96,8 +96,7 @@ std::vector<Finding> CheckMachine(const doctor::Workstation& machine,
   findings.push_back(doctor::CheckMetricsPort(machine));
   for (const Finding& finding : doctor::CheckDaemonPorts(machine)) findings.push_back(finding);
   if (address.host_port.empty()) {
-    findings.push_back(doctor::CheckSocket(
-        machine, address.socket_path.empty() ? DefaultSocketPath() : address.socket_path));
+    findings.push_back(doctor::CheckSocket(machine, client::SocketPathOf(address)));
   }
   return findings;
 }

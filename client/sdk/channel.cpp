@@ -51,14 +51,6 @@ std::string ReadToken(const std::string& path) {
   return token;
 }
 
-// palpated has a socket for each role; who calls has the role of the socket.
-std::string SocketFor(const Address& address) {
-  const std::string usual = address.socket_path.empty() ? DefaultSocketPath() : address.socket_path;
-  if (address.role.empty()) return HighestSocketPath(usual);
-  if (const auto role = Named<Role>(address.role)) return RoleSocketPath(usual, *role);
-  Refuse("'" + address.role + "' is no role: use viewer, editor, operator or admin");
-}
-
 }  // namespace
 
 Route::Route(const Server& server) : credentials_(server.credentials) {
@@ -79,7 +71,7 @@ Route::Route(const Server& server) : credentials_(server.credentials) {
   if (address.host_port.empty()) {
     if (has_tls_) Refuse("TLS is for a host and port: the socket has its file mode as guard");
     socket_ = address;
-    UnixTarget(SocketFor(*socket_));
+    UnixTarget(SocketPathOf(*socket_));
     return;
   }
   if (!address.role.empty()) {
@@ -93,7 +85,7 @@ Route::Route(const Server& server) : credentials_(server.credentials) {
 
 std::string Route::name() const { return socket_ ? UnixTarget(socket_path()) : host_port_; }
 
-std::string Route::socket_path() const { return socket_ ? SocketFor(*socket_) : ""; }
+std::string Route::socket_path() const { return socket_ ? SocketPathOf(*socket_) : ""; }
 
 bool Route::CanReadAgain() const {
   const std::string* const files[] = {&credentials_.ca_file, &credentials_.certificate_file,

@@ -8,7 +8,9 @@
 #include <sstream>
 #include <utility>
 
+#include "common/contract/enumerations.h"
 #include "common/error/error.h"
+#include "common/wire/address.h"
 
 namespace palpate::client {
 namespace {
@@ -148,6 +150,13 @@ Server Resolve(const ServerChoice& choice) {
   const bool has_tls = !who.ca_file.empty() || !who.certificate_file.empty();
   if (has_tls && who.token_file.empty()) who.token_file = FromEnvironment("PALPATE_TOKEN_FILE");
   return server;
+}
+
+std::string SocketPathOf(const Address& address) {
+  const std::string usual = address.socket_path.empty() ? DefaultSocketPath() : address.socket_path;
+  if (address.role.empty()) return HighestSocketPath(usual);
+  if (const auto role = Named<Role>(address.role)) return RoleSocketPath(usual, *role);
+  Refuse("'" + address.role + "' is no role: use viewer, editor, operator or admin");
 }
 
 fs::path ProfilesFile() {

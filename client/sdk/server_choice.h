@@ -41,6 +41,10 @@ struct Server {
 // (no such profile or file).
 Server Resolve(const ServerChoice& choice);
 
+// The socket that an address of this machine means now. Errors: kInvalidArgument (no role has that
+// name), kPermissionDenied as DefaultSocketPath.
+std::string SocketPathOf(const Address& address);
+
 // One line of a list for people who choose a profile.
 struct Profile {
   std::string name;

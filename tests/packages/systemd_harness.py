@@ -198,6 +198,20 @@ def asks(path, body=None):
         return 0
 
 
+def check_roles():
+    """A socket for each role, as deploy/guides/service.md says it."""
+    edit_config("# viewer_group = ", "viewer_group = ")
+    restart()
+    check("a group has the socket of viewers",
+          pathlib.Path("/run/palpate/palpated-viewer.sock").group() == "palpate-viewers")
+    check_run("useradd", "--groups", "palpate-viewers", "ada")
+    ada = ("runuser", "-u", "ada", "--", "palpate")
+    check("its members watch", "viewer socket (you)" in check_run(*ada, "who"))
+    check("and change nothing", run(*ada, "set", "stiffness", "0.5")[0] == 5)
+    check("but stop the forces", "stopped" in check_run(*ada, "device", "stop"))
+    check_run("palpate", "device", "enable")
+
+
 def check_web():
     """The gateway as deploy/guides/web.md says it."""
     state = [run("systemctl", question, "palpate-web")[1] for question in ("is-enabled", "is-active")]
@@ -211,7 +225,7 @@ def check_web():
     edit_config("# key_file = ", "key_file = ", "palpate-web")
     check_run("systemctl", "start", "palpate-web")
     check_rights("palpate-web", "palpate-web")
-    check("it may not open palpated's socket", str(grp.getgrnam("palpate").gr_gid)
+    check("it may not open palpated's usual socket", str(grp.getgrnam("palpate").gr_gid)
           not in status_of(main_pid("palpate-web"))["Groups"])
     check("it reaches palpated", comes_true(lambda: asks("/health") == 200))
     check("the page is there", asks("/app.js") == 200)
@@ -223,6 +237,11 @@ def check_web():
           comes_true(lambda: main_pid("palpate-web") not in (0, pid) and asks("/health") == 200))
     check_run("systemctl", "restart", "palpated")
     check("it comes back with palpated", comes_true(lambda: asks("/health") == 200))
+    edit_config('server = "127', '# server = "127', "palpate-web")
+    edit_config('# socket = "/run', 'socket = "/run', "palpate-web")
+    check_run("systemctl", "restart", "palpate-web")
+    check("it reaches palpated's socket of viewers", comes_true(lambda: asks("/health") == 200))
+    check("and is one", "viewer socket" in check_run("palpate", "who"))
 
 
 def check_log():
@@ -248,6 +267,7 @@ def main():
     check_reload()
     check_faults()
     check_log()
+    check_roles()
     check_web()
     # For what follows, palpated listens elsewhere; palpate-web waits.
     edit_config('listen = "127.0.0.1:7400"', '# listen = "127.0.0.1:7400"')
