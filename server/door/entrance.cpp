@@ -205,7 +205,6 @@ void Entrance::Stop(std::chrono::system_clock::time_point deadline) noexcept {
     Drain(*standby_queue_);
   }
   standby_queue_.reset();
-  lock_ = {};
 }
 
 }  // namespace palpate

@@ -84,7 +84,7 @@ class Entrance {
   // No new connections come from here on.
   void StopAccepting() { acceptor_.Stop(); }
   // Ends streams and calls, by `deadline` those that do not end by themselves, and removes the
-  // socket.
+  // socket. The path stays claimed.
   void Stop(std::chrono::system_clock::time_point deadline) noexcept;
 
  private:

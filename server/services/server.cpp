@@ -58,7 +58,7 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
 }
 
 void RpcServer::AddSocket(const Entry& entry, const std::string& path, const std::string& group) {
-  if (path.size() > kMaxSocketPathLength) {
+  if (std::filesystem::absolute(path).string().size() > kMaxSocketPathLength) {
     return LogWarning(
         "there is no socket {}: its path would have more than {} bytes; name a "
         "shorter one with --socket",
@@ -154,10 +154,11 @@ void RpcServer::Stop() noexcept {
   volume_streams_.Stop();
   facts_.Stop();
   const auto deadline = std::chrono::system_clock::now() + kShutdownPatience;
-  for (const auto& entrance : entrances_) entrance->Stop(deadline);
+  // The usual socket goes last: a client that is about to come back shall not take a lower one.
+  for (auto at = entrances_.rbegin(); at != entrances_.rend(); ++at) (*at)->Stop(deadline);
   // The stop works until here.
   stop_door_.Close();
-  // Destroyed while the lock is held: afterwards another daemon may make the folder anew.
+  // Destroyed while the locks are held: afterwards another daemon may make the folder anew.
   security_files_.reset();
   tls_.reset();
   stop_lock_ = {};

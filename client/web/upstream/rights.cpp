@@ -7,9 +7,8 @@ std::string RightsWarning(client::Role role, bool steers) {
   if (role <= needed) return "";
   const std::string word = steers ? "editor" : "viewer";
   return "warning: palpated lets this gateway do more than the " + word +
-         " that it needs to be: connect it by loopback TCP" +
-         (steers ? " with TLS and" : ", or by") + " a token of the role " + word +
-         ", not by the socket (see the guide 'Guests in a browser')";
+         " that it needs to be: connect it by palpated's socket of that role (--role " + word +
+         "), or with a token of that role (see the guide 'Guests in a browser')";
 }
 
 }  // namespace palpate::web
