@@ -7,7 +7,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -15,7 +14,6 @@
 
 #include "common/error/error.h"
 #include "common/wire/limits.h"
-#include "server/realtime/thread_setup.h"
 
 namespace palpate {
 namespace {
@@ -35,7 +33,6 @@ constexpr int kMostThreads = 16;  // for reflection; our services use none of th
 // and connections of any client. With 128 MiB, two known clients with endless headers ended streams
 // of others within 15 s, and the process grew as much as with 512 MiB.
 constexpr std::size_t kMostBytes = std::size_t{512} << 20;
-constexpr int kUrgentNice = -5;  // as LimitNICE= of the unit
 
 // Removes a socket that a killed daemon left behind. Removes nothing else.
 void RemoveStaleSocket(const std::string& path) {
@@ -143,12 +140,6 @@ gid_t GroupOf(const std::string& name) {
   return result->gr_gid;
 }
 
-StartsUrgentThreads::StartsUrgentThreads() : before_(ThreadNice()) {
-  SetThreadNice(std::min(before_, kUrgentNice));
-}
-
-StartsUrgentThreads::~StartsUrgentThreads() { SetThreadNice(before_); }
-
 Entrance& Entrance::Of(const grpc::ServerContextBase& context) {
   return dynamic_cast<const Context&>(context).entrance();
 }
@@ -171,7 +162,6 @@ void Entrance::ReservePort(const HostPort& address, std::optional<Role> loopback
 void Entrance::Start(std::span<grpc::Service* const> services,
                      const std::shared_ptr<grpc::ServerCredentials>& credentials, bool is_bare) {
   using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
-  const StartsUrgentThreads urgent;
   grpc::ServerBuilder builder;
   if (is_bare) builder.SetOption(std::make_unique<WithoutPlugins>());
   Bound(builder);

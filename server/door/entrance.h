@@ -36,20 +36,6 @@ void ClaimSocket(const std::string& path, FileLock& lock);
 // Errors: kInvalidArgument (there is no such group).
 gid_t GroupOf(const std::string& name);
 
-// While this object lives, the calling thread starts threads that go before ordinary ones: those
-// that bring the emergency stop. Beside two busy loops, 900 connections that end at once delay it
-// by at most 290 ms, and by up to 590 ms without this.
-class StartsUrgentThreads {
- public:
-  StartsUrgentThreads();
-  ~StartsUrgentThreads();
-  StartsUrgentThreads(const StartsUrgentThreads&) = delete;
-  StartsUrgentThreads& operator=(const StartsUrgentThreads&) = delete;
-
- private:
-  const int before_;
-};
-
 class Entrance {
  public:
   // More file numbers than others', for preferred entries: a flood at another entrance must not

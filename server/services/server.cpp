@@ -4,6 +4,7 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -12,11 +13,27 @@
 #include "common/error/error.h"
 #include "server/door/open_files.h"
 #include "server/log/log.h"
+#include "server/realtime/thread_setup.h"
 
 namespace palpate {
 namespace {
 
 constexpr std::chrono::seconds kShutdownPatience{1};
+
+// While this object lives, the calling thread starts threads that go before ordinary ones: those
+// that bring the emergency stop. Beside two busy loops, 900 connections that end at once delay it
+// by at most 290 ms, and by up to 590 ms without this.
+class StartsUrgentThreads {
+ public:
+  StartsUrgentThreads() { SetThreadNice(std::min(before_, kNice)); }
+  ~StartsUrgentThreads() { SetThreadNice(before_); }
+  StartsUrgentThreads(const StartsUrgentThreads&) = delete;
+  StartsUrgentThreads& operator=(const StartsUrgentThreads&) = delete;
+
+ private:
+  static constexpr int kNice = -5;  // as LimitNICE= of the unit
+  const int before_ = ThreadNice();
+};
 
 void MakeSocketFolder(const std::filesystem::path& folder) {
   if (folder.empty() || std::filesystem::exists(folder)) return;
@@ -131,6 +148,7 @@ void RpcServer::Start() {
   // Debian's Abseil looks for deadlocks of gRPC's mutexes, all threads under one lock, and ends the
   // process where it believes to see one.
   absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);
+  const StartsUrgentThreads urgent;
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::EnableDefaultHealthCheckService(!tls_);
   stop_door_.Open(StopSocketPath(options_.socket_path));

@@ -80,6 +80,7 @@ class StopTest(unittest.TestCase):
             return found
 
         self.check_stops()
+        self.daemon.ticks()  # a call that is worked on
         wait_for(lambda: all(nices().values()), "threads of each kind")
         self.assertEqual(nices(), expected)
 

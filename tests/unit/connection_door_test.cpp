@@ -101,7 +101,7 @@ void FillUp(const std::atomic<int>& count, std::vector<Descriptor>& clients, Con
 }
 
 TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
-  constexpr int kFirstRefused = 300, kKept = Entrance::kKeptFiles;
+  constexpr int kFirstRefused = 300, kKept = 64;
   rlimit limit{};
   getrlimit(RLIMIT_NOFILE, &limit);
   limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, 1024);
@@ -112,7 +112,7 @@ TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
   ConnectionWatch watch(kOwnFiles);
   std::atomic<int> on_socket{0}, on_port{0};
   std::vector<Descriptor> from_socket, from_port, clients, fillers;
-  Acceptor at_socket(kFirstRefused + kKept, watch), at_port(kFirstRefused, watch);
+  Acceptor at_socket(kFirstRefused + Entrance::kKeptFiles, watch), at_port(kFirstRefused, watch);
   at_socket.TakeSocket(path);
   at_port.TakePort({"127.0.0.1", static_cast<std::uint16_t>(port)}, Role::kViewer);
   watch.Start();
