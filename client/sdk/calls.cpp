@@ -184,8 +184,8 @@ ForceResult Calls::DisableForces() {
 
 ForceResult Calls::StopForces() {
   link_->ThrowIfCancelled();
-  if (!link_->socket_path().empty()) {
-    if (auto result = StopBySocket(StopSocketPath(link_->socket_path()))) return *result;
+  if (link_->shares_clock()) {
+    if (auto result = StopBySocket(FindStopSocket(link_->socket_path()))) return *result;
   }
   const auto stop_on = [this](const std::shared_ptr<grpc::Channel>& channel) {
     return ForceResultOf(link_->Call<Device>(&Device::Stub::StopForces, v1::StopForcesRequest(),

@@ -70,7 +70,10 @@ Route::Route(const Server& server) : credentials_(server.credentials) {
   }
   if (address.host_port.empty()) {
     if (has_tls_) Refuse("TLS is for a host and port: the socket has its file mode as guard");
-    socket_ = address;
+    // The usual socket stays the same: where the default one is may change.
+    const std::string& path = address.socket_path;
+    socket_ = {.socket_path = std::filesystem::absolute(path.empty() ? DefaultSocketPath() : path),
+               .role = address.role};
     UnixTarget(SocketPathOf(*socket_));
     return;
   }

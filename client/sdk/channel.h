@@ -25,8 +25,9 @@ class Route {
   std::string name() const;
   // True for this machine, where palpated may just be being started.
   bool is_here() const { return is_here_; }
-  // Empty over TCP. Without a role, another one may be the highest later, when palpated has
-  // started.
+  bool is_socket() const { return socket_.has_value(); }
+  // Empty over TCP. Without a role, another one beside the same usual socket may be the highest
+  // later, when palpated has started.
   std::string socket_path() const;
 
   // Empty: no token is sent.

@@ -47,7 +47,7 @@ Link::Channels Link::MakeChannels() const {
 }
 
 void Link::KeepStopReady() {
-  if (!socket_path().empty()) return;
+  if (shares_clock()) return;
   const std::shared_ptr<grpc::Channel> channel = stop_channel();
   const bool is_ready = channel->GetState(/*try_to_connect=*/true) == GRPC_CHANNEL_READY;
   if (std::exchange(stop_is_ready_, is_ready) || !is_ready) return;

@@ -97,7 +97,7 @@ class Link {
   explicit Link(const Server& server);
 
   std::string name() const { return route_.name(); }
-  bool shares_clock() const { return !route_.socket_path().empty(); }
+  bool shares_clock() const { return route_.is_socket(); }
   // Each has a connection of its own. channel() is for calls and poses, volume_channel() for voxels
   // and uploads, stop_channel() for the emergency stop alone.
   std::shared_ptr<grpc::Channel> channel() const { return ChannelOf(&Channels::calls); }

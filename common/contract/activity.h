@@ -11,7 +11,7 @@ namespace palpate {
 // Somebody who uses the daemon now.
 struct ConnectedCaller {
   CallerDescription caller{};
-  // The address that it calls from: "ipv4:192.0.2.7"; empty: the local socket.
+  // The address that it calls from: "ipv4:192.0.2.7", or as a door says it; empty: a socket.
   std::string peer{};
   // How long ago it made its first call; since then it was never away for 10 s.
   double connected_s = 0.0;
@@ -65,8 +65,8 @@ void VisitFields(LastChange& value, Visit&& visit) {
 
 struct GetActivityResponse {
   // Those who have a call that runs, such as a stream of poses, or made one in the last 10 s.
-  // Each identity once for each of its addresses; all programs on the local socket together are
-  // one. In the order in which they came; at most 64.
+  // Each identity once for each of its addresses; all programs on one socket together are one.
+  // In the order in which they came; at most 64.
   std::vector<ConnectedCaller> callers{};
   // The newest change of each thing, newest first. Since the daemon's start.
   std::vector<LastChange> changes{};

@@ -141,8 +141,8 @@ void VisitFields(DeviceHealth& value, Visit&& visit) {
 
 // The caller as the daemon has recognised it.
 struct CallerDescription {
-  // "token or-2", "certificate viewer.lab.example", "local socket", "loopback". Empty: the
-  // daemon does not say.
+  // "token or-2", "certificate viewer.lab.example", "local socket", "viewer socket",
+  // "loopback". Empty: the daemon does not say.
   std::string identity{};
   Role role = Role::kUnknown;
   friend bool operator==(const CallerDescription&, const CallerDescription&) = default;

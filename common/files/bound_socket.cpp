@@ -8,6 +8,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "common/error/error.h"
+
 namespace palpate {
 namespace {
 
@@ -15,7 +17,7 @@ constexpr int kPassRights = 83;  // SO_PASSRIGHTS
 
 }  // namespace
 
-int BindSocket(const std::string& path, std::optional<gid_t> group) {
+int BindSocket(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::strncpy(address.sun_path, path.c_str(), sizeof(address.sun_path) - 1);
@@ -26,7 +28,6 @@ int BindSocket(const std::string& path, std::optional<gid_t> group) {
   if (fd >= 0) setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof(no));
   // Nobody can connect before the mode is set, because the socket does not listen yet.
   if (fd >= 0 && bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 &&
-      (!group || chown(path.c_str(), static_cast<uid_t>(-1), *group) == 0) &&
       chmod(path.c_str(), 0660) == 0) {
     return fd;
   }
@@ -34,6 +35,16 @@ int BindSocket(const std::string& path, std::optional<gid_t> group) {
   if (fd >= 0) close(fd);
   errno = error;
   return -1;
+}
+
+void GiveToGroup(const std::string& path, gid_t group) {
+  if (chown(path.c_str(), static_cast<uid_t>(-1), group) == 0) return;
+  const std::string why = std::strerror(errno);
+  unlink(path.c_str());
+  throw Error(ErrorKind::kPermissionDenied,
+              "cannot give " + path + " to its group: " + why +
+                  "; palpated's user must be in the group (usermod --append --groups GROUP USER), "
+                  "and its unit must allow chown (SystemCallFilter=@chown)");
 }
 
 }  // namespace palpate

@@ -5,14 +5,16 @@
 
 #include <sys/types.h>
 
-#include <optional>
 #include <string>
 
 namespace palpate {
 
 // Returns a socket that is bound to `path`, with the mode 0660, and does not listen yet. Where the
-// kernel can, its connections take no files. `group`: owns the file; none: as every file that the
-// process makes. The caller closes it, and removes the file.
-int BindSocket(const std::string& path, std::optional<gid_t> group = {});
+// kernel can, its connections take no files. The caller closes it, and removes the file.
+int BindSocket(const std::string& path);
+
+// Gives the file of a bound socket to a group. Errors: Error (kPermissionDenied) that says what to
+// do; then the file is gone.
+void GiveToGroup(const std::string& path, gid_t group);
 
 }  // namespace palpate

@@ -36,18 +36,7 @@ std::string Beside(const std::string& path, std::string_view word) {
   return base + "-" + std::string(word) + std::string(has_suffix ? kSuffix : "");
 }
 
-// The other way round. Any other path stays.
-std::string UsualPath(const std::string& path) {
-  for (const Role role : kLowerRoles) {
-    for (const std::string_view suffix : {kSuffix, std::string_view()}) {
-      const std::string end = "-" + std::string(NameOf(role)) + std::string(suffix);
-      if (path.ends_with(end)) {
-        return path.substr(0, path.size() - end.size()) + std::string(suffix);
-      }
-    }
-  }
-  return path;
-}
+bool MayOpen(const std::string& path) { return access(path.c_str(), W_OK) == 0; }
 
 // Any user may create a folder in /tmp. A folder that is not ours alone could be a trap.
 std::string TemporaryFolder() {
@@ -93,7 +82,7 @@ std::string DefaultSocketPath(const std::string& system_folder) {
   struct stat info {};
   const bool is_folder = stat(system_folder.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
   if (is_folder && (access(system_folder.c_str(), W_OK | X_OK) == 0 ||
-                    access((system_folder + name).c_str(), F_OK) == 0)) {
+                    MayOpen(HighestSocketPath(system_folder + name)))) {
     return system_folder + name;
   }
   if (const std::string folder = EnvironmentValue("XDG_RUNTIME_DIR"); !folder.empty()) {
@@ -126,21 +115,35 @@ std::string RoleSocketPath(const std::string& usual_path, Role role) {
   return role == Role::kAdmin ? usual_path : Beside(usual_path, NameOf(role));
 }
 
+std::string UsualSocketPath(const std::string& path) {
+  for (const Role role : kLowerRoles) {
+    for (const std::string_view suffix : {kSuffix, std::string_view()}) {
+      const std::string end = "-" + std::string(NameOf(role)) + std::string(suffix);
+      if (path.ends_with(end)) {
+        return path.substr(0, path.size() - end.size()) + std::string(suffix);
+      }
+    }
+  }
+  return path;
+}
+
 std::string DoorSocketPath(const std::string& usual_path, Role role) {
   return Beside(usual_path, "door-" + std::string(NameOf(role)));
 }
 
 std::string HighestSocketPath(const std::string& usual_path) {
-  const auto may_open = [](const std::string& path) { return access(path.c_str(), W_OK) == 0; };
-  if (may_open(usual_path)) return usual_path;
+  if (MayOpen(usual_path)) return usual_path;
   for (const Role role : kLowerRoles) {
-    if (std::string path = RoleSocketPath(usual_path, role); may_open(path)) return path;
+    if (std::string path = RoleSocketPath(usual_path, role); MayOpen(path)) return path;
   }
   return usual_path;
 }
 
-std::string StopSocketPath(const std::string& socket_path) {
-  return Beside(UsualPath(socket_path), "stop");
+std::string StopSocketPath(const std::string& socket_path) { return Beside(socket_path, "stop"); }
+
+std::string FindStopSocket(const std::string& socket_path) {
+  const std::string own = StopSocketPath(socket_path);
+  return access(own.c_str(), F_OK) == 0 ? own : StopSocketPath(UsualSocketPath(socket_path));
 }
 
 std::string HostPort::ToString() const {

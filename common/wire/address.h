@@ -17,8 +17,8 @@ inline constexpr std::size_t kMaxSocketPathLength = 107;
 
 // Returns the first of these:
 // - $PALPATE_SOCKET, if it is set and not empty
-// - palpated.sock in `system_folder`, if that is a folder that we may write or that holds the
-//   socket
+// - palpated.sock in `system_folder`, if that is a folder that we may write, or that holds a
+//   socket that we may open: this one, or that of a lower role
 // - palpated.sock in $XDG_RUNTIME_DIR/palpate, or else in /tmp/palpate-<uid>; the folder may not
 //   exist yet
 // Errors: also kPermissionDenied if the folder in /tmp belongs to another user or is open to
@@ -34,6 +34,9 @@ std::string UnixTarget(const std::string& path);
 // "/run/palpate/palpated.sock". Of admins it is the usual socket itself.
 std::string RoleSocketPath(const std::string& usual_path, Role role);
 
+// The usual socket beside which the socket of a role lies. Any other path stays.
+std::string UsualSocketPath(const std::string& path);
+
 // The socket of a door (server/door/entrance.h) for callers of this role:
 // "/run/palpate/palpated-door-viewer.sock".
 std::string DoorSocketPath(const std::string& usual_path, Role role);
@@ -42,10 +45,13 @@ std::string DoorSocketPath(const std::string& usual_path, Role role);
 // one if there is none.
 std::string HighestSocketPath(const std::string& usual_path);
 
-// The socket for the emergency stop alone, beside palpated's others:
-// "/run/palpate/palpated-stop.sock" for "/run/palpate/palpated.sock", and for
-// "/run/palpate/palpated-viewer.sock".
+// The socket for the emergency stop alone, beside palpated's other one:
+// "/run/palpate/palpated-stop.sock" for "/run/palpate/palpated.sock". A role's socket has one if it
+// has a group of its own.
 std::string StopSocketPath(const std::string& socket_path);
+
+// The stop's socket for a client of this socket: beside it, or else that of the usual socket.
+std::string FindStopSocket(const std::string& socket_path);
 
 // A TCP address.
 struct HostPort {

@@ -71,7 +71,8 @@ constexpr KeyOption kKeyOptions[] = {
      "haptic device: simulated, replay, omni-firewire, falcon, openhaptics, forcedimension, haply, "
      "or omni-usb, which only identifies the device; see `palpate device list` [simulated]"},
     {"--socket", "server.socket", Values::kText,
-     "Unix socket to listen on [$PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own]"},
+     "Unix socket to listen on, for admins; those of lower roles are beside it "
+     "[$PALPATE_SOCKET, /run/palpate/palpated.sock, or the user's own]"},
     {"--listen", "server.listen", Values::kText,
      "also listen on this ADDR:PORT; TLS is required unless the address is loopback"},
     {"--state-folder", "state.folder", Values::kText,

@@ -34,9 +34,10 @@ std::string DefaultStateFolder() {
 OwnFiles OwnFilesOf(const LoadedConfig& loaded, const std::filesystem::path& state_folder,
                     const std::string& socket) {
   const SecurityOptions& security = loaded.config.security;
-  std::vector<std::filesystem::path> own{socket + ".tls", StopSocketPath(socket) + ".lock"};
+  std::vector<std::filesystem::path> own{socket + ".tls"};
   for (const Role role : {Role::kViewer, Role::kEditor, Role::kOperator, Role::kAdmin}) {
     own.emplace_back(RoleSocketPath(socket, role) + ".lock");
+    own.emplace_back(StopSocketPath(RoleSocketPath(socket, role)) + ".lock");
     own.emplace_back(DoorSocketPath(socket, role) + ".lock");
   }
   // Not the whole folder: recordings may lie below it. The service's recordings do.

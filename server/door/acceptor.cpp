@@ -48,8 +48,9 @@ sockaddr_storage Parse(const HostPort& address) {
 }  // namespace
 
 void Acceptor::TakeSocket(const std::string& path, std::optional<gid_t> group) {
-  listener_ = BindSocket(path, group);
+  listener_ = BindSocket(path);
   if (listener_ < 0) FailToListen(-1, path, "--socket");
+  if (group) GiveToGroup(path, *group);  // nobody can connect yet
   name_ = path;
 }
 

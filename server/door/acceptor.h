@@ -37,11 +37,12 @@ class Acceptor {
   Acceptor& operator=(const Acceptor&) = delete;
 
   // One of these binds the address, so that no other process can take it. Clients cannot connect
-  // before Start. The socket's file gets the mode 0660. `group`: as BindSocket's.
-  void TakeSocket(const std::string& path, std::optional<gid_t> group = {});
+  // before Start. The socket's file gets the mode 0660. `group`: owns it; none: as every
+  // file that the process makes.
+  void TakeSocket(const std::string& path, std::optional<gid_t> group);
   // Without a role, the port has TLS, and a client is a stranger until its first admitted call.
   void TakePort(const HostPort& address, std::optional<Role> loopback_role);
-  // Listens, if an address was taken. `sink`: receives the connections. gRPC's server must be
+  // Listens. `sink`: receives the connections. gRPC's server must be
   // running.
   void Start(Sink sink);
   // Stops accepting. Call it before gRPC's server ends.

@@ -19,6 +19,9 @@ namespace palpate {
 namespace {
 
 constexpr char kAuthorization[] = "authorization";
+// Calls of those who have one bound of unread answers together end if their answers stay unread:
+// else one of them could keep all others out.
+constexpr std::int64_t kReadPatienceNs = 10'000'000'000;
 constexpr char kStrangers[] = "a stranger";
 
 // Of the calling thread.
@@ -42,9 +45,9 @@ std::string AuthorizationOf(const std::multimap<grpc::string_ref, grpc::string_r
   return {first->second.data(), first->second.size()};
 }
 
-// A header of a door that came once and can be shown to people; otherwise empty.
-std::string WordOf(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata,
-                   const char* header) {
+// The value of a header that came once and can be shown to people; otherwise empty.
+std::string PlainHeader(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata,
+                        const char* header) {
   constexpr std::size_t kLongest = 128;
   const auto [first, last] = metadata.equal_range(header);
   if (first == last || std::next(first) != last) return "";
@@ -68,13 +71,14 @@ Credentials CredentialsOf(const grpc::ServerContextBase& context) {
           .certificate_chain =
               entry.transport == Transport::kTls ? ChainOf(*context.auth_context()) : nullptr,
           .authorization = AuthorizationOf(metadata),
-          .caller = WordOf(metadata, kCallerHeader)};
+          .names_caller = metadata.count(kCallerHeader) + metadata.count(kAddressHeader) > 0,
+          .caller = PlainHeader(metadata, kCallerHeader)};
 }
 
 // gRPC names all clients of a socket alike.
 std::string PeerOf(const grpc::ServerContextBase& context) {
   const bool is_door = Entrance::Of(context).entry().transport == Transport::kDoor;
-  const std::string address = is_door ? WordOf(context.client_metadata(), kAddressHeader) : "";
+  const std::string address = is_door ? PlainHeader(context.client_metadata(), kAddressHeader) : "";
   return address.empty() ? context.peer() : address;
 }
 
@@ -93,13 +97,14 @@ void Admission::Leave() {
   if (!access) return;
   const Running& call = *running_;
   if (call.answer_bytes) {
-    access->unread_.Sent(call.reads_as, *call.answer_bytes, !ok());
+    access->unread_.Sent(call.unread_key, *call.answer_bytes, !ok());
   } else {
     access->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
   }
   if (call.samples_per_s > 0) {
     access->limits_.LeaveSamples(call.caller.name, call.samples_per_s);
-    if (access->connections_) access->connections_->TakesSamples(call.peer, -call.samples_per_s);
+    if (access->connections_)
+      access->connections_->TakesSamples(call.connection, -call.samples_per_s);
   }
   if (call.is_noted) {
     access->activity_.Left(call.caller, call.peer, call.rule->kind == CallKind::kPoseStream,
@@ -120,7 +125,7 @@ grpc::Status Admission::TakeSamples(int samples_per_s) {
         .status();
   }
   call.samples_per_s = samples_per_s;
-  if (access_->connections_) access_->connections_->TakesSamples(call.peer, samples_per_s);
+  if (access_->connections_) access_->connections_->TakesSamples(call.connection, samples_per_s);
   return grpc::Status::OK;
 }
 
@@ -141,28 +146,28 @@ grpc::Status Admission::Answered(const grpc::Status& status, std::size_t answer_
   Running& call = *running_;
   const std::int64_t now_ns = MonotonicNowNs();
   access_->limits_.Leave(call.caller.name, call.rule->kind, call.request_bytes);
-  access_->unread_.Waits(call.reads_as, answer_bytes, now_ns);
+  access_->unread_.Waits(call.unread_key, answer_bytes, now_ns);
   call.answer_bytes = answer_bytes;
+  if (call.shares_bound()) MustSendBy(now_ns + kReadPatienceNs);
   // Whoever stops the forces must learn that they are off. In a flood of others, gRPC may be late
   // to say that answers were read.
   const bool is_stop = call.rule->kind == CallKind::kStop;
-  if (is_stop || !status.ok() || !access_->unread_.IsAbove(call.reads_as, now_ns)) return status;
+  if (is_stop || !status.ok() || !access_->unread_.IsAbove(call.unread_key, now_ns)) return status;
   return {grpc::StatusCode::RESOURCE_EXHAUSTED,
           std::string(NameOf(call.rule->method)) +
-              " is done, but its answer is left out: read the answers that wait for this "
-              "connection before you go on"};
+              " is done, but its answer is left out: too many answers wait to be read"};
 }
 
 void Admission::SendsVoxels(std::size_t bytes) const {
   if (!access_ || !access_->connections_) return;
   access_->connections_->Credit(
-      running_->peer, kBytesPerCall + static_cast<std::int64_t>(bytes) / kVoxelBytesPerByte);
+      running_->connection, kBytesPerCall + static_cast<std::int64_t>(bytes) / kVoxelBytesPerByte);
 }
 
 void Admission::MustSendBy(std::int64_t time_ns) const {
   if (!access_) return;
   const std::lock_guard lock(access_->running_mutex_);
-  running_->must_send_by_ns = time_ns;
+  running_->must_go_on_by_ns = time_ns;
 }
 
 grpc::Status Admission::Failed(const std::exception& error) const {
@@ -209,8 +214,11 @@ Access::Judgement Access::Judge(const grpc::ServerContextBase& context, std::str
   }
   call.caller = *std::move(who.identity);
   call.credentials = std::move(who.kept);
-  if (!call.credentials.entry.IsPreferred()) {
-    call.reads_as = call.peer.starts_with("unix:") ? call.caller.name : call.peer;
+  const Entry& entry = call.credentials.entry;
+  const bool is_tcp = entry.transport == Transport::kPlain || entry.transport == Transport::kTls;
+  if (is_tcp) call.connection = call.peer;
+  if (!entry.IsPreferred()) {
+    call.unread_key = is_tcp ? call.connection : "all of " + call.caller.name;
   }
   if (!call.rule || call.caller.role < call.rule->least) {
     judgement.refusal = {grpc::StatusCode::PERMISSION_DENIED,
@@ -251,7 +259,7 @@ std::optional<Admission> Access::Enter(Admission::Running call,
   const CallKind kind = call.rule->kind;
   const std::int64_t now_ns = MonotonicNowNs();
   std::optional<std::string> problem;
-  if (kind != CallKind::kStop && unread_.IsAbove(call.reads_as, now_ns)) {
+  if (kind != CallKind::kStop && unread_.IsAbove(call.unread_key, now_ns)) {
     problem = "too many answers wait to be read: read them before you go on";
   } else {
     problem = limits_.Enter(call.caller.name, kind, call.request_bytes, now_ns);
@@ -263,8 +271,9 @@ std::optional<Admission> Access::Enter(Admission::Running call,
         Refuse(call, call.rule->method, {grpc::StatusCode::RESOURCE_EXHAUSTED, *problem}).status_;
     // A refusal, too, waits in gRPC until its client reads.
     call.answer_bytes = 0;
-    unread_.Waits(call.reads_as, 0, now_ns, /*is_refusal=*/true);
-    if (connections_ && unread_.IsDeaf(call.reads_as, now_ns)) connections_->Cut(call.peer);
+    if (call.shares_bound()) call.must_go_on_by_ns = now_ns + kReadPatienceNs;
+    unread_.Waits(call.unread_key, 0, now_ns, /*is_refusal=*/true);
+    if (connections_ && unread_.IsDeaf(call.unread_key, now_ns)) connections_->Cut(call.connection);
   }
   {
     const std::lock_guard lock(running_mutex_);
@@ -275,8 +284,8 @@ std::optional<Admission> Access::Enter(Admission::Running call,
   if (!policy.IsInForce()) return std::nullopt;
   admission.running_->is_noted =
       activity_.Came(call.caller, call.peer, kind == CallKind::kPoseStream, now_ns);
-  if (connections_ && call.credentials.entry.transport != Transport::kSocket) {
-    connections_->Admitted(call.peer, call.credentials, call.caller.role,
+  if (connections_) {
+    connections_->Admitted(call.connection, call.credentials, call.caller.role,
                            /*is_credited=*/kind != CallKind::kStop);
   }
   return admission;
@@ -332,7 +341,7 @@ std::vector<Access::End> Access::MarkEnds(const Identities& judged,
     // Who follows the facts was told its role when it began.
     const bool holds = is_allowed && (call.rule->kind != CallKind::kFactStream ||
                                       found->second->role == call.caller.role);
-    const bool is_late = call.must_send_by_ns != 0 && now_ns > call.must_send_by_ns;
+    const bool is_late = call.must_go_on_by_ns != 0 && now_ns > call.must_go_on_by_ns;
     if (holds && !is_late) continue;
     call.ended = true;
     // Stays valid without the lock, also if the call is over in the meantime.
@@ -340,7 +349,7 @@ std::vector<Access::End> Access::MarkEnds(const Identities& judged,
     ends.push_back({call.context->c_call(), call.caller.name,
                     "ended " + std::string(call.rule->method) + " of " + call.caller.name + " at " +
                         call.peer + ": " +
-                        (holds        ? "it sends too slowly"
+                        (holds        ? "it sends or reads too slowly"
                          : is_allowed ? "its caller has another role now"
                                       : "it is no longer allowed")});
   }

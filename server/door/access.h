@@ -88,14 +88,17 @@ class Admission {
     Credentials credentials{};
     Identity caller{};
     std::string peer{};
-    std::string reads_as{};  // in UnreadLimit
+    std::string connection{};  // the peer of TCP, for ConnectionWatch; empty: a socket
+    std::string unread_key{};  // see UnreadLimit
     std::size_t request_bytes = 0;
     int samples_per_s = 0;                      // what TakeSamples has taken
     bool is_noted = false;                      // in the activity
     std::optional<std::size_t> answer_bytes{};  // of a call that is answered
     // Guarded by Access::running_mutex_.
-    std::int64_t must_send_by_ns = 0;
+    std::int64_t must_go_on_by_ns = 0;  // its client must have sent, or read; 0: never
     bool ended = false;
+
+    bool shares_bound() const { return !unread_key.empty() && connection.empty(); }
   };
 
   explicit Admission(grpc::Status status = {}) : status_(std::move(status)) {}
@@ -124,7 +127,7 @@ class Access {
     const double began_s_;
   };
 
-  // Starts with a policy that trusts only peers on the socket and on loopback.
+  // Starts with a policy that trusts only peers on the sockets and on loopback.
   Access() : Access(LimitOptions{}) {}
   // connections: learns which connections belong to a known client; must outlive this object. now:
   // the clock for the validity of certificates; tests pass their own.
@@ -151,7 +154,8 @@ class Access {
   // Applies from the next call on. Running calls that the new policy refuses end now. One thread at
   // a time.
   void SetPolicy(std::shared_ptr<const Policy> policy);
-  // Ends running calls whose certificate has expired, and those that have not sent in time. Call it
+  // Ends running calls whose certificate has expired, and those that have not sent or read in time.
+  // Call it
   // every second.
   void Review();
   // Called at the end of each review. Set it before the first.

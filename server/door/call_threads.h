@@ -3,7 +3,8 @@
 // gRPC's own threads only carry messages: they never wait for a client or for work. A thread here
 // is free again when the answer is given to gRPC, so a client that does not read its answers holds
 // none. The calls of each method have threads of their own, so that slow ones, such as edits,
-// delay no others. A thread starts when it is needed, and stays.
+// delay no others. A thread starts when it is needed, and stays. If the system allows no first one,
+// the work is done on the caller's.
 //
 // Threads: any.
 #pragma once

@@ -29,9 +29,9 @@ constexpr int kKeepaliveTimeoutMs = 10'000;
 constexpr int kLeastProbeMs = 500;
 constexpr int kIdleMs = 600'000;
 constexpr int kMostThreads = 16;  // for reflection; our services use none of these
-// The limit for all memory that gRPC counts, for all clients together. Above it, gRPC ends calls
-// and connections of any client. With 128 MiB, two known clients with endless headers ended streams
-// of others within 15 s, and the process grew as much as with 512 MiB.
+// The limit for all memory that gRPC counts, for all clients of one entrance. Above it, gRPC ends
+// calls and connections of any client. With 128 MiB, two known clients with endless headers ended
+// streams of others within 15 s, and the process grew as much as with 512 MiB.
 constexpr std::size_t kMostBytes = std::size_t{512} << 20;
 
 // Removes a socket that a killed daemon left behind. Removes nothing else.
@@ -134,8 +134,9 @@ void ClaimSocket(const std::string& path, FileLock& lock) {
 gid_t GroupOf(const std::string& name) {
   group found{};
   group* result = nullptr;
-  std::vector<char> text(1 << 16);
-  getgrnam_r(name.c_str(), &found, text.data(), text.size(), &result);
+  std::vector<char> text(1 << 20);
+  const int error = getgrnam_r(name.c_str(), &found, text.data(), text.size(), &result);
+  if (error != 0) Refuse("cannot look up the group " + name + ": " + std::strerror(error));
   if (!result) Refuse("there is no group " + name + ": make it (groupadd --system " + name + ")");
   return result->gr_gid;
 }
@@ -160,10 +161,11 @@ void Entrance::ReservePort(const HostPort& address, std::optional<Role> loopback
 }
 
 void Entrance::Start(std::span<grpc::Service* const> services,
-                     const std::shared_ptr<grpc::ServerCredentials>& credentials, bool is_bare) {
+                     const std::shared_ptr<grpc::ServerCredentials>& credentials,
+                     bool with_reflection) {
   using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   grpc::ServerBuilder builder;
-  if (is_bare) builder.SetOption(std::make_unique<WithoutPlugins>());
+  if (!with_reflection) builder.SetOption(std::make_unique<WithoutPlugins>());
   Bound(builder);
   builder.SetContextAllocator(MakeContexts());
   Acceptor::Sink sink =

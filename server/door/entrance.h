@@ -38,14 +38,13 @@ gid_t GroupOf(const std::string& name);
 
 class Entrance {
  public:
-  // More file numbers than others', for preferred entries: a flood at another entrance must not
-  // keep the workstation's own users from the emergency stop.
+  // More file numbers than the port and viewers have, for operators and admins; half of them for
+  // editors. So a flood at one entrance does not keep out those of a higher role.
   static constexpr int kKeptFiles = 64;
 
-  // first_refused_file: of entries that are not preferred; see Acceptor.
+  // first_refused_file: of the port and of viewers; see Acceptor.
   Entrance(const Entry& entry, int first_refused_file, ConnectionWatch& watch)
-      : entry_(entry),
-        acceptor_(first_refused_file + (entry.IsPreferred() ? kKeptFiles : 0), watch) {}
+      : entry_(entry), acceptor_(first_refused_file + KeptFiles(entry), watch) {}
   ~Entrance() { Stop({}); }
   Entrance(const Entrance&) = delete;
   Entrance& operator=(const Entrance&) = delete;
@@ -62,11 +61,10 @@ class Entrance {
   // process's own.
   void ReserveSocket(const std::string& path, const std::string& group);
   void ReservePort(const HostPort& address, std::optional<Role> loopback_role);
-  // Serves. The services may serve at several entrances. is_bare: without gRPC's own services,
-  // which do not check the caller: reflection, and health if EnableDefaultHealthCheckService is
-  // off.
+  // Serves. The services may serve at several entrances. with_reflection: of gRPC, which does
+  // not check the caller.
   void Start(std::span<grpc::Service* const> services,
-             const std::shared_ptr<grpc::ServerCredentials>& credentials, bool is_bare);
+             const std::shared_ptr<grpc::ServerCredentials>& credentials, bool with_reflection);
   // No new connections come from here on.
   void StopAccepting() { acceptor_.Stop(); }
   // Ends streams and calls, by `deadline` those that do not end by themselves, and removes the
@@ -74,6 +72,12 @@ class Entrance {
   void Stop(std::chrono::system_clock::time_point deadline) noexcept;
 
  private:
+  static int KeptFiles(const Entry& entry) {
+    return entry.role >= Role::kOperator ? kKeptFiles
+           : entry.role == Role::kEditor ? kKeptFiles / 2
+                                         : 0;
+  }
+
   const Entry entry_;
   std::string path_;  // empty: the port
   std::optional<gid_t> group_;

@@ -59,9 +59,10 @@ std::string PrefixOf(const sockaddr_storage& address);
 // Bounds the answers that a connection leaves unread: they take memory until the client reads them.
 //
 // A connection that stays above the bound gets no further call until its client has read; at once
-// if all connections together are above theirs. Refusals count as well, and end the connection of a
-// client that goes on calling. gRPC names all clients of a socket alike, and those of a door come
-// on any connection: they have one bound together, at once.
+// if all connections together are above theirs. Refusals count as well, and end the TCP connection
+// of a client that goes on calling. gRPC names all clients of a socket alike, and those of a door
+// come on any connection: they have one bound together, at once, and calls whose answers they do
+// not read end (Access).
 //
 // `who`: a connection as gRPC names it, or any other name for those who have a bound together.
 // Empty: a client that is trusted, and has no bound.

@@ -96,10 +96,10 @@ std::optional<std::string> IdentityLimits::EnterSamples(const std::string& ident
   if (use.samples_per_s + samples_per_s > most_of_one) {
     return TooManySamples(samples_per_s, most_of_one, use.samples_per_s,
                           is_preferred
-                              ? "the clients on the socket"
+                              ? "the clients on this socket"
                               : "one client over the network, or on a lower role's socket");
   }
-  if (samples_per_s_ + samples_per_s > most) {
+  if (!is_preferred && samples_per_s_ + samples_per_s > most) {
     return TooManySamples(samples_per_s, most, samples_per_s_, "all clients together");
   }
   use.samples_per_s += samples_per_s;

@@ -17,7 +17,7 @@
 
 namespace palpate {
 
-// Limits per identity. All clients on the socket are one identity.
+// Limits per identity. All clients on one socket are one identity.
 struct LimitOptions {
   int calls_per_s = 2000;  // also the most at once
   int pose_streams = 256;  // and as many of facts

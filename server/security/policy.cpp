@@ -11,6 +11,12 @@ namespace {
 constexpr char kAskForToken[] = ": ask the operator for a new token ('palpated token add')";
 constexpr std::string_view kBearer = "Bearer ";
 
+// Not one of our own names for those who have none, which have limits of their own.
+bool CanBeCaller(const std::string& name) {
+  return !name.empty() && name.front() != ' ' && name.back() != ' ' && name != "loopback" &&
+         !name.ends_with(" socket");
+}
+
 Recognised Stranger(const std::string& problem) { return {.problem = problem}; }
 
 }  // namespace
@@ -52,18 +58,19 @@ Recognised Policy::Recognise(const Credentials& credentials, CertificateTime now
         "a token came without TLS, where others may have read it: revoke it, and send tokens over "
         "TLS only");
   }
-  if (entry.transport != Transport::kDoor && !credentials.caller.empty()) {
-    return Stranger(std::string(kCallerHeader) + " is believed on the sockets of a door alone");
+  if (entry.transport != Transport::kDoor && credentials.names_caller) {
+    return Stranger(std::string(kCallerHeader) + " and " + kAddressHeader +
+                    " are for the sockets of a door alone");
   }
   switch (entry.transport) {
     case Transport::kSocket:
       return {.identity = OfSocket(entry), .kept = credentials};
     case Transport::kDoor:
-      if (!credentials.caller.empty()) {
+      if (CanBeCaller(credentials.caller)) {
         return {.identity = Identity{credentials.caller, entry.role}, .kept = credentials};
       }
       return Stranger("this is a door's socket, and " + std::string(kCallerHeader) +
-                      " does not say who calls");
+                      " does not say who calls, as in 'token ada'");
     case Transport::kPlain:
       return {.identity = Identity{"loopback", options_.loopback_role}, .kept = credentials};
     case Transport::kTls:

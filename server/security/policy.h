@@ -46,7 +46,7 @@ enum class Transport {
 // The way by which a call came.
 struct Entry {
   Transport transport = Transport::kPlain;
-  Role role = Role::kAdmin;  // of a socket
+  Role role = Role::kUnknown;  // of a socket
   // The socket has a group of its own. Otherwise those who may open the usual socket may open it,
   // and its role is not above socket_role.
   bool has_group = false;
@@ -69,7 +69,8 @@ struct Credentials {
   // Replaces the header for a call that was already admitted: the hash that found its token. So the
   // token itself is not kept.
   std::string token_sha256_hex{};
-  std::string caller{};  // the header; empty: none that can be used
+  bool names_caller = false;  // a door's headers came
+  std::string caller{};       // what they say; empty: it cannot be used
 
   auto operator<=>(const Credentials&) const = default;
 };
@@ -83,7 +84,7 @@ struct Recognised {
 
 class Policy {
  public:
-  // Trusts only peers on the socket and on loopback.
+  // Trusts only peers on the sockets and on loopback.
   Policy() = default;
   // Reads the files. Errors: Error.
   explicit Policy(const PolicyOptions& options);

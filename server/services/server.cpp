@@ -6,9 +6,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <filesystem>
 #include <memory>
+#include <thread>
 #include <utility>
+#include <vector>
 
 #include "common/error/error.h"
 #include "server/door/open_files.h"
@@ -51,6 +54,7 @@ void MakeSocketFolder(const std::filesystem::path& folder) {
 
 RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
     : options_(std::move(options)),
+      first_refused_file_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections)),
       watch_(FirstSecondFile(RaiseOpenFileLimit(), options_.security.connections)),
       access_(options_.security.limits, &watch_),
       calls_(access_, parts.session),
@@ -84,16 +88,20 @@ void RpcServer::AddSocket(const Entry& entry, const std::string& path, const std
   AddEntrance(entry).ReserveSocket(path, group);
 }
 
+void RpcServer::AddStopSocket(const std::string& path, std::optional<gid_t> group) {
+  UnixTarget(path);
+  ClaimSocket(path, stop_locks_.emplace_back());
+  stop_sockets_.push_back({path, group});
+}
+
 Entrance& RpcServer::AddEntrance(const Entry& entry) {
-  const int first = FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections);
-  return *entrances_.emplace_back(std::make_unique<Entrance>(entry, first, watch_));
+  return *entrances_.emplace_back(std::make_unique<Entrance>(entry, first_refused_file_, watch_));
 }
 
 void RpcServer::Reserve() {
   const std::string& usual = options_.socket_path;
   UnixTarget(usual);
-  const std::string stop_path = StopSocketPath(usual);
-  UnixTarget(stop_path);
+  UnixTarget(StopSocketPath(usual));
   if (options_.listen) {
     if (options_.listen->host == "localhost") options_.listen->host = "127.0.0.1";
     CheckListen(*options_.listen, options_.security);
@@ -103,11 +111,14 @@ void RpcServer::Reserve() {
   for (const auto& [role, group] :
        {std::pair(Role::kAdmin, std::string()), std::pair(Role::kOperator, groups.operators),
         std::pair(Role::kEditor, groups.editors), std::pair(Role::kViewer, groups.viewers)}) {
-    AddSocket({Transport::kSocket, role, !group.empty()}, RoleSocketPath(usual, role), group);
-    if (groups.door.empty()) continue;
-    AddSocket({Transport::kDoor, role, true}, DoorSocketPath(usual, role), groups.door);
+    const std::string path = RoleSocketPath(usual, role);
+    AddSocket({Transport::kSocket, role, !group.empty()}, path, group);
+    if (!groups.door.empty()) {
+      AddSocket({Transport::kDoor, role, true}, DoorSocketPath(usual, role), groups.door);
+    }
+    if (!group.empty()) AddStopSocket(StopSocketPath(path), GroupOf(group));
   }
-  ClaimSocket(stop_path, stop_lock_);
+  AddStopSocket(StopSocketPath(usual), {});
   if (!options_.security.tls.certificate.empty()) {
     const StartsUrgentThreads urgent;
     tls_ = std::make_unique<TlsFiles>(options_.security.tls, usual + ".tls");
@@ -150,15 +161,18 @@ void RpcServer::Start() {
   absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);
   const StartsUrgentThreads urgent;
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
-  grpc::EnableDefaultHealthCheckService(!tls_);
-  stop_door_.Open(StopSocketPath(options_.socket_path));
+  stop_door_.Open(stop_sockets_);
   watch_.Start();
   grpc::Service* const services[] = {&poses_,  &render_,    &registration_, &volume_, &series_,
                                      &device_, &recording_, &activity_,     &facts_};
   for (const auto& entrance : entrances_) {
     const bool is_tls = entrance->entry().transport == Transport::kTls;
+    // gRPC's own services ask nobody who calls, and Access does not bound them.
+    const bool with_grpcs = !tls_ && (entrance->entry().IsPreferred() ||
+                                      entrance->entry().transport == Transport::kPlain);
+    grpc::EnableDefaultHealthCheckService(with_grpcs);
     entrance->Start(services, is_tls ? tls_->MakeCredentials() : grpc::InsecureServerCredentials(),
-                    /*is_bare=*/tls_ != nullptr);
+                    /*with_reflection=*/with_grpcs);
   }
 }
 
@@ -172,14 +186,21 @@ void RpcServer::Stop() noexcept {
   volume_streams_.Stop();
   facts_.Stop();
   const auto deadline = std::chrono::system_clock::now() + kShutdownPatience;
-  // The usual socket goes last: a client that is about to come back shall not take a lower one.
-  for (auto at = entrances_.rbegin(); at != entrances_.rend(); ++at) (*at)->Stop(deadline);
+  std::vector<std::thread> stops;  // all clients have the same time
+  for (const auto& entrance : entrances_) {
+    try {
+      stops.emplace_back([&entrance, deadline] { entrance->Stop(deadline); });
+    } catch (const std::exception&) {
+      entrance->Stop(deadline);  // the system allows no more threads
+    }
+  }
+  for (std::thread& stop : stops) stop.join();
   // The stop works until here.
   stop_door_.Close();
   // Destroyed while the locks are held: afterwards another daemon may make the folder anew.
   security_files_.reset();
   tls_.reset();
-  stop_lock_ = {};
+  stop_locks_.clear();
   entrances_.clear();
 }
 

@@ -99,9 +99,11 @@ class RpcServer {
 
  private:
   void AddSocket(const Entry& entry, const std::string& path, const std::string& group);
+  void AddStopSocket(const std::string& path, std::optional<gid_t> group);
   Entrance& AddEntrance(const Entry& entry);
 
   ServerOptions options_;
+  const int first_refused_file_;
   ConnectionWatch watch_;
   Access access_;
   Calls calls_;
@@ -119,7 +121,8 @@ class RpcServer {
   StopDoor& stop_door_;
   std::vector<std::unique_ptr<Entrance>> entrances_;
   std::unique_ptr<SecurityFiles> security_files_;
-  FileLock stop_lock_;  // of the stop's socket
+  std::vector<StopSocket> stop_sockets_;
+  std::vector<FileLock> stop_locks_;  // of these
 };
 
 }  // namespace palpate

@@ -42,19 +42,19 @@ char* AddNumber(char* to, char* end, Number number) {
 
 }  // namespace
 
-void StopDoor::Open(const std::string& path) {
-  const int listener = BindSocket(path);
-  if (listener < 0 || listen(listener, kWaiting) != 0) {
-    const std::string why = std::strerror(errno);
-    if (listener >= 0) {
-      unlink(path.c_str());
-      close(listener);
-    }
-    throw Error(ErrorKind::kConflict,
-                "cannot listen on " + path + ": " + why + "; name another socket with --socket");
+void StopDoor::OpenAll(const std::vector<StopSocket>& sockets) {
+  for (const StopSocket& socket : sockets) {
+    Listener& one = listeners_.emplace_back(Listener{socket.path, BindSocket(socket.path)});
+    if (one.fd >= 0 && socket.group) GiveToGroup(socket.path, *socket.group);
+    if (one.fd >= 0 && listen(one.fd, kWaiting) == 0) continue;
+    throw Error(ErrorKind::kConflict, "cannot listen on " + socket.path + ": " +
+                                          std::strerror(errno) +
+                                          "; name another socket with --socket");
   }
-  path_ = path;
-  listener_ = listener;
+}
+
+void StopDoor::Open(const std::vector<StopSocket>& sockets) {
+  OpenAll(sockets);
   end_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
   if (end_ < 0) throw Error(ErrorKind::kInternal, "no file is left: raise LimitNOFILE (ulimit -n)");
   ends_ = false;
@@ -70,7 +70,7 @@ void StopDoor::Open(const std::string& path) {
 }
 
 void StopDoor::Close() noexcept {
-  if (listener_ < 0) return;
+  if (listeners_.empty()) return;
   ends_ = true;
   if (end_ >= 0) eventfd_write(end_, 1);
   if (thread_.joinable()) thread_.join();
@@ -78,8 +78,11 @@ void StopDoor::Close() noexcept {
   if (teller_.joinable()) teller_.join();
   TellStops();
   CloseDropped();
-  unlink(path_.c_str());
-  close(std::exchange(listener_, -1));
+  for (const Listener& one : std::exchange(listeners_, {})) {
+    if (one.fd < 0) continue;
+    unlink(one.path.c_str());
+    close(one.fd);
+  }
   if (end_ >= 0) close(std::exchange(end_, -1));
 }
 
@@ -105,10 +108,10 @@ void StopDoor::Run() noexcept {
   SetupRealtimeThread({.priority = priority_, .lock_memory = false}, grant);
   pthread_setname_np(pthread_self(), "palpate-stop");
   if (!grant.fifo) SetThreadNice(kNice);
-  std::array<pollfd, kMostOpen + 2> files{};
+  std::array<pollfd, kMostOpen + kMostSockets + 1> files{};
   while (!ends_) {
     std::size_t count = 0;
-    files[count++] = {listener_, POLLIN, 0};
+    for (const Listener& one : listeners_) files[count++] = {one.fd, POLLIN, 0};
     files[count++] = {end_, POLLIN, 0};
     bool is_awaited = false;
     for (const Connection& one : connections_) {
@@ -120,7 +123,9 @@ void StopDoor::Run() noexcept {
       if (one.fd >= 0 && one.tick == 0) Look(one);
     }
     AnswerAll();
-    for (int n = 0; n < kAtOnce && Accept(); ++n) {
+    for (const Listener& one : listeners_) {
+      for (int n = 0; n < kAtOnce && Accept(one.fd); ++n) {
+      }
     }
     // Real-time, the thread must sleep: see LimitRTTIME= of the unit.
     clock_nanosleep(CLOCK_MONOTONIC, 0, &kPause, nullptr);
@@ -128,14 +133,14 @@ void StopDoor::Run() noexcept {
   for (Connection& one : connections_) Drop(one);
 }
 
-bool StopDoor::Accept() noexcept {
+bool StopDoor::Accept(int listener) noexcept {
   Connection* place = Oldest(/*has_asked=*/false);
   if (place == nullptr) {
     place = Oldest(/*has_asked=*/true);
     // Within a tick or two it is answered, unless the loop stands.
     if (MonotonicNowNs() - place->asked_ns < kFullPatienceNs) return false;
   }
-  const int fd = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+  const int fd = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (fd < 0) {
     // A silent one gives its file to the next.
     if (errno == EMFILE || errno == ENFILE) DropASilentOne();

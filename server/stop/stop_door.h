@@ -1,6 +1,7 @@
-// The emergency stop's own door: a Unix socket beside palpated's, on which nothing else is asked.
+// The emergency stop's own door: Unix sockets beside palpated's, on which nothing else is asked:
+// one, and one for each group that has a socket of its own for its role.
 //
-// Whoever may open the socket may stop. The request is "stop\n", in one write; the answer is one
+// Whoever may open one of them may stop. The request is "stop\n", in one write; the answer is one
 // line:
 //   stopped stop-call 120334 3.3 0
 // State and reason of the forces, the first tick with zero force, and the limits of force (N) and
@@ -10,7 +11,7 @@
 // tenth of one.
 // A loop that has ended has written zero force: "off operator" and the tick after its last one.
 //
-// One thread, "palpate-stop", serves the socket: below the servo's and the device's threads, and
+// One thread, "palpate-stop", serves the sockets: below the servo's and the device's threads, and
 // above all others where the system permits. It takes no lock, allocates nothing, writes no log and
 // shares nothing but atomic values, so that it works whatever the rest of palpated does: with all
 // other threads standing, and while the gRPC server shuts down. It works for at most kAtOnce
@@ -32,10 +33,12 @@
 #include <cstdint>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <semaphore>
 #include <string>
 #include <string_view>
 #include <thread>
+#include <vector>
 
 #include "server/device/haptic_device.h"
 #include "server/pump/tick_outbox.h"
@@ -50,10 +53,16 @@ struct StopCaller {
   pid_t process = 0;
 };
 
+struct StopSocket {
+  std::string path{};            // of no other file
+  std::optional<gid_t> group{};  // owns it; none: as every file that the process makes
+};
+
 class StopDoor {
  public:
   static constexpr std::size_t kMostOpen = 128;
   static constexpr int kAtOnce = 64;
+  static constexpr std::size_t kMostSockets = 4;
 
   // `priority`: of SCHED_FIFO, 1 to 99.
   StopDoor(ServoLoop& servo, LastTickBoard& board, HapticDevice& device, int priority)
@@ -62,9 +71,9 @@ class StopDoor {
   StopDoor(const StopDoor&) = delete;
   StopDoor& operator=(const StopDoor&) = delete;
 
-  // `path`: of no other file.
-  void Open(const std::string& path);
-  // Tells of the stops so far, and removes the socket. A second call does nothing.
+  // At most kMostSockets.
+  void Open(const std::vector<StopSocket>& sockets);
+  // Tells of the stops so far, and removes the sockets. A second call does nothing.
   void Close() noexcept;
 
   // Called once for each stop, after it has acted; one call at a time. Empty: nobody is told.
@@ -82,7 +91,7 @@ class StopDoor {
 
   void Run() noexcept;
   // False if nobody waits, or there is no place.
-  bool Accept() noexcept;
+  bool Accept(int listener) noexcept;
   // The oldest of those that have asked, or have not; null: there is none. A free place is the
   // oldest of those that have not.
   Connection* Oldest(bool has_asked) noexcept;
@@ -103,8 +112,14 @@ class StopDoor {
   HapticDevice& device_;
   const int priority_;
 
-  std::string path_;
-  int listener_ = -1, end_ = -1;
+  struct Listener {
+    std::string path{};
+    int fd = -1;
+  };
+  void OpenAll(const std::vector<StopSocket>& sockets);
+
+  std::vector<Listener> listeners_;  // do not change while the threads run
+  int end_ = -1;
   std::atomic<bool> ends_{false};
   std::thread thread_, teller_;
 

@@ -1,27 +1,34 @@
 """The socket is the permission: a role has a socket, and a door says who calls."""
 
+import contextlib
 import grp
 import os
 import pathlib
 import re
 import signal
+import socket
 import stat
 import subprocess
+import threading
 import unittest
 
 import grpc
 
 import palpate
 from palpate._address import beside, role_socket_path
-from palpate.v1 import render_pb2
+from palpate._stop_socket import stop_by_socket, stop_socket_path
+from palpate.v1 import device_pb2, facts_pb2, facts_pb2_grpc, render_pb2
 from python_security_test import ENABLE, STOP, PoseStreams, SecuredTest, call
 from secured import ROLES, SecuredDaemon, wait_for
 from support import METHODS, PALPATE, PALPATED, PATIENCE_S, Daemon
+from wire import GET_DEVICE, Unreading
 
 OWN_GROUP = grp.getgrgid(os.getegid()).gr_name
 DOOR = f'[server]\ndoor_group = "{OWN_GROUP}"\nloopback_role = "viewer"\n'
 ADA = [("palpate-caller", "token ada"), ("palpate-address", "192.0.2.7")]
+HEALTH, UNIMPLEMENTED = "/grpc.health.v1.Health/Check", grpc.StatusCode.UNIMPLEMENTED
 REFUSED = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED)
+GET = device_pb2.DESCRIPTOR.services_by_name["DeviceService"].methods_by_name["GetDevice"]
 SET = render_pb2.DESCRIPTOR.services_by_name["RenderService"].methods_by_name["UpdateSettings"]
 
 
@@ -32,6 +39,20 @@ def socket_of(daemon, role, door=False):
 
 def channel_of(daemon, role, door=False):
     return grpc.insecure_channel("unix:" + socket_of(daemon, role, door))
+
+
+def held(requests):
+    """A client that says no more and does not end."""
+    yield from requests
+    threading.Event().wait(PATIENCE_S)
+
+
+def code_of(channel, path):
+    try:
+        channel.unary_unary(path)(b"", timeout=PATIENCE_S)
+        return grpc.StatusCode.OK
+    except grpc.RpcError as refused:
+        return refused.code()
 
 
 class Doors(SecuredTest):
@@ -71,26 +92,29 @@ class Doors(SecuredTest):
             self.assertEqual(conn.device.info().forces_set_by, "token ada")
 
     def test_nobody_else_is_believed(self):
-        for role in ROLES:
-            with channel_of(self.daemon, role) as channel:
-                self.assertEqual(call(channel, STOP, ADA)[0], REFUSED[0], role)
-        with self.daemon.channel(self.daemon.tokens["admin"]) as channel:
-            self.assertEqual(call(channel, STOP, ADA)[0], REFUSED[0])
+        for metadata in (ADA, ADA[:1], ADA[1:], [ADA[0], ADA[0]], [("palpate-caller", "")],
+                         [("palpate-caller", "a" * 129)]):
+            for role in ROLES:
+                with channel_of(self.daemon, role) as channel:
+                    self.assertEqual(call(channel, STOP, metadata)[0], REFUSED[0], metadata)
+            with self.daemon.channel(self.daemon.tokens["admin"]) as channel:
+                self.assertEqual(call(channel, STOP, metadata)[0], REFUSED[0], metadata)
         token = ("authorization", "Bearer " + self.daemon.tokens["admin"].read_text().strip())
         with channel_of(self.daemon, "admin", door=True) as channel:
             for metadata in ([*ADA, token], [*ADA, ADA[0]], [("palpate-caller", "")],
-                             [("palpate-caller", "a" * 129)], [("palpate-address", "192.0.2.7")]):
+                             [("palpate-caller", "a" * 129)], ADA[1:],
+                             # Names of those who have none, and what looks like them.
+                             *([("palpate-caller", name)] for name in
+                               ("local socket", "viewer socket", "loopback", " a", "a ", " "))):
                 code, _ = call(channel, STOP, metadata)
                 self.assertEqual(code, REFUSED[0], metadata)
 
     def test_methods_that_do_not_exist(self):
         for role in ROLES:
             for door in (False, True):
-                with channel_of(self.daemon, role, door) as channel, \
-                        self.assertRaises(grpc.RpcError) as refused:
-                    channel.unary_unary("/palpate.v1.DeviceService/Nothing")(
-                        b"", timeout=PATIENCE_S)
-                self.assertEqual(refused.exception.code(), grpc.StatusCode.UNIMPLEMENTED)
+                for method in ("/palpate.v1.DeviceService/Nothing", HEALTH):
+                    with channel_of(self.daemon, role, door) as channel:
+                        self.assertEqual(code_of(channel, method), UNIMPLEMENTED)
 
 
 class Sockets(unittest.TestCase):
@@ -114,24 +138,78 @@ class Sockets(unittest.TestCase):
         with channel_of(daemon, "operator") as channel:
             self.assertEqual(call(channel, ENABLE)[0], REFUSED[1])
             stream = PoseStreams(self).begin(channel)
+            start = facts_pb2.FollowRequest(start=facts_pb2.FollowStart())
+            followed = facts_pb2_grpc.FactsServiceStub(channel).Follow(held([start]))
+            next(followed)
             # Lowered while it runs.
             config = daemon.folder / "palpated.toml"
             config.write_text(config.read_text().replace('"editor"', '"viewer"'))
             daemon.process.send_signal(signal.SIGHUP)
             wait_for(lambda: not self.may_set(daemon, "operator"), "the lower role")
             next(stream)
+            # Who follows facts was told its role.
+            with self.assertRaises(grpc.RpcError):
+                list(followed)
 
     def test_a_group_of_its_own_is_the_permission(self):
         groups = grp.getgrall() if os.geteuid() == 0 else map(grp.getgrgid, os.getgroups())
-        other = next((one for one in groups if one.gr_gid != os.getegid()), None)
-        group = other or grp.getgrgid(os.getegid())
+        group = next((one for one in groups if one.gr_gid != os.getegid()), None)
+        if group is None:
+            self.skipTest("this user is in one group")
         daemon = self.enterContext(Daemon(config={
             "server": ['socket_role = "viewer"', f'operator_group = "{group.gr_name}"']}))
-        usual, operators = self.owners(daemon, daemon.socket, socket_of(daemon, "operator"))
-        self.assertEqual(operators, group.gr_gid)
-        self.assertEqual(usual == operators, other is None)
+        paths = [daemon.socket, *(socket_of(daemon, role) for role in ("viewer", "operator"))]
+        for found in (paths, [stop_socket_path(path) for path in paths]):
+            self.assertEqual(self.owners(daemon, *found),
+                             [os.getegid(), os.getegid(), group.gr_gid])
+        self.assertNotEqual(stop_by_socket(stop_socket_path(paths[2])), None)
         self.assertEqual([self.may_set(daemon, role) for role in ROLES],
                          [False, False, True, False])
+
+    def test_each_has_a_socket_until_the_end(self):
+        daemon = self.enterContext(Daemon())
+        sockets = {path.name for path in daemon.folder.glob("*.sock")}
+        self.assertEqual(sockets, {f"palpated{part}.sock" for part in
+                                   ("", "-operator", "-editor", "-viewer", "-stop")})
+        with channel_of(daemon, "operator") as operator, channel_of(daemon, "viewer") as viewer:
+            self.assertEqual(code_of(operator, HEALTH), grpc.StatusCode.OK)
+            self.assertEqual(code_of(viewer, HEALTH), UNIMPLEMENTED)  # no limit holds for it
+        daemon.end(signal.SIGKILL)
+        daemon.start()
+        self.assertTrue(self.may_set(daemon, "operator"))
+        daemon.end()
+        self.assertEqual([*daemon.folder.glob("*.sock")], [])
+
+    def test_viewers_keep_no_place_and_no_answer_from_others(self):
+        daemon = self.enterContext(Daemon(config={
+            "server": [f'door_group = "{OWN_GROUP}"'], "limits": ["connections = 100"]}))
+        viewers = self.enterContext(contextlib.ExitStack())
+
+        def connect():
+            plain = socket.socket(socket.AF_UNIX)
+            viewers.callback(plain.close)
+            plain.connect(socket_of(daemon, "viewer"))
+            return plain
+
+        for _ in range(20):
+            with contextlib.suppress(OSError):
+                Unreading(connect()).call(GET_DEVICE, 95)
+
+        def answer(role, door=False):
+            with channel_of(daemon, role, door) as channel:
+                return call(channel, GET, ADA if door else None)[0]
+
+        full = grpc.StatusCode.RESOURCE_EXHAUSTED
+        wait_for(lambda: answer("viewer") == full, "the bound of viewers")
+        self.assertEqual([answer(role) for role in ROLES[1:]], 3 * [grpc.StatusCode.OK])
+        # They end by themselves.
+        wait_for(lambda: answer("viewer") == grpc.StatusCode.OK, "the end of unread calls")
+        for _ in range(400):
+            with contextlib.suppress(OSError):
+                connect()
+        wait_for(lambda: any("too many are open" in line for line in daemon.said), "a line")
+        self.assertEqual([answer(role, door) for role in ROLES[1:] for door in (False, True)],
+                         6 * [grpc.StatusCode.OK])
 
     def test_a_group_that_is_not_there(self):
         config = pathlib.Path(self.enterContext(Daemon()).folder) / "groups.toml"

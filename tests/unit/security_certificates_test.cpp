@@ -201,7 +201,7 @@ TEST_F(CertificatesTest, APolicyTrustsNothingItWasNotTold) {
     EXPECT_TRUE(none.Recognise({.entry = {plain}}, kNow).identity);
     EXPECT_FALSE(none.Recognise({.entry = {plain}, .authorization = "Bearer x"}, kNow).identity);
   }
-  EXPECT_EQ(none.Recognise({.entry = {Transport::kSocket}}, kNow).identity->role, Role::kAdmin);
+  EXPECT_EQ(none.Recognise({.entry = {Transport::kSocket, Role::kAdmin}}, kNow).identity->role, Role::kAdmin);
   EXPECT_EQ(none.Recognise({.entry = {Transport::kPlain}}, kNow).identity->role, Role::kViewer);
 }
 

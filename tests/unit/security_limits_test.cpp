@@ -121,17 +121,16 @@ TEST(IdentityLimits, SamplesOfPosesAreForAllTogetherAndHalfForOneOverTheNetwork)
   for (const char* part : {"59", "4000", "limits.pose_samples_per_s"}) {
     EXPECT_NE(refusal->find(part), std::string::npos) << *refusal;
   }
-  // Others still get in, and the socket has what is left.
+  // Others still get in, and leave the operators' socket its share.
   EXPECT_EQ(taken("token b", false, 59), 67);
-  EXPECT_EQ(taken("socket", true, 10), 4);
+  EXPECT_EQ(taken("token d", false, 10), 4);
+  EXPECT_EQ(taken("socket", true, 1000), 8);
   EXPECT_NE(limits.EnterSamples("token c", false, 59)->find("8000"), std::string::npos);
   // What ends makes room, for whoever comes.
   for (int n = 0; n < 4; ++n) limits.LeaveSamples("token a", 1000);
-  EXPECT_EQ(taken("socket", true, 1000), 4);
   EXPECT_EQ(taken("token a", false, 1000), 0);
-  for (int n = 0; n < 67; ++n) limits.LeaveSamples("token b", 59);
-  for (int n = 0; n < 4; ++n) limits.LeaveSamples("socket", 1000);
-  for (int n = 0; n < 4; ++n) limits.LeaveSamples("socket", 10);
+  for (int n = 0; n < 8; ++n) limits.LeaveSamples("socket", 1000);
+  EXPECT_EQ(taken("token a", false, 1000), 4);
   EXPECT_EQ(taken("socket", true, 1000), 8);
 }
 

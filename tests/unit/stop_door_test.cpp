@@ -60,7 +60,7 @@ class StopDoorTest : public ::testing::Test {
       EXPECT_EQ(by.process, getpid());
       ++told_;
     });
-    door_.Open(path_);
+    door_.Open({{path_}});
   }
   ForceState state() { return ForceWatch(data_.outbox().last).newest()->forces.state; }
 

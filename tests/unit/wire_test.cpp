@@ -74,10 +74,19 @@ TEST(SocketPaths, TheOthersLieBesideTheUsualOne) {
   EXPECT_EQ(RoleSocketPath("/tmp/or-2", Role::kOperator), "/tmp/or-2-operator");
   EXPECT_EQ(DoorSocketPath(usual, Role::kEditor), "/run/palpate/palpated-door-editor.sock");
   EXPECT_EQ(StopSocketPath(usual), "/run/palpate/palpated-stop.sock");
-  for (const Role role : {Role::kViewer, Role::kEditor, Role::kOperator}) {
-    for (const std::string& path : {usual, std::string("/tmp/or-2")}) {
-      EXPECT_EQ(StopSocketPath(RoleSocketPath(path, role)), StopSocketPath(path));
+  EXPECT_EQ(StopSocketPath("/tmp/or-2"), "/tmp/or-2-stop");
+}
+
+TEST(SocketPaths, TheStopOfARoleIsBesideItsSocketOrTheUsualOne) {
+  const test::TemporaryFolder folder;
+  for (const std::string usual : {folder.path() / "a.sock", folder.path() / "b"}) {
+    for (const Role role : {Role::kViewer, Role::kEditor, Role::kOperator}) {
+      const std::string of_role = RoleSocketPath(usual, role);
+      EXPECT_EQ(FindStopSocket(of_role), StopSocketPath(usual));
+      std::ofstream(StopSocketPath(of_role)).put('x');
+      EXPECT_EQ(FindStopSocket(of_role), StopSocketPath(of_role));
     }
+    EXPECT_EQ(FindStopSocket(usual), StopSocketPath(usual));
   }
 }
 

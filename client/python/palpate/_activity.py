@@ -12,9 +12,9 @@ from palpate.v1 import activity_pb2
 class ConnectedCaller:
     """Somebody who uses the daemon now.
 
-    identity: such as "token or-2"; all programs on the daemon's socket are one "local socket"
+    identity: such as "token or-2"; all programs on one of the daemon's sockets are one, such as "local socket"
     role: what the caller may do
-    peer: where it calls from, such as "ipv4:192.0.2.7"; empty: the local socket
+    peer: where it calls from, such as "ipv4:192.0.2.7"; empty: a socket
     connected_s: how long ago it came, s
     watches: it receives poses
     is_you: it is this connection

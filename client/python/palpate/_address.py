@@ -22,7 +22,8 @@ def default_socket_path() -> str:
         return path
     system = os.path.join(_SYSTEM_FOLDER, _SOCKET_NAME)
     if os.path.isdir(_SYSTEM_FOLDER) and (
-            os.access(_SYSTEM_FOLDER, os.W_OK | os.X_OK) or os.path.exists(system)):
+            os.access(_SYSTEM_FOLDER, os.W_OK | os.X_OK) or
+            os.access(_highest(system), os.W_OK)):
         return system
     if runtime := os.environ.get("XDG_RUNTIME_DIR"):
         return os.path.join(runtime, "palpate", _SOCKET_NAME)

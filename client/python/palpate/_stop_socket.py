@@ -1,6 +1,7 @@
 """The emergency stop by palpated's own socket for it. client/sdk/calls.cpp has the same."""
 
 import contextlib
+import os
 import socket
 import struct
 
@@ -15,8 +16,9 @@ _TRIES = 3
 
 
 def stop_socket_path(socket_path: str) -> str:
-    """As StopSocketPath in common/wire/address.h."""
-    return beside(usual_path(socket_path), "stop")
+    """As FindStopSocket in common/wire/address.h."""
+    own = beside(socket_path, "stop")
+    return own if os.path.exists(own) else beside(usual_path(socket_path), "stop")
 
 
 def stop_by_socket(path: str) -> ForceStatus | None:

@@ -258,12 +258,13 @@ void Files::Dismiss() {
 void Files::StartHere(bool fresh) {
   problem_.clear();
   if (viewer_.feed().is_stopping()) return;
-  const std::string& name = viewer_.feed().name();
+  const std::string name = viewer_.feed().name();
   try {
-    const std::string socket =
-        viewer_.feed().is_here() ? name.substr(kSocketScheme.size()) : DefaultSocketPath();
+    const std::string socket = viewer_.feed().is_here()
+                                   ? UsualSocketPath(name.substr(kSocketScheme.size()))
+                                   : DefaultSocketPath();
     if (!IsServed(socket)) daemon_.Start(socket, PreferencesFile().parent_path(), fresh);
-    viewer_.Connect({.address = {.socket_path = socket}});
+    viewer_.Connect({.address = {.socket_path = socket, .role = viewer_.server().address.role}});
   } catch (const Error& error) {
     problem_ = error.what();
   }
