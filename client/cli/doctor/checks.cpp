@@ -422,10 +422,8 @@ Finding CheckSocket(const Workstation& machine, const fs::path& socket) {
             "start palpated: systemctl start palpated; or name another with --socket"};
   }
   if (!machine.may_write(machine.root / socket.relative_path())) {
-    return {
-        "socket", Verdict::kFail, socket.string() + ": this user may not use it",
-        "join its group, which stat --format %G shows (usermod --append --groups GROUP USER), and "
-        "log in again"};
+    return {"socket", Verdict::kFail, socket.string() + ": this user may not use it",
+            "join its group (ls -l; usermod --append --groups GROUP USER) and log in again"};
   }
   return {"socket", Verdict::kOk, socket.string()};
 }
