@@ -4,6 +4,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
+#include <pthread.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -90,6 +91,7 @@ void Acceptor::Stop() {
 }
 
 void Acceptor::Run() {
+  pthread_setname_np(pthread_self(), "palpate-accept");
   pollfd files[] = {{listener_, POLLIN, 0}, {wake_fd_, POLLIN, 0}};
   while (true) {
     poll(files, std::size(files), -1);
