@@ -48,11 +48,13 @@ sockaddr_storage Parse(const HostPort& address) {
 
 }  // namespace
 
-void Acceptor::TakeSocket(const std::string& path, std::optional<gid_t> group) {
+void Acceptor::TakeSocket(const std::string& path, std::optional<gid_t> group,
+                          DeafWatch* deaf_watch) {
   listener_ = BindSocket(path);
   if (listener_ < 0) FailToListen(-1, path, "--socket");
   if (group) GiveToGroup(path, *group);  // nobody can connect yet
   name_ = path;
+  deaf_watch_ = deaf_watch;
 }
 
 void CheckAddress(const HostPort& address) { Parse(address); }
@@ -125,7 +127,9 @@ void Acceptor::Accept() {
     // gRPC probes silent peers, but not while a message to the peer waits for room.
     setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kSilentPeerMs, sizeof(kSilentPeerMs));
   }
-  if (peer.ss_family != AF_UNIX && !watch_.Enter(fd, peer, loopback_role_)) {
+  const bool is_watched = peer.ss_family != AF_UNIX ? watch_.Enter(fd, peer, loopback_role_)
+                                                    : !deaf_watch_ || deaf_watch_->Enter(fd);
+  if (!is_watched) {
     close(fd);
     return;
   }

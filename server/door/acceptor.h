@@ -19,6 +19,7 @@
 
 #include "common/wire/address.h"
 #include "server/door/connection_watch.h"
+#include "server/door/deaf_watch.h"
 
 namespace palpate {
 
@@ -38,8 +39,8 @@ class Acceptor {
 
   // One of these binds the address, so that no other process can take it. Clients cannot connect
   // before Start. The socket's file gets the mode 0660. `group`: owns it; none: as every
-  // file that the process makes.
-  void TakeSocket(const std::string& path, std::optional<gid_t> group);
+  // file that the process makes. deaf_watch: gets the connections; may be null.
+  void TakeSocket(const std::string& path, std::optional<gid_t> group, DeafWatch* deaf_watch);
   // Without a role, the port has TLS, and a client is a stranger until its first admitted call.
   void TakePort(const HostPort& address, std::optional<Role> loopback_role);
   // Listens. `sink`: receives the connections. gRPC's server must be
@@ -54,6 +55,7 @@ class Acceptor {
 
   const int first_refused_file_;
   ConnectionWatch& watch_;
+  DeafWatch* deaf_watch_ = nullptr;
   std::optional<Role> loopback_role_{};
   int listener_ = -1;
   std::string name_;  // the listener's name, for messages

@@ -55,21 +55,34 @@ class Context final : public grpc::CallbackServerContext {
   Entrance& entrance_;
 };
 
+// Counts the calls for the watch.
 class Contexts final : public grpc::ContextAllocator {
  public:
-  explicit Contexts(Entrance& entrance) : entrance_(entrance) {}
+  Contexts(Entrance& entrance, DeafWatch* watch) : entrance_(entrance), watch_(watch) {}
   grpc::CallbackServerContext* NewCallbackServerContext() override {
-    return new Context(entrance_);
+    return Began(new Context(entrance_));
   }
-  void Release(grpc::CallbackServerContext* context) override { delete context; }
+  void Release(grpc::CallbackServerContext* context) override { End(context); }
   // For methods that do not exist. gRPC 1.51 ends the process without these two.
   grpc::GenericCallbackServerContext* NewGenericCallbackServerContext() override {
-    return new grpc::GenericCallbackServerContext;
+    return Began(new grpc::GenericCallbackServerContext);
   }
-  void Release(grpc::GenericCallbackServerContext* context) override { delete context; }
+  void Release(grpc::GenericCallbackServerContext* context) override { End(context); }
 
  private:
+  template <class Any>
+  Any* Began(Any* context) {
+    if (watch_) watch_->Began();
+    return context;
+  }
+  template <class Any>
+  void End(Any* context) {
+    if (watch_) watch_->Ended();
+    delete context;
+  }
+
   Entrance& entrance_;
+  DeafWatch* const watch_;  // null: none
 };
 
 // Removes reflection, which its library adds to every server.
@@ -131,6 +144,15 @@ void ClaimSocket(const std::string& path, FileLock& lock) {
   }
 }
 
+void RemoveLeftSocket(const std::string& path) {
+  struct stat status {};
+  FileLock lock;
+  if (lstat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode) &&
+      lock.Take(path + ".lock", LockOf::kFile) == LockResult::kTaken) {
+    unlink(path.c_str());
+  }
+}
+
 gid_t GroupOf(const std::string& name) {
   group found{};
   group* result = nullptr;
@@ -146,7 +168,7 @@ Entrance& Entrance::Of(const grpc::ServerContextBase& context) {
 }
 
 std::unique_ptr<grpc::ContextAllocator> Entrance::MakeContexts() {
-  return std::make_unique<Contexts>(*this);
+  return std::make_unique<Contexts>(*this, deaf_watch_.get());
 }
 
 void Entrance::ReserveSocket(const std::string& path, const std::string& group) {
@@ -154,6 +176,7 @@ void Entrance::ReserveSocket(const std::string& path, const std::string& group) 
   if (!group.empty()) group_ = GroupOf(group);
   ClaimSocket(path, lock_);
   path_ = path;
+  if (!entry_.IsPreferred()) deaf_watch_ = std::make_unique<DeafWatch>(path, first_second_file_);
 }
 
 void Entrance::ReservePort(const HostPort& address, std::optional<Role> loopback_role) {
@@ -171,7 +194,8 @@ void Entrance::Start(std::span<grpc::Service* const> services,
   Acceptor::Sink sink =
       builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials);
   for (grpc::Service* const service : services) builder.RegisterService(service);
-  if (!path_.empty()) acceptor_.TakeSocket(path_, group_);
+  builder.RegisterCallbackGenericService(&others_);
+  if (!path_.empty()) acceptor_.TakeSocket(path_, group_, deaf_watch_.get());
   standby_queue_ = builder.AddCompletionQueue();
   server_ = builder.BuildAndStart();
   if (!server_) throw Error(ErrorKind::kInternal, "gRPC does not start: see its lines above");

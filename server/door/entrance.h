@@ -12,6 +12,7 @@
 // Errors: Error (kConflict, kPermissionDenied, kInvalidArgument) that says what to do.
 #pragma once
 
+#include <grpcpp/generic/async_generic_service.h>
 #include <grpcpp/grpcpp.h>
 
 #include <chrono>
@@ -25,6 +26,7 @@
 #include "common/wire/address.h"
 #include "server/door/acceptor.h"
 #include "server/door/call_threads.h"
+#include "server/door/deaf_watch.h"
 #include "server/security/policy.h"
 
 namespace palpate {
@@ -32,6 +34,9 @@ namespace palpate {
 // Holds the path of a socket against other daemons, and removes the socket of a killed one. While
 // the lock is held, the path is ours.
 void ClaimSocket(const std::string& path, FileLock& lock);
+
+// Removes the socket that a killed daemon left at a path which this one may not use.
+void RemoveLeftSocket(const std::string& path);
 
 // Errors: kInvalidArgument (there is no such group).
 gid_t GroupOf(const std::string& name);
@@ -42,9 +47,12 @@ class Entrance {
   // editors. So a flood at one entrance does not keep out those of a higher role.
   static constexpr int kKeptFiles = 64;
 
-  // first_refused_file: of the port and of viewers; see Acceptor.
-  Entrance(const Entry& entry, int first_refused_file, ConnectionWatch& watch)
-      : entry_(entry), acceptor_(first_refused_file + KeptFiles(entry), watch) {}
+  // first_refused_file: of the port and of viewers; see Acceptor. first_second_file: see DeafWatch.
+  Entrance(const Entry& entry, int first_refused_file, int first_second_file,
+           ConnectionWatch& watch)
+      : entry_(entry),
+        first_second_file_(first_second_file),
+        acceptor_(first_refused_file + KeptFiles(entry), watch) {}
   ~Entrance() { Stop({}); }
   Entrance(const Entrance&) = delete;
   Entrance& operator=(const Entrance&) = delete;
@@ -79,11 +87,15 @@ class Entrance {
   }
 
   const Entry entry_;
+  const int first_second_file_;
   std::string path_;  // empty: the port
   std::optional<gid_t> group_;
   FileLock lock_;
+  std::unique_ptr<DeafWatch> deaf_watch_;  // none: the port, and those who are trusted
   Acceptor acceptor_;
   CallThreads threads_;
+  // Answers calls of methods that do not exist. gRPC itself would, without contexts to count.
+  grpc::CallbackGenericService others_;
   // A thread that reads from connections when none of gRPC's own does. gRPC 1.51 reads on the
   // threads of its callback queue, and each of these sleeps for 100 ms after every second without
   // a call: every call would wait for up to 100 ms.

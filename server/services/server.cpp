@@ -50,12 +50,25 @@ void MakeSocketFolder(const std::filesystem::path& folder) {
   }
 }
 
+// Warns if not. The usual socket and its stop's are checked before.
+bool IsShortEnough(const std::string& path) {
+  const bool is = std::filesystem::absolute(path).string().size() <= kMaxSocketPathLength;
+  if (!is) {
+    LogWarning(
+        "there is no socket {}: its path would have more than {} bytes; name a shorter one with "
+        "--socket",
+        path, kMaxSocketPathLength);
+  }
+  return is;
+}
+
 }  // namespace
 
 RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
     : options_(std::move(options)),
       first_refused_file_(FirstRefusedFile(RaiseOpenFileLimit(), options_.security.connections)),
-      watch_(FirstSecondFile(RaiseOpenFileLimit(), options_.security.connections)),
+      first_second_file_(FirstSecondFile(RaiseOpenFileLimit(), options_.security.connections)),
+      watch_(first_second_file_),
       access_(options_.security.limits, &watch_),
       calls_(access_, parts.session),
       poses_(access_, parts.pump, parts.metrics),
@@ -79,23 +92,18 @@ RpcServer::RpcServer(ServerOptions options, const ServedParts& parts)
 }
 
 void RpcServer::AddSocket(const Entry& entry, const std::string& path, const std::string& group) {
-  if (std::filesystem::absolute(path).string().size() > kMaxSocketPathLength) {
-    return LogWarning(
-        "there is no socket {}: its path would have more than {} bytes; name a "
-        "shorter one with --socket",
-        path, kMaxSocketPathLength);
-  }
-  AddEntrance(entry).ReserveSocket(path, group);
+  if (IsShortEnough(path)) AddEntrance(entry).ReserveSocket(path, group);
 }
 
 void RpcServer::AddStopSocket(const std::string& path, std::optional<gid_t> group) {
-  UnixTarget(path);
+  if (!IsShortEnough(path)) return;
   ClaimSocket(path, stop_locks_.emplace_back());
   stop_sockets_.push_back({path, group});
 }
 
 Entrance& RpcServer::AddEntrance(const Entry& entry) {
-  return *entrances_.emplace_back(std::make_unique<Entrance>(entry, first_refused_file_, watch_));
+  return *entrances_.emplace_back(
+      std::make_unique<Entrance>(entry, first_refused_file_, first_second_file_, watch_));
 }
 
 void RpcServer::Reserve() {
@@ -113,10 +121,12 @@ void RpcServer::Reserve() {
         std::pair(Role::kEditor, groups.editors), std::pair(Role::kViewer, groups.viewers)}) {
     const std::string path = RoleSocketPath(usual, role);
     AddSocket({Transport::kSocket, role, !group.empty()}, path, group);
-    if (!groups.door.empty()) {
-      AddSocket({Transport::kDoor, role, true}, DoorSocketPath(usual, role), groups.door);
-    }
-    if (!group.empty()) AddStopSocket(StopSocketPath(path), GroupOf(group));
+    const std::string door = DoorSocketPath(usual, role);
+    const std::string stop = StopSocketPath(path);
+    RemoveLeftSocket(door);
+    if (!groups.door.empty()) AddSocket({Transport::kDoor, role, true}, door, groups.door);
+    RemoveLeftSocket(stop);
+    if (!group.empty()) AddStopSocket(stop, GroupOf(group));
   }
   AddStopSocket(StopSocketPath(usual), {});
   if (!options_.security.tls.certificate.empty()) {

@@ -104,6 +104,7 @@ class RpcServer {
 
   ServerOptions options_;
   const int first_refused_file_;
+  const int first_second_file_;
   ConnectionWatch watch_;
   Access access_;
   Calls calls_;

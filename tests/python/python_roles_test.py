@@ -10,6 +10,7 @@ import socket
 import stat
 import subprocess
 import threading
+import time
 import unittest
 
 import grpc
@@ -21,11 +22,12 @@ from palpate.v1 import device_pb2, facts_pb2, facts_pb2_grpc, render_pb2
 from python_security_test import ENABLE, STOP, PoseStreams, SecuredTest, call
 from secured import ROLES, SecuredDaemon, wait_for
 from support import METHODS, PALPATE, PALPATED, PATIENCE_S, Daemon
-from wire import GET_DEVICE, Unreading
+from wire import DATA, END_STREAM, GET_DEVICE, Deaf, Unreading, frame
 
 OWN_GROUP = grp.getgrgid(os.getegid()).gr_name
 DOOR = f'[server]\ndoor_group = "{OWN_GROUP}"\nloopback_role = "viewer"\n'
 ADA = [("palpate-caller", "token ada"), ("palpate-address", "192.0.2.7")]
+ENABLE_PATH = b"/palpate.v1.DeviceService/EnableForces"
 HEALTH, UNIMPLEMENTED = "/grpc.health.v1.Health/Check", grpc.StatusCode.UNIMPLEMENTED
 REFUSED = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED)
 GET = device_pb2.DESCRIPTOR.services_by_name["DeviceService"].methods_by_name["GetDevice"]
@@ -175,7 +177,13 @@ class Sockets(unittest.TestCase):
             self.assertEqual(code_of(operator, HEALTH), grpc.StatusCode.OK)
             self.assertEqual(code_of(viewer, HEALTH), UNIMPLEMENTED)  # no limit holds for it
         daemon.end(signal.SIGKILL)
+        # As of one that had a group for operators, and for doors.
+        left = [beside(socket_of(daemon, "operator"), "stop"), socket_of(daemon, "viewer", True)]
+        for path in left:
+            with socket.socket(socket.AF_UNIX) as listener:
+                listener.bind(path)
         daemon.start()
+        self.assertEqual([os.path.exists(path) for path in left], [False, False])
         self.assertTrue(self.may_set(daemon, "operator"))
         daemon.end()
         self.assertEqual([*daemon.folder.glob("*.sock")], [])
@@ -210,6 +218,26 @@ class Sockets(unittest.TestCase):
         wait_for(lambda: any("too many are open" in line for line in daemon.said), "a line")
         self.assertEqual([answer(role, door) for role in ROLES[1:] for door in (False, True)],
                          6 * [grpc.StatusCode.OK])
+
+    def test_who_calls_on_and_reads_nothing_is_cut_off(self):
+        daemon = self.enterContext(Daemon(config={"server": [f'door_group = "{OWN_GROUP}"']}))
+
+        def call_on(path, door, more=()):
+            with socket.socket(socket.AF_UNIX) as plain:
+                plain.connect(socket_of(daemon, "viewer", door))
+                attacker = Deaf(plain)
+                for n in range(0, 100_000, 10):
+                    for stream in range(n, n + 10):
+                        attacker.begin_call(2 * stream + 1, True, more, path)
+                        attacker.send(frame(DATA, END_STREAM, 2 * stream + 1, bytes(5)))
+                    time.sleep(0.001)
+
+        for path, door in ((GET_DEVICE, False), (ENABLE_PATH, False), (b"/nothing", False),
+                           (GET_DEVICE, True)):  # the door does not say who calls
+            with self.subTest(path, door=door), self.assertRaises(OSError):
+                call_on(path, door)
+        with channel_of(daemon, "viewer") as channel:
+            wait_for(lambda: call(channel, GET)[0] == grpc.StatusCode.OK, "a place for others")
 
     def test_a_group_that_is_not_there(self):
         config = pathlib.Path(self.enterContext(Daemon()).folder) / "groups.toml"

@@ -177,7 +177,7 @@ class DeviceServiceRig {
 
   // On the usual socket, whose clients are the admin.
   ConnectionWatch watch_{0};
-  Entrance entrance_{{Transport::kSocket, Role::kAdmin}, 0, watch_};
+  Entrance entrance_{{Transport::kSocket, Role::kAdmin}, 0, 0, watch_};
   const test::TemporaryFolder folder_;
   const std::string address_ = "unix:" + (folder_.path() / "s.sock").string();
   std::unique_ptr<grpc::Server> server_ =

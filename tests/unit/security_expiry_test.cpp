@@ -87,7 +87,7 @@ class SecurityExpiry : public ::testing::Test, protected test::Certificates {
   Access access_{LimitOptions{}, nullptr, [this] { return now_.load(); }};
   EndlessPoses service_{access_};
   ConnectionWatch watch_{0};
-  Entrance entrance_{{Transport::kTls}, 0, watch_};
+  Entrance entrance_{{Transport::kTls}, 0, 0, watch_};
   std::unique_ptr<TlsFiles> tls_;
   std::unique_ptr<SecurityFiles> files_;
   std::unique_ptr<grpc::Server> server_;
