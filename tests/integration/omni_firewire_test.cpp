@@ -77,8 +77,8 @@ TEST_F(OmniFirewireTest, WithoutMotorFiguresItsMotorsStayOff) {
   ASSERT_TRUE(device_->Streams());
   EXPECT_EQ((*device_)->spec().max_force_n, 0.0);
   Place(kRest);
-  const std::size_t before = omni_.Forces().size();
-  EXPECT_TRUE(device_->Serve(kPush, [&] { return omni_.Forces().size() > before + 200; }));
+  const std::size_t before = omni_.force_count();
+  EXPECT_TRUE(device_->Serve(kPush, [&] { return omni_.force_count() > before + 200; }));
   for (const OmniForcePacket& packet : omni_.Forces()) EXPECT_FALSE(packet.force_enabled);
 }
 
@@ -130,7 +130,7 @@ TEST_F(OmniFirewireTest, ABusResetIsFollowedByItsRegistersWhileForcesGoOn) {
       ASSERT_TRUE(device_->Streams());
       ASSERT_TRUE(Pushes());
       const std::uint64_t connections = device_->health().connections;
-      const std::size_t writes = omni_.CountOf(Kind::kWrite), before = omni_.Forces().size();
+      const std::size_t writes = omni_.CountOf(Kind::kWrite), before = omni_.force_count();
       omni_.AnswerNext(keeps ? 12 : 1, RCODE_BUSY);
       bus_.BusReset();
       const auto is_restored = [&] {
@@ -167,7 +167,7 @@ TEST_F(OmniFirewireTest, ADeviceThatIsDeafAfterABusResetHearsZeroFirst) {
   const auto go_deaf = [&] {
     omni_.AnswerNext(1'000'000, RCODE_BUSY);
     bus_.BusReset();
-    return omni_.Forces().size();
+    return omni_.force_count();
   };
   bool was_deaf = false;
   for (int tries = 0; tries < 20 && !was_deaf; ++tries) {
@@ -178,9 +178,9 @@ TEST_F(OmniFirewireTest, ADeviceThatIsDeafAfterABusResetHearsZeroFirst) {
       was_deaf = omni_.packets_not_heard() >= enough;
       return was_deaf || device_->status() == DeviceStatus::kFault;
     }));
-    EXPECT_EQ(omni_.Forces().size(), heard);
+    EXPECT_EQ(omni_.force_count(), heard);
     omni_.AnswerNext(0, 0);
-    EXPECT_TRUE(device_->Serve(kPush, [&] { return omni_.Forces().size() > heard; }));
+    EXPECT_TRUE(device_->Serve(kPush, [&] { return omni_.force_count() > heard; }));
     EXPECT_FALSE(omni_.Forces()[heard].force_enabled);
   }
   EXPECT_TRUE(was_deaf);
@@ -221,10 +221,10 @@ TEST_F(OmniFirewireTest, AnOldForceEndsWhileADeviceIsSetUp) {
     }));
   }
   omni_.SetStream({.silent = true});
-  const std::size_t heard = omni_.Forces().size();
+  const std::size_t heard = omni_.force_count();
   Make();
   EXPECT_TRUE(device_->HasProblem("sends no packets"));
-  EXPECT_GT(omni_.Forces().size(), heard + 1);
+  EXPECT_GT(omni_.force_count(), heard + 1);
   EXPECT_FALSE(omni_.Forces()[heard].force_enabled);
   EXPECT_EQ(omni_.ForceOnHand(), (std::array<int, 3>{}));
 }
@@ -252,11 +252,11 @@ TEST_F(OmniFirewireTest, PacketsOfEightAMillisecondAndOf64BytesAreRead) {
             "serial number 70427300007, packets of 64 bytes, 8000 per second");
   ASSERT_TRUE(Pushes());
   const DeviceHealth before = device_->health();
-  const std::size_t forces = omni_.Forces().size();
+  const std::size_t forces = omni_.force_count();
   EXPECT_TRUE(
       device_->Serve(kPush, [&] { return device_->health().readings > before.readings + 8000; }));
   // The kernel tells of each eighth packet: about a force a millisecond.
-  EXPECT_LT(omni_.Forces().size(), forces + 2000);
+  EXPECT_LT(omni_.force_count(), forces + 2000);
   EXPECT_EQ(device_->health().corrupt_frames, 0u);
 }
 

@@ -78,10 +78,15 @@ class OmniFirewireEmulator final : public EmulatedFirewireDevice {
     stream_ = stream;
   }
 
-  // The packets that it took, oldest first. They had effect only if it streamed.
-  std::vector<OmniForcePacket> Forces() const {
+  // The packets that it took, oldest first, but for the first `but`. They had effect only if it
+  // streamed.
+  std::vector<OmniForcePacket> Forces(std::size_t but = 0) const {
     const std::scoped_lock lock(mutex());
-    return forces_;
+    return {forces_.begin() + static_cast<std::ptrdiff_t>(but), forces_.end()};
+  }
+  std::size_t force_count() const {
+    const std::scoped_lock lock(mutex());
+    return forces_.size();
   }
   // The packets on the bus that it did not hear: on another channel, or while it is deaf.
   std::uint64_t packets_not_heard() const {

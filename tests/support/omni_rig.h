@@ -124,10 +124,11 @@ class OmniRig : public DeviceRig {
   // often silent for longer than a device waits.
   bool Pushes() {
     Place(kRest);
-    const auto before = static_cast<std::ptrdiff_t>(omni_.Forces().size());
+    std::size_t seen = omni_.force_count();
     return device_->Serve(kPush, [&] {
-      const std::vector<OmniForcePacket> forces = omni_.Forces();
-      return std::any_of(forces.begin() + before, forces.end(), [&](const OmniForcePacket& force) {
+      const std::vector<OmniForcePacket> forces = omni_.Forces(seen);
+      seen += forces.size();
+      return std::ranges::any_of(forces, [&](const OmniForcePacket& force) {
         const Vec3 felt_n = OmniStand::ForceOf(force.motors, place_mm_);
         return force.moved_motors && (felt_n - kPush.force_n).norm() < kForceN;
       });
