@@ -1,6 +1,8 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <memory>
+#include <string>
 
 #include "client/cli/commands.h"
 #include "client/cli/description.h"
@@ -60,8 +62,15 @@ void AddWho(arguments::Command& app, Invocation& invocation) {
   SetFooter(*command,
             "Example: palpate who --json | jq '.changes[] | select(.what == \"isovalue\")'");
   AddJson(*command, invocation);
-  command->callback([&invocation] {
-    invocation.command = [&invocation](client::Calls& palpated) {
+  const auto ended = std::make_shared<std::string>();
+  command->add_option("--end", *ended,
+                      "ends all calls of a caller, such as \"token ada\", instead");
+  command->callback([&invocation, ended] {
+    invocation.command = [&invocation, ended](client::Calls& palpated) {
+      if (!ended->empty()) {
+        return WriteOutput(
+            fmt::format("ended {} calls of {}\n", palpated.EndCaller(*ended), OneLine(*ended)));
+      }
       const client::Activity activity = palpated.GetActivity();
       WriteOutput(invocation.json ? ToText(ActivityJson(activity)) : Describe(activity));
     };

@@ -219,6 +219,13 @@ Activity Calls::GetActivity() {
                                                     v1::GetActivityRequest()));
 }
 
+unsigned Calls::EndCaller(const std::string& identity) {
+  v1::EndCallerRequest request;
+  request.set_identity(identity);
+  return link_->Call<v1::ActivityService>(&v1::ActivityService::Stub::EndCaller, request)
+      .ended_calls();
+}
+
 RecordingState Calls::StartRecording(const std::string& path, bool overwrite) {
   v1::StartRecordingRequest request;
   request.set_path(path);

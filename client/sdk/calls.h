@@ -171,6 +171,8 @@ class Calls {
 
   // Who is connected, and who changed what.
   Activity GetActivity();
+  // Ends all calls of an identity, such as "token ada". Returns how many ran.
+  unsigned EndCaller(const std::string& identity);
 
   // --- Recordings. Errors: as in recording.proto.
   RecordingState StartRecording(const std::string& path, bool overwrite = false);

@@ -17,7 +17,7 @@ constexpr int kPassRights = 83;  // SO_PASSRIGHTS
 
 }  // namespace
 
-int BindSocket(const std::string& path) {
+int BindSocket(const std::string& path, mode_t mode) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   std::strncpy(address.sun_path, path.c_str(), sizeof(address.sun_path) - 1);
@@ -28,7 +28,7 @@ int BindSocket(const std::string& path) {
   if (fd >= 0) setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof(no));
   // Nobody can connect before the mode is set, because the socket does not listen yet.
   if (fd >= 0 && bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 &&
-      chmod(path.c_str(), 0660) == 0) {
+      chmod(path.c_str(), mode) == 0) {
     return fd;
   }
   const int error = errno;

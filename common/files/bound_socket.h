@@ -9,9 +9,9 @@
 
 namespace palpate {
 
-// Returns a socket that is bound to `path`, with the mode 0660, and does not listen yet. Where the
-// kernel can, its connections take no files. The caller closes it, and removes the file.
-int BindSocket(const std::string& path);
+// Returns a socket that is bound to `path` and does not listen yet. Where the kernel can, its
+// connections take no files. The caller closes it, and removes the file.
+int BindSocket(const std::string& path, mode_t mode = 0660);
 
 // Gives the file of a bound socket to a group. Errors: Error (kPermissionDenied) that says what to
 // do; then the file is gone.

@@ -131,6 +131,8 @@ std::string DoorSocketPath(const std::string& usual_path, Role role) {
   return Beside(usual_path, "door-" + std::string(NameOf(role)));
 }
 
+std::string DoorStopPath(const std::string& usual_path) { return Beside(usual_path, "door-stop"); }
+
 std::string HighestSocketPath(const std::string& usual_path) {
   if (MayOpen(usual_path)) return usual_path;
   for (const Role role : kLowerRoles) {

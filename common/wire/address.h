@@ -41,6 +41,9 @@ std::string UsualSocketPath(const std::string& path);
 // "/run/palpate/palpated-door-viewer.sock".
 std::string DoorSocketPath(const std::string& usual_path, Role role);
 
+// The stop's socket of a door: "/run/palpate/palpated-door-stop.sock".
+std::string DoorStopPath(const std::string& usual_path);
+
 // The highest of the usual socket and those of lower roles that this process may open; the usual
 // one if there is none.
 std::string HighestSocketPath(const std::string& usual_path);

@@ -40,6 +40,7 @@ OwnFiles OwnFilesOf(const LoadedConfig& loaded, const std::filesystem::path& sta
     own.emplace_back(StopSocketPath(RoleSocketPath(socket, role)) + ".lock");
     own.emplace_back(DoorSocketPath(socket, role) + ".lock");
   }
+  own.emplace_back(DoorStopPath(socket) + ".lock");
   // Not the whole folder: recordings may lie below it. The service's recordings do.
   if (!state_folder.empty()) {
     for (const char* name : {"sessions", "faults", "registrations.toml", "registrations.toml.lock",

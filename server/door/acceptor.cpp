@@ -48,9 +48,9 @@ sockaddr_storage Parse(const HostPort& address) {
 
 }  // namespace
 
-void Acceptor::TakeSocket(const std::string& path, std::optional<gid_t> group,
+void Acceptor::TakeSocket(const std::string& path, mode_t mode, std::optional<gid_t> group,
                           DeafWatch* deaf_watch) {
-  listener_ = BindSocket(path);
+  listener_ = BindSocket(path, mode);
   if (listener_ < 0) FailToListen(-1, path, "--socket");
   if (group) GiveToGroup(path, *group);  // nobody can connect yet
   name_ = path;

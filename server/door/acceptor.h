@@ -38,9 +38,10 @@ class Acceptor {
   Acceptor& operator=(const Acceptor&) = delete;
 
   // One of these binds the address, so that no other process can take it. Clients cannot connect
-  // before Start. The socket's file gets the mode 0660. `group`: owns it; none: as every
-  // file that the process makes. deaf_watch: gets the connections; may be null.
-  void TakeSocket(const std::string& path, std::optional<gid_t> group, DeafWatch* deaf_watch);
+  // before Start. `group`: owns the socket's file; none: as every file that the process makes.
+  // deaf_watch: gets the connections; may be null.
+  void TakeSocket(const std::string& path, mode_t mode, std::optional<gid_t> group,
+                  DeafWatch* deaf_watch);
   // Without a role, the port has TLS, and a client is a stranger until its first admitted call.
   void TakePort(const HostPort& address, std::optional<Role> loopback_role);
   // Listens. `sink`: receives the connections. gRPC's server must be

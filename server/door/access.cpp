@@ -296,17 +296,43 @@ void Access::SetPolicy(std::shared_ptr<const Policy> policy) {
   Review();
 }
 
-// Ends calls without the lock: an end writes to the connection, and gRPC may call OnDone at once.
+std::size_t Access::EndCaller(const std::string& identity) {
+  std::vector<End> ends;
+  {
+    const std::lock_guard lock(running_mutex_);
+    for (Admission::Running& call : running_) {
+      if (call.caller.name == identity && !call.ended) {
+        ends.push_back(MarkEnd(call, "an admin ended it"));
+      }
+    }
+  }
+  Carry(ends);
+  return ends.size();
+}
+
+Access::End Access::MarkEnd(Admission::Running& call, const std::string& why) {
+  call.ended = true;
+  // Stays valid without the lock, also if the call is over in the meantime.
+  grpc_call_ref(call.context->c_call());
+  return {call.context->c_call(), call.caller.name,
+          "ended " + std::string(call.rule->method) + " of " + call.caller.name + " at " +
+              call.peer + ": " + why};
+}
+
+void Access::Carry(const std::vector<End>& ends) {
+  for (const End& end : ends) {
+    grpc_call_cancel(end.call, nullptr);
+    grpc_call_unref(end.call);
+    LogOfClient(LogLevel::kWarning, end.whose, "{}", end.line);
+  }
+}
+
 void Access::Review() {
   const PolicyBoard::Reading policy(policy_);
   const auto identity_of = [&](const Credentials& credentials) {
     return policy->Recognise(credentials, now_()).identity;
   };
-  for (const End& end : MarkEnds(Judged(identity_of), policy)) {
-    grpc_call_cancel(end.call, nullptr);
-    grpc_call_unref(end.call);
-    LogOfClient(LogLevel::kWarning, end.whose, "{}", end.line);
-  }
+  Carry(MarkEnds(Judged(identity_of), policy));
   if (on_review_) on_review_();
   if (!connections_) return;
   connections_->Judge([&](const Credentials& credentials) {
@@ -343,15 +369,9 @@ std::vector<Access::End> Access::MarkEnds(const Identities& judged,
                                       found->second->role == call.caller.role);
     const bool is_late = call.must_go_on_by_ns != 0 && now_ns > call.must_go_on_by_ns;
     if (holds && !is_late) continue;
-    call.ended = true;
-    // Stays valid without the lock, also if the call is over in the meantime.
-    grpc_call_ref(call.context->c_call());
-    ends.push_back({call.context->c_call(), call.caller.name,
-                    "ended " + std::string(call.rule->method) + " of " + call.caller.name + " at " +
-                        call.peer + ": " +
-                        (holds        ? "it sends or reads too slowly"
-                         : is_allowed ? "its caller has another role now"
-                                      : "it is no longer allowed")});
+    ends.push_back(MarkEnd(call, holds        ? "it sends or reads too slowly"
+                                 : is_allowed ? "its caller has another role now"
+                                              : "it is no longer allowed"));
   }
   return ends;
 }

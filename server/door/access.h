@@ -158,6 +158,8 @@ class Access {
   // Call it
   // every second.
   void Review();
+  // Ends the running calls of this identity. Returns how many there were.
+  std::size_t EndCaller(const std::string& identity);
   // Called at the end of each review. Set it before the first.
   void SetOnReview(std::function<void()> call) { on_review_ = std::move(call); }
 
@@ -172,6 +174,10 @@ class Access {
     grpc_call* call;  // holds a reference
     std::string whose, line;
   };
+  // Marks it. With running_mutex_.
+  static End MarkEnd(Admission::Running& call, const std::string& why);
+  // Without running_mutex_: an end writes to the connection, and gRPC may call OnDone at once.
+  static void Carry(const std::vector<End>& ends);
   using Identities = std::map<Credentials, std::optional<Identity>>;
   using IdentityOf = std::function<std::optional<Identity>(const Credentials&)>;
 

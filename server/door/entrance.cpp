@@ -195,7 +195,10 @@ void Entrance::Start(std::span<grpc::Service* const> services,
       builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials);
   for (grpc::Service* const service : services) builder.RegisterService(service);
   builder.RegisterCallbackGenericService(&others_);
-  if (!path_.empty()) acceptor_.TakeSocket(path_, group_, deaf_watch_.get());
+  if (!path_.empty()) {
+    const bool is_owners = entry_.transport == Transport::kDoor && !group_;
+    acceptor_.TakeSocket(path_, is_owners ? 0600 : 0660, group_, deaf_watch_.get());
+  }
   standby_queue_ = builder.AddCompletionQueue();
   server_ = builder.BuildAndStart();
   if (!server_) throw Error(ErrorKind::kInternal, "gRPC does not start: see its lines above");

@@ -7,6 +7,7 @@
 //
 // A door is a program, such as a proxy, that knows who calls and passes the calls on. Its sockets
 // are apart, and only on these palpated believes the door who the caller is (kCallerHeader).
+// Without a group of their own only palpated's user may open them, who may do everything anyway.
 //
 // Threads: construct, Reserve, Start and Stop on the main thread.
 // Errors: Error (kConflict, kPermissionDenied, kInvalidArgument) that says what to do.

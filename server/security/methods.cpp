@@ -61,7 +61,9 @@ constexpr auto kRules = std::to_array<MethodRule>({
     {"/palpate.v1.RecordingService/ListRecordings", kOperator, kQuestion, kLive, kAnytime},
     // Shows all viewers the past instead of the present.
     {"/palpate.v1.RecordingService/Replay", kOperator, kTransfer, kLive},
-    // No call needs the admin yet: identities are changed in files.
+
+    // Ends others' calls.
+    {"/palpate.v1.ActivityService/EndCaller", kAdmin, kCall, kLive, kAnytime},
 });
 
 }  // namespace

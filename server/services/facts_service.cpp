@@ -55,6 +55,15 @@ Reply* ActivityService::GetActivity(CallContext* context, const v1::GetActivityR
                        });
 }
 
+Reply* ActivityService::EndCaller(CallContext* context, const v1::EndCallerRequest* request,
+                                  v1::EndCallerResponse* response) {
+  return calls_.Answer(context, "/palpate.v1.ActivityService/EndCaller", *request, *response,
+                       [=, this](const Admission&) {
+                         response->set_ended_calls(static_cast<std::uint32_t>(
+                             calls_.access().EndCaller(request->identity())));
+                       });
+}
+
 namespace {
 
 using std::chrono::milliseconds;

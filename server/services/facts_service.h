@@ -26,6 +26,8 @@ class ActivityService final : public v1::ActivityService::CallbackService {
 
   Reply* GetActivity(CallContext* context, const v1::GetActivityRequest* request,
                      v1::GetActivityResponse* response) override;
+  Reply* EndCaller(CallContext* context, const v1::EndCallerRequest* request,
+                   v1::EndCallerResponse* response) override;
 
  private:
   Calls& calls_;

@@ -95,10 +95,10 @@ void RpcServer::AddSocket(const Entry& entry, const std::string& path, const std
   if (IsShortEnough(path)) AddEntrance(entry).ReserveSocket(path, group);
 }
 
-void RpcServer::AddStopSocket(const std::string& path, std::optional<gid_t> group) {
-  if (!IsShortEnough(path)) return;
-  ClaimSocket(path, stop_locks_.emplace_back());
-  stop_sockets_.push_back({path, group});
+void RpcServer::AddStopSocket(const StopSocket& socket) {
+  if (!IsShortEnough(socket.path)) return;
+  ClaimSocket(socket.path, stop_locks_.emplace_back());
+  stop_sockets_.push_back(socket);
 }
 
 Entrance& RpcServer::AddEntrance(const Entry& entry) {
@@ -121,14 +121,15 @@ void RpcServer::Reserve() {
         std::pair(Role::kEditor, groups.editors), std::pair(Role::kViewer, groups.viewers)}) {
     const std::string path = RoleSocketPath(usual, role);
     AddSocket({Transport::kSocket, role, !group.empty()}, path, group);
-    const std::string door = DoorSocketPath(usual, role);
+    AddSocket({Transport::kDoor, role, true}, DoorSocketPath(usual, role), groups.door);
     const std::string stop = StopSocketPath(path);
-    RemoveLeftSocket(door);
-    if (!groups.door.empty()) AddSocket({Transport::kDoor, role, true}, door, groups.door);
     RemoveLeftSocket(stop);
-    if (!group.empty()) AddStopSocket(stop, GroupOf(group));
+    if (!group.empty()) AddStopSocket({.path = stop, .group = GroupOf(group)});
   }
-  AddStopSocket(StopSocketPath(usual), {});
+  AddStopSocket({.path = StopSocketPath(usual)});
+  AddStopSocket({.path = DoorStopPath(usual),
+                 .group = groups.door.empty() ? std::nullopt : std::optional(GroupOf(groups.door)),
+                 .is_door = true});
   if (!options_.security.tls.certificate.empty()) {
     const StartsUrgentThreads urgent;
     tls_ = std::make_unique<TlsFiles>(options_.security.tls, usual + ".tls");

@@ -99,7 +99,7 @@ class RpcServer {
 
  private:
   void AddSocket(const Entry& entry, const std::string& path, const std::string& group);
-  void AddStopSocket(const std::string& path, std::optional<gid_t> group);
+  void AddStopSocket(const StopSocket& socket);
   Entrance& AddEntrance(const Entry& entry);
 
   ServerOptions options_;

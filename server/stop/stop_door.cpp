@@ -44,7 +44,9 @@ char* AddNumber(char* to, char* end, Number number) {
 
 void StopDoor::OpenAll(const std::vector<StopSocket>& sockets) {
   for (const StopSocket& socket : sockets) {
-    Listener& one = listeners_.emplace_back(Listener{socket.path, BindSocket(socket.path)});
+    const mode_t mode = socket.is_door && !socket.group ? 0600 : 0660;
+    Listener& one = listeners_.emplace_back(
+        Listener{socket.path, BindSocket(socket.path, mode), socket.is_door});
     if (one.fd >= 0 && socket.group) GiveToGroup(socket.path, *socket.group);
     if (one.fd >= 0 && listen(one.fd, kWaiting) == 0) continue;
     throw Error(ErrorKind::kConflict, "cannot listen on " + socket.path + ": " +
@@ -124,7 +126,7 @@ void StopDoor::Run() noexcept {
     }
     AnswerAll();
     for (const Listener& one : listeners_) {
-      for (int n = 0; n < kAtOnce && Accept(one.fd); ++n) {
+      for (int n = 0; n < kAtOnce && Accept(one); ++n) {
       }
     }
     // Real-time, the thread must sleep: see LimitRTTIME= of the unit.
@@ -133,14 +135,14 @@ void StopDoor::Run() noexcept {
   for (Connection& one : connections_) Drop(one);
 }
 
-bool StopDoor::Accept(int listener) noexcept {
+bool StopDoor::Accept(const Listener& listener) noexcept {
   Connection* place = Oldest(/*has_asked=*/false);
   if (place == nullptr) {
     place = Oldest(/*has_asked=*/true);
     // Within a tick or two it is answered, unless the loop stands.
     if (MonotonicNowNs() - place->asked_ns < kFullPatienceNs) return false;
   }
-  const int fd = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+  const int fd = accept4(listener.fd, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (fd < 0) {
     // A silent one gives its file to the next.
     if (errno == EMFILE || errno == ENFILE) DropASilentOne();
@@ -150,6 +152,7 @@ bool StopDoor::Accept(int listener) noexcept {
   Drop(*place);
   place->fd = fd;
   place->number = ++came_;
+  place->is_door = listener.is_door;
   Look(*place);
   return true;
 }
@@ -171,15 +174,17 @@ StopDoor::Connection* StopDoor::Oldest(bool has_asked) noexcept {
 }
 
 void StopDoor::Look(Connection& connection) noexcept {
-  constexpr std::string_view kRequest = "stop\n";
-  std::array<char, kRequest.size()> bytes;
+  constexpr std::string_view kRequest = "stop\n", kOfDoor = "stop /";
+  std::array<char, 256> bytes;
   const ssize_t length = recv(connection.fd, bytes.data(), bytes.size(), MSG_PEEK);
   if (length < 0 && (errno == EAGAIN || errno == EINTR)) return;
-  const bool asks = length > 0 && std::string_view(bytes.data(), length) == kRequest;
-  asks ? Act(connection) : Drop(connection);
+  const std::string_view said(bytes.data(), std::max<ssize_t>(length, 0));
+  if (!connection.is_door && said.starts_with(kRequest)) return Act(connection, {});
+  if (!connection.is_door || !said.starts_with(kOfDoor)) return Drop(connection);
+  Act(connection, said.substr(kOfDoor.size(), said.find(" HTTP/") - kOfDoor.size()));
 }
 
-void StopDoor::Act(Connection& connection) noexcept {
+void StopDoor::Act(Connection& connection, std::string_view by_door) noexcept {
   servo_.forces().Set(ForceCommand::kStop);
   device_.StopMoving();
   connection.tick = servo_.FirstTickThatKnows();
@@ -187,8 +192,10 @@ void StopDoor::Act(Connection& connection) noexcept {
   ucred who{};
   socklen_t length = sizeof(who);
   getsockopt(connection.fd, SOL_SOCKET, SO_PEERCRED, &who, &length);
+  StopCaller caller{who.uid, who.pid};
+  Add(caller.by_door.data(), caller.by_door.data() + caller.by_door.size() - 1, by_door);
   // Of a flood, some are not told.
-  if (stops_.TryPush({who.uid, who.pid})) untold_.release();
+  if (stops_.TryPush(caller)) untold_.release();
 }
 
 void StopDoor::AnswerAll() noexcept {
@@ -208,8 +215,14 @@ void StopDoor::Answer(Connection& connection, const LastTick& last) noexcept {
   const ForceStatus& forces = last.forces;
   std::array<char, 160> line;
   char* const end = line.data() + line.size() - 1;
-  char* at = Add(line.data(), end, NameOf(forces.state));
-  at = Add(Add(at, end, " "), end, NameOf(forces.reason));
+  char* at = line.data();
+  if (connection.is_door) {
+    at = std::to_chars(at, end, static_cast<int>(forces.state)).ptr;
+    at = AddNumber(at, end, static_cast<int>(forces.reason));
+  } else {
+    at = Add(at, end, NameOf(forces.state));
+    at = Add(Add(at, end, " "), end, NameOf(forces.reason));
+  }
   // Somebody may have enabled the forces since.
   const bool acts = forces.state == ForceState::kRampIn || forces.state == ForceState::kOn ||
                     forces.state == ForceState::kHeld;
@@ -221,8 +234,17 @@ void StopDoor::Answer(Connection& connection, const LastTick& last) noexcept {
 }
 
 void StopDoor::Send(Connection& connection, std::string_view line) noexcept {
+  std::array<char, 256> answer;
+  char* const end = answer.data() + answer.size();
+  char* at = answer.data();
+  if (connection.is_door) {
+    // Its length, as what was only looked at makes the end of the connection an error.
+    at = AddNumber(Add(at, end, "HTTP/1.0 200 OK\r\nContent-Length:"), end, line.size());
+    at = Add(at, end, "\r\n\r\n");
+  }
+  at = Add(at, end, line);
   // A new connection has room for it.
-  send(connection.fd, line.data(), line.size(), MSG_NOSIGNAL);
+  send(connection.fd, answer.data(), static_cast<std::size_t>(at - answer.data()), MSG_NOSIGNAL);
   Drop(connection);
 }
 

@@ -1,5 +1,6 @@
 // The emergency stop's own door: Unix sockets beside palpated's, on which nothing else is asked:
-// one, and one for each group that has a socket of its own for its role.
+// one, one for each group that has a socket of its own for its role, and one of a door
+// (server/door/entrance.h).
 //
 // Whoever may open one of them may stop. The request is "stop\n", in one write; the answer is one
 // line:
@@ -10,6 +11,10 @@
 // The loop does not tick, and the stop acts in its next tick. After a second; in a flood, after a
 // tenth of one.
 // A loop that has ended has written zero force: "off operator" and the tick after its last one.
+//
+// A door asks as a proxy of HTTP can, in one write, and says who calls from where:
+//   stop /192.0.2.7:51544/token ada HTTP/1.0
+// Its answer is one of HTTP with the same line, with the protocol's numbers for state and reason.
 //
 // One thread, "palpate-stop", serves the sockets: below the servo's and the device's threads, and
 // above all others where the system permits. It takes no lock, allocates nothing, writes no log and
@@ -51,18 +56,20 @@ namespace palpate {
 struct StopCaller {
   uid_t user = 0;
   pid_t process = 0;
+  std::array<char, 128> by_door{};  // "192.0.2.7:51544/token ada", ends with 0; empty: by no door
 };
 
 struct StopSocket {
   std::string path{};            // of no other file
   std::optional<gid_t> group{};  // owns it; none: as every file that the process makes
+  bool is_door = false;
 };
 
 class StopDoor {
  public:
   static constexpr std::size_t kMostOpen = 128;
   static constexpr int kAtOnce = 64;
-  static constexpr std::size_t kMostSockets = 4;
+  static constexpr std::size_t kMostSockets = 5;
 
   // `priority`: of SCHED_FIFO, 1 to 99.
   StopDoor(ServoLoop& servo, LastTickBoard& board, HapticDevice& device, int priority)
@@ -87,18 +94,25 @@ class StopDoor {
     std::uint64_t number = 0;  // rises in the order in which they came
     std::uint64_t tick = 0;    // knows of the stop; 0: not asked yet
     std::int64_t asked_ns = 0;
+    bool is_door = false;
   };
 
   void Run() noexcept;
+  struct Listener {
+    std::string path{};
+    int fd = -1;
+    bool is_door = false;
+  };
+
   // False if nobody waits, or there is no place.
-  bool Accept(int listener) noexcept;
+  bool Accept(const Listener& listener) noexcept;
   // The oldest of those that have asked, or have not; null: there is none. A free place is the
   // oldest of those that have not.
   Connection* Oldest(bool has_asked) noexcept;
   void DropASilentOne() noexcept;
   // Looks at what came. Acts if it is the request.
   void Look(Connection& connection) noexcept;
-  void Act(Connection& connection) noexcept;
+  void Act(Connection& connection, std::string_view by_door) noexcept;
   // Answers those whose tick has come, and those who waited for too long.
   void AnswerAll() noexcept;
   void Answer(Connection& connection, const LastTick& last) noexcept;
@@ -112,10 +126,6 @@ class StopDoor {
   HapticDevice& device_;
   const int priority_;
 
-  struct Listener {
-    std::string path{};
-    int fd = -1;
-  };
   void OpenAll(const std::vector<StopSocket>& sockets);
 
   std::vector<Listener> listeners_;  // do not change while the threads run

@@ -30,3 +30,14 @@ class Authority:
                       "-CAcreateserial", "-out", certificate, "-days", days, "-extfile", extensions)
         key.chmod(0o600)
         return certificate, key
+
+    def revoke(self, certificate):
+        """The path of a list with it."""
+        index, config = self.folder / "index.txt", self.folder / "ca.cnf"
+        index.touch()
+        config.write_text(f"[ca]\ndefault_ca=own\n[own]\ndatabase={index}\n"
+                          "default_md=sha256\ndefault_crl_days=30\n")
+        ours = ["ca", "-config", config, "-cert", self.ca, "-keyfile", self._ca_key]
+        self._openssl(*ours, "-revoke", certificate)
+        self._openssl(*ours, "-gencrl", "-out", self.folder / "crl.pem")
+        return self.folder / "crl.pem"

@@ -25,6 +25,7 @@ from free_port import free_port
 
 PALPATED = os.environ["PALPATED"]
 PALPATE = os.environ.get("PALPATE", "")
+DOOR = os.environ.get("PALPATE_DOOR", "")
 # AddressSanitizer keeps what was freed for a while: its builds say nothing about memory.
 SANITIZED = "PALPATE_SANITIZED" in os.environ
 PATIENCE_S = 120.0

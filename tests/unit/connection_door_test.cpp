@@ -113,7 +113,7 @@ TEST(Acceptor, AFullPortLeavesTheSocketSixtyFourPlaces) {
   std::atomic<int> on_socket{0}, on_port{0};
   std::vector<Descriptor> from_socket, from_port, clients, fillers;
   Acceptor at_socket(kFirstRefused + Entrance::kKeptFiles, watch), at_port(kFirstRefused, watch);
-  at_socket.TakeSocket(path, std::nullopt, nullptr);
+  at_socket.TakeSocket(path, 0660, std::nullopt, nullptr);
   at_port.TakePort({"127.0.0.1", static_cast<std::uint16_t>(port)}, Role::kViewer);
   watch.Start();
   at_socket.Start(std::make_unique<KeepingSink>(on_socket, from_socket));

@@ -58,16 +58,19 @@ class StopDoorTest : public ::testing::Test {
     door_.SetOnStop([this](const StopCaller& by) {
       EXPECT_EQ(by.user, getuid());
       EXPECT_EQ(by.process, getpid());
+      by_door_ = by.by_door.data();
       ++told_;
     });
-    door_.Open({{path_}});
+    door_.Open({{path_}, {.path = door_path_, .is_door = true}});
   }
   ForceState state() { return ForceWatch(data_.outbox().last).newest()->forces.state; }
 
   const test::TemporaryFolder folder_;
   const std::string path_ = folder_.path() / "stop.sock";
+  const std::string door_path_ = folder_.path() / "door-stop.sock";
   testing::RunningSession data_;
   std::atomic<int> told_{0};
+  std::string by_door_;  // after TellStops
   StopDoor door_{data_.servo(), data_.outbox().last, data_.simulated(), 1};
 };
 
@@ -85,6 +88,32 @@ TEST_F(StopDoorTest, IsForItsOwnerAndGroupTellsWhoHasStoppedAndGoes) {
   door_.Close();
   EXPECT_FALSE(StopAsking(path_).is_connected());
   EXPECT_FALSE(std::filesystem::exists(path_));
+}
+
+TEST_F(StopDoorTest, ADoorAsksAsAProxyCanAndSaysWhoCalls) {
+  data_.Start();
+  struct stat info {};
+  ASSERT_EQ(stat(door_path_.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0600u);
+  const auto ask = [](const std::string& path, const std::string& request) {
+    const StopAsking asking(path);
+    asking.Send(request);
+    return asking.Answer();
+  };
+  EXPECT_EQ(ask(door_path_, "stop\n"), "");
+  EXPECT_EQ(ask(path_, "stop / HTTP/1.0\r\n\r\n"), "");
+  EXPECT_NE(state(), ForceState::kStopped);
+  const std::string answer =
+      ask(door_path_, "stop /192.0.2.7:5/token ada HTTP/1.0\r\nHost: x\r\n\r\n");
+  EXPECT_TRUE(answer.starts_with("HTTP/1.0 200 OK\r\nContent-Length: ")) << answer;
+  EXPECT_NE(answer.find("\r\n\r\n6 "), std::string::npos) << answer;
+  EXPECT_EQ(state(), ForceState::kStopped);
+  door_.TellStops();
+  EXPECT_EQ(by_door_, "192.0.2.7:5/token ada");
+  // As much of a name as there is room for.
+  EXPECT_NE(ask(door_path_, "stop /1/" + std::string(1000, 'a')), "");
+  door_.TellStops();
+  EXPECT_EQ(by_door_, "1/" + std::string(125, 'a'));
 }
 
 TEST_F(StopDoorTest, WhoSendsNothingOrSomethingElseTakesNoPlaceAndStopsNothing) {
