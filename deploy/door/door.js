@@ -103,6 +103,12 @@ function judge(r) {
   return kind + ' ' + found.name;
 }
 
+// As gRPC names it, so that palpated knows what is address and what is port.
+function address(r) {
+  const from = r.remoteAddress, is6 = from.includes(':');
+  return (is6 ? 'ipv6:%5B' + from + '%5D' : 'ipv4:' + from) + ':' + r.variables.remote_port;
+}
+
 const STATUS = {
   400: [3, 'the request is malformed'],
   401: [16, ''],
@@ -122,10 +128,10 @@ function refuse(r) {
   const known = STATUS[status] || [13, 'HTTP ' + status];
   let problem = known[1] || r.variables.palpate_problem || 'its token came twice';
   if (status === 495) problem += ' (' + r.variables.ssl_client_verify + ')';
-  const path = r.variables.request_uri;
+  const path = r.variables.request_uri.slice(0, 100);
   const method = path.slice(path.lastIndexOf('/') + 1);
   const who = r.variables.palpate_caller || 'a stranger';
-  r.warn('refused ' + who + ' at ' + r.remoteAddress + ':' + r.variables.remote_port + ' to call ' + path + ': ' + problem);
+  r.warn('refused ' + who + ' at ' + address(r) + ' to call ' + path + ': ' + problem);
   r.headersOut['content-type'] = 'application/grpc';
   r.headersOut['grpc-status'] = known[0];
   r.headersOut['grpc-message'] = encodeURI('the door refuses ' + method + ': ' + problem);
@@ -174,4 +180,4 @@ async function stop(r) {
   r.return(200, Buffer.concat([Buffer.from([0, 0, 0, 0, message.length]), message]));
 }
 
-export default {judge, refuse, stop};
+export default {judge, address, refuse, stop};

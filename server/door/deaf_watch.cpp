@@ -7,6 +7,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <system_error>
+
 #include "server/log/log.h"
 
 namespace palpate {
@@ -32,10 +34,14 @@ DeafWatch::~DeafWatch() {
 
 bool DeafWatch::Enter(int fd) {
   const std::lock_guard lock(mutex_);
+  try {
+    if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });
+  } catch (const std::system_error&) {
+    return false;  // too many threads
+  }
   const int second_fd = fcntl(fd, F_DUPFD_CLOEXEC, first_file_);
   if (second_fd < 0) return false;
   connections_.push_back({second_fd});
-  if (!thread_.joinable()) thread_ = std::thread([this] { Run(); });
   changed_.notify_all();
   return true;
 }

@@ -40,7 +40,7 @@ class DeafWatch {
   void Ended() { --calls_; }
 
   // Adds a connection. The caller keeps `fd`; the watch duplicates it. Returns false if no file
-  // number is free: the caller must then close the connection.
+  // number or thread is left: the caller must then close the connection.
   bool Enter(int fd);
 
  private:

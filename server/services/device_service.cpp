@@ -378,11 +378,12 @@ void DeviceService::Note(ForceCommand command, const Admission& by) {
 
 // Whoever may open the stop's socket may open the other one.
 void DeviceService::NoteLocalStop(const StopCaller& by) {
-  const std::string_view said = by.by_door.data();
+  std::string said = by.by_door.data();
+  std::ranges::replace_if(
+      said, [](char c) { return c < ' ' || c > '~'; }, '?');
   if (const std::size_t slash = said.find('/'); slash != said.npos) {
-    const Identity caller{std::string(said.substr(slash + 1))};
-    return Note(ForceCommand::kStop, caller.name,
-                WhoInWords(caller, std::string(said.substr(0, slash))));
+    const Identity caller{said.substr(slash + 1)};
+    return Note(ForceCommand::kStop, caller.name, WhoInWords(caller, said.substr(0, slash)));
   }
   Note(ForceCommand::kStop, "stop socket", "local socket",
        fmt::format(", user {}, process {}", by.user, by.process));

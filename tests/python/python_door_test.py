@@ -36,6 +36,8 @@ class DoorTest(unittest.TestCase):
                    for name, token in (("bea", bea), ("viewer", daemon.tokens["viewer"]))}
         channel = self.enterContext(daemon.channel(bea))
         self.assertEqual(call(channel, GET)[0], grpc.StatusCode.OK)
+        with palpate.connect(daemon.socket) as conn:
+            self.assertEqual(conn.end_caller("token nobody"), 0)
         daemon.revoke_token("bea")
         # A connection that was there before, too.
         code, line = call(channel, GET)
@@ -80,7 +82,7 @@ class DoorTest(unittest.TestCase):
                 code, line = self.code(daemon, **credentials)
                 self.assertEqual(code, UNAUTHENTICATED)
                 self.assertIn(why, line)
-                wait_for(lambda: any("refused a stranger at 127.0.0.1:" in said and why in said
+                wait_for(lambda: any("refused a stranger at ipv4:127.0.0.1:" in said and why in said
                                      for said in daemon.said[since:]), "a line")
 
     def test_a_list_of_revoked_certificates(self):
@@ -104,10 +106,10 @@ class DoorTest(unittest.TestCase):
             self.assertGreater(answer.forces.limit_n, 0)
             self.assertEqual(call(channel, STOP, [("palpate-caller", "token admin")])[0],
                              grpc.StatusCode.OK)
-        wait_for(lambda: any(re.search(r"emergency stop, by token viewer at 127.0.0.1:\d+", line)
+        wait_for(lambda: any(re.search(r"emergency stop, by token viewer at ipv4:127.0.0.1:\d+", line)
                              for line in daemon.said), "a line")
         with palpate.connect(daemon.socket) as conn:
-            self.assertRegex(conn.device.info().forces_set_by, r"^token viewer at 127.0.0.1:\d+$")
+            self.assertRegex(conn.device.info().forces_set_by, r"^token viewer at ipv4:127.0.0.1:\d+$")
         # Whoever may not come may not stop.
         with daemon.channel() as channel:
             self.assertEqual(call(channel, STOP)[0], UNAUTHENTICATED)

@@ -127,6 +127,7 @@ class ReplayTest(unittest.TestCase):
                          lambda: self.conn.recording.replay(self.file)):
                 self.assertRaises(palpate.Conflict, call)
             self.assertRaises(palpate.InvalidArgument, self.conn.device.calibrate)
+            self.assertEqual(self.conn.end_caller("token nobody"), 0)
             self.assertRaises(palpate.Conflict, self.conn.series.state)  # none is loaded
             self.assertTrue(self.conn.settings.replayed)
         after = (self.conn.settings.all(), self.conn.volume.place().center_mm.tolist(),
@@ -142,7 +143,7 @@ class ReplayTest(unittest.TestCase):
         questions = {"GetActivity", "GetDevice", "GetRecording", "GetRegistration", "GetSeries",
                      "GetSettings", "GetVolume", "ListDevices", "ListRecordings", "StreamPoses",
                      "StreamVolume"}
-        others = {"CalibrateDevice", "LeadHand", "Mark", "Replay", "StopRecording"}
+        others = {"CalibrateDevice", "EndCaller", "LeadHand", "Mark", "Replay", "StopRecording"}
         self.assertEqual({method.name for method in METHODS},
                          questions | others | set(refused) | set(kept))
 

@@ -54,14 +54,27 @@ def attack(stack, connect, method):
         attacker.call(method.encode(), CALLS, first=3)
 
 
+def ask(method, request):
+    """Again where the attackers' questions have taken their identity's share of the processor: on a
+    slow machine they do."""
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return method(request, timeout=PATIENCE_S)
+        except grpc.RpcError as refused:
+            if "ask less often" not in refused.details() or time.monotonic() > end:
+                raise
+            time.sleep(0.1)
+
+
 class Unread(unittest.TestCase):
     def check_honest(self, channel):
         """Of the identity of the attackers. More calls than the daemon has threads for them."""
+        device = device_pb2_grpc.DeviceServiceStub(channel)
+        render = render_pb2_grpc.RenderServiceStub(channel)
         for _ in range(5):
-            device_pb2_grpc.DeviceServiceStub(channel).GetDevice(
-                device_pb2.GetDeviceRequest(), timeout=PATIENCE_S)
-            render_pb2_grpc.RenderServiceStub(channel).GetSettings(
-                render_pb2.GetSettingsRequest(), timeout=PATIENCE_S)
+            ask(device.GetDevice, device_pb2.GetDeviceRequest())
+            ask(render.GetSettings, render_pb2.GetSettingsRequest())
             stop_forces(channel)
 
     def check_every_method(self, connect, open_channel):

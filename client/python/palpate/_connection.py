@@ -112,6 +112,16 @@ class Connection:
         return activity_of(self._link.call(self._activity.GetActivity,
                                            activity_pb2.GetActivityRequest()))
 
+    def end_caller(self, identity: str) -> int:
+        """Ends all calls of an identity, such as "token ada". Returns how many ran.
+
+        Its next calls are not refused: that is its door's part.
+
+        Errors: PermissionDenied (needs the role admin), Unavailable.
+        """
+        return self._link.call(self._activity.EndCaller,
+                               activity_pb2.EndCallerRequest(identity=identity)).ended_calls
+
     def facts(self) -> collections.abc.Iterator[Facts]:
         """Follows what is true of the daemon, as an endless iterator of Facts.
 
