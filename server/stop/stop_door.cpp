@@ -175,8 +175,10 @@ StopDoor::Connection* StopDoor::Oldest(bool has_asked) noexcept {
 
 void StopDoor::Look(Connection& connection) noexcept {
   constexpr std::string_view kRequest = "stop\n", kOfDoor = "stop /";
-  std::array<char, 256> bytes;
-  const ssize_t length = recv(connection.fd, bytes.data(), bytes.size(), MSG_PEEK);
+  std::array<char, 1024> bytes;
+  // A door passes no files. Unread, its request would make the end of the connection an error.
+  const int flags = connection.is_door ? 0 : MSG_PEEK;
+  const ssize_t length = recv(connection.fd, bytes.data(), bytes.size(), flags);
   if (length < 0 && (errno == EAGAIN || errno == EINTR)) return;
   const std::string_view said(bytes.data(), std::max<ssize_t>(length, 0));
   if (!connection.is_door && said.starts_with(kRequest)) return Act(connection, {});
@@ -238,7 +240,6 @@ void StopDoor::Send(Connection& connection, std::string_view line) noexcept {
   char* const end = answer.data() + answer.size();
   char* at = answer.data();
   if (connection.is_door) {
-    // Its length, as what was only looked at makes the end of the connection an error.
     at = AddNumber(Add(at, end, "HTTP/1.0 200 OK\r\nContent-Length:"), end, line.size());
     at = Add(at, end, "\r\n\r\n");
   }

@@ -110,6 +110,7 @@ class DoorTest(unittest.TestCase):
                              for line in daemon.said), "a line")
         with palpate.connect(daemon.socket) as conn:
             self.assertRegex(conn.device.info().forces_set_by, r"^token viewer at ipv4:127.0.0.1:\d+$")
+        self.assertFalse([line for line in daemon.said if "[error]" in line])
         # Whoever may not come may not stop.
         with daemon.channel() as channel:
             self.assertEqual(call(channel, STOP)[0], UNAUTHENTICATED)
