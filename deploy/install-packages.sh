@@ -34,7 +34,14 @@ if [ "$(id -u)" -ne 0 ]; then
   as_root=(sudo)
 fi
 log=$(mktemp)
-trap 'rm -f "$log"' EXIT
+# Servers among them, such as nginx, would start at once, on ports that others can reach.
+policy=/usr/sbin/policy-rc.d
+if [ ! -e $policy ]; then
+  printf '#!/bin/sh\nexit 101\n' | "${as_root[@]}" install -m 0755 /dev/stdin $policy
+else
+  policy=
+fi
+trap 'rm -f "$log"; [ -z "$policy" ] || "${as_root[@]}" rm -f "$policy"' EXIT
 echo "installing ${#missing[@]} Debian packages, some minutes: ${missing[*]}"
 if ! { "${as_root[@]}" apt-get update -q &&
        "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \

@@ -53,8 +53,10 @@ void DeafWatch::Run() {
     changed_.wait(lock, [this] { return stop_ || !connections_.empty(); });
     if (changed_.wait_for(lock, kLookTime, [this] { return stop_; })) return;
     if (const std::size_t cut = Look(); cut > 0) {
+      lock.unlock();  // the acceptor needs it
       LogOfClient(LogLevel::kWarning, "cut off",
                   "cut off {} clients of {}: they call without waiting for answers", cut, socket_);
+      lock.lock();
     }
   }
 }

@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 import subprocess
 import time
 import unittest
@@ -38,6 +39,7 @@ class DoorTest(unittest.TestCase):
         self.assertEqual(call(channel, GET)[0], grpc.StatusCode.OK)
         with palpate.connect(daemon.socket) as conn:
             self.assertEqual(conn.end_caller("token nobody"), 0)
+        daemon.nginx.send_signal(signal.SIGHUP)  # ends nobody's calls
         daemon.revoke_token("bea")
         # A connection that was there before, too.
         code, line = call(channel, GET)

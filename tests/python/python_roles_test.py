@@ -225,14 +225,14 @@ class Sockets(unittest.TestCase):
     def test_who_calls_on_and_reads_nothing_is_cut_off(self):
         daemon = self.enterContext(Daemon(config={"server": [f'door_group = "{OWN_GROUP}"']}))
 
-        def call_on(path, door, more=()):
+        def call_on(path, door):
             with socket.socket(socket.AF_UNIX) as plain:
                 plain.settimeout(PATIENCE_S)
                 plain.connect(socket_of(daemon, "viewer", door))
                 attacker = Deaf(plain)
                 for n in range(0, 100_000, 10):
                     for stream in range(n, n + 10):
-                        attacker.begin_call(2 * stream + 1, True, more, path)
+                        attacker.begin_call(2 * stream + 1, True, path=path)
                         attacker.send(frame(DATA, END_STREAM, 2 * stream + 1, bytes(5)))
                     time.sleep(0.001)
 
